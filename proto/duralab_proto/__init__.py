@@ -1,0 +1,1 @@
+"""The contract: generated messages, keys and array codecs."""

@@ -1,0 +1,76 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class ElementType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ELEMENT_TYPE_UNSPECIFIED: _ClassVar[ElementType]
+    ELEMENT_TYPE_FLOAT64: _ClassVar[ElementType]
+    ELEMENT_TYPE_FLOAT32: _ClassVar[ElementType]
+    ELEMENT_TYPE_COMPLEX128: _ClassVar[ElementType]
+    ELEMENT_TYPE_INT64: _ClassVar[ElementType]
+
+class ChannelKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    CHANNEL_KIND_UNSPECIFIED: _ClassVar[ChannelKind]
+    CHANNEL_KIND_DISPLACEMENT: _ClassVar[ChannelKind]
+    CHANNEL_KIND_FORCE: _ClassVar[ChannelKind]
+    CHANNEL_KIND_MOMENT: _ClassVar[ChannelKind]
+    CHANNEL_KIND_ACCELERATION: _ClassVar[ChannelKind]
+    CHANNEL_KIND_PRESSURE: _ClassVar[ChannelKind]
+    CHANNEL_KIND_RATIO: _ClassVar[ChannelKind]
+ELEMENT_TYPE_UNSPECIFIED: ElementType
+ELEMENT_TYPE_FLOAT64: ElementType
+ELEMENT_TYPE_FLOAT32: ElementType
+ELEMENT_TYPE_COMPLEX128: ElementType
+ELEMENT_TYPE_INT64: ElementType
+CHANNEL_KIND_UNSPECIFIED: ChannelKind
+CHANNEL_KIND_DISPLACEMENT: ChannelKind
+CHANNEL_KIND_FORCE: ChannelKind
+CHANNEL_KIND_MOMENT: ChannelKind
+CHANNEL_KIND_ACCELERATION: ChannelKind
+CHANNEL_KIND_PRESSURE: ChannelKind
+CHANNEL_KIND_RATIO: ChannelKind
+
+class Array(_message.Message):
+    __slots__ = ("element_type", "shape", "data")
+    ELEMENT_TYPE_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    element_type: ElementType
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    data: bytes
+    def __init__(self, element_type: _Optional[_Union[ElementType, str]] = ..., shape: _Optional[_Iterable[int]] = ..., data: _Optional[bytes] = ...) -> None: ...
+
+class Channel(_message.Message):
+    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    MINIMUM_FIELD_NUMBER: _ClassVar[int]
+    MAXIMUM_FIELD_NUMBER: _ClassVar[int]
+    SLEW_LIMIT_FIELD_NUMBER: _ClassVar[int]
+    LABEL_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    unit: str
+    kind: ChannelKind
+    minimum: float
+    maximum: float
+    slew_limit: float
+    label: str
+    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ...) -> None: ...
+
+class Record(_message.Message):
+    __slots__ = ("channels", "sample_rate", "samples")
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    channels: _containers.RepeatedCompositeFieldContainer[Channel]
+    sample_rate: float
+    samples: Array
+    def __init__(self, channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., samples: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...

@@ -1,0 +1,125 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class CommitRequest(_message.Message):
+    __slots__ = ("recording", "step", "message_type", "payload")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    STEP_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_TYPE_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    recording: str
+    step: int
+    message_type: str
+    payload: bytes
+    def __init__(self, recording: _Optional[str] = ..., step: _Optional[int] = ..., message_type: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class CommitAck(_message.Message):
+    __slots__ = ("recording", "step", "payload_hash")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    STEP_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_HASH_FIELD_NUMBER: _ClassVar[int]
+    recording: str
+    step: int
+    payload_hash: str
+    def __init__(self, recording: _Optional[str] = ..., step: _Optional[int] = ..., payload_hash: _Optional[str] = ...) -> None: ...
+
+class RunPlanned(_message.Message):
+    __slots__ = ("run", "rig", "purpose")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    PURPOSE_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    rig: str
+    purpose: str
+    def __init__(self, run: _Optional[str] = ..., rig: _Optional[str] = ..., purpose: _Optional[str] = ...) -> None: ...
+
+class RunPlayed(_message.Message):
+    __slots__ = ("run", "rig", "epoch", "blocks")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    rig: str
+    epoch: int
+    blocks: int
+    def __init__(self, run: _Optional[str] = ..., rig: _Optional[str] = ..., epoch: _Optional[int] = ..., blocks: _Optional[int] = ...) -> None: ...
+
+class RecordingClosed(_message.Message):
+    __slots__ = ("reason",)
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    reason: str
+    def __init__(self, reason: _Optional[str] = ...) -> None: ...
+
+class ListRecordingsRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RecordingList(_message.Message):
+    __slots__ = ("recordings",)
+    RECORDINGS_FIELD_NUMBER: _ClassVar[int]
+    recordings: _containers.RepeatedCompositeFieldContainer[RecordingInfo]
+    def __init__(self, recordings: _Optional[_Iterable[_Union[RecordingInfo, _Mapping]]] = ...) -> None: ...
+
+class RecordingRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RecordingInfo(_message.Message):
+    __slots__ = ("recording", "steps", "bytes", "closed", "signal_blocks", "missing_blocks", "file", "file_hash")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    STEPS_FIELD_NUMBER: _ClassVar[int]
+    BYTES_FIELD_NUMBER: _ClassVar[int]
+    CLOSED_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    MISSING_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    FILE_FIELD_NUMBER: _ClassVar[int]
+    FILE_HASH_FIELD_NUMBER: _ClassVar[int]
+    recording: str
+    steps: int
+    bytes: int
+    closed: bool
+    signal_blocks: int
+    missing_blocks: int
+    file: str
+    file_hash: str
+    def __init__(self, recording: _Optional[str] = ..., steps: _Optional[int] = ..., bytes: _Optional[int] = ..., closed: _Optional[bool] = ..., signal_blocks: _Optional[int] = ..., missing_blocks: _Optional[int] = ..., file: _Optional[str] = ..., file_hash: _Optional[str] = ...) -> None: ...
+
+class ReadRecordingRequest(_message.Message):
+    __slots__ = ("offset", "length", "part")
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_FIELD_NUMBER: _ClassVar[int]
+    PART_FIELD_NUMBER: _ClassVar[int]
+    offset: int
+    length: int
+    part: str
+    def __init__(self, offset: _Optional[int] = ..., length: _Optional[int] = ..., part: _Optional[str] = ...) -> None: ...
+
+class RecordingPart(_message.Message):
+    __slots__ = ("offset", "data", "total")
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    TOTAL_FIELD_NUMBER: _ClassVar[int]
+    offset: int
+    data: bytes
+    total: int
+    def __init__(self, offset: _Optional[int] = ..., data: _Optional[bytes] = ..., total: _Optional[int] = ...) -> None: ...
+
+class VerifyRecordingRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class VerifyResult(_message.Message):
+    __slots__ = ("recording", "whole", "findings")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    WHOLE_FIELD_NUMBER: _ClassVar[int]
+    FINDINGS_FIELD_NUMBER: _ClassVar[int]
+    recording: str
+    whole: bool
+    findings: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, recording: _Optional[str] = ..., whole: _Optional[bool] = ..., findings: _Optional[_Iterable[str]] = ...) -> None: ...

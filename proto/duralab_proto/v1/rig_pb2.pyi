@@ -1,0 +1,148 @@
+from duralab_proto.v1 import array_pb2 as _array_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class RigMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    RIG_MODE_UNSPECIFIED: _ClassVar[RigMode]
+    RIG_MODE_IDLE: _ClassVar[RigMode]
+    RIG_MODE_SETTLING: _ClassVar[RigMode]
+    RIG_MODE_PLAYING: _ClassVar[RigMode]
+    RIG_MODE_INTERLOCKED: _ClassVar[RigMode]
+RIG_MODE_UNSPECIFIED: RigMode
+RIG_MODE_IDLE: RigMode
+RIG_MODE_SETTLING: RigMode
+RIG_MODE_PLAYING: RigMode
+RIG_MODE_INTERLOCKED: RigMode
+
+class DescriptionRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RigDescription(_message.Message):
+    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash")
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    SPECIMEN_FIELD_NUMBER: _ClassVar[int]
+    ENGINE_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_FIELD_NUMBER: _ClassVar[int]
+    DRIVES_FIELD_NUMBER: _ClassVar[int]
+    RESPONSES_FIELD_NUMBER: _ClassVar[int]
+    LONGEST_DRIVE_SECONDS_FIELD_NUMBER: _ClassVar[int]
+    STATIC_RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    BLOCK_SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    BODIES_FIELD_NUMBER: _ClassVar[int]
+    CONTENT_HASH_FIELD_NUMBER: _ClassVar[int]
+    rig: str
+    specimen: str
+    engine: str
+    version: str
+    sample_rate: float
+    drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
+    responses: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
+    longest_drive_seconds: float
+    static_response: _array_pb2.Array
+    block_samples: int
+    bodies: _containers.RepeatedScalarFieldContainer[str]
+    content_hash: str
+    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ...) -> None: ...
+
+class PlayRequest(_message.Message):
+    __slots__ = ("run", "drive", "seed", "real_time")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    REAL_TIME_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    drive: _array_pb2.Record
+    seed: int
+    real_time: bool
+    def __init__(self, run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., seed: _Optional[int] = ..., real_time: _Optional[bool] = ...) -> None: ...
+
+class PlayResult(_message.Message):
+    __slots__ = ("run", "response", "actuators", "epoch", "blocks", "real_time_factor")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    ACTUATORS_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    REAL_TIME_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    response: _array_pb2.Record
+    actuators: _containers.RepeatedCompositeFieldContainer[ActuatorUse]
+    epoch: int
+    blocks: int
+    real_time_factor: float
+    def __init__(self, run: _Optional[str] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[ActuatorUse, _Mapping]]] = ..., epoch: _Optional[int] = ..., blocks: _Optional[int] = ..., real_time_factor: _Optional[float] = ...) -> None: ...
+
+class ActuatorUse(_message.Message):
+    __slots__ = ("drive", "peak_command_ratio", "saturated_share", "largest_following_error")
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    PEAK_COMMAND_RATIO_FIELD_NUMBER: _ClassVar[int]
+    SATURATED_SHARE_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_FOLLOWING_ERROR_FIELD_NUMBER: _ClassVar[int]
+    drive: str
+    peak_command_ratio: float
+    saturated_share: float
+    largest_following_error: float
+    def __init__(self, drive: _Optional[str] = ..., peak_command_ratio: _Optional[float] = ..., saturated_share: _Optional[float] = ..., largest_following_error: _Optional[float] = ...) -> None: ...
+
+class StopRequest(_message.Message):
+    __slots__ = ("reason",)
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    reason: str
+    def __init__(self, reason: _Optional[str] = ...) -> None: ...
+
+class ResetRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class RigState(_message.Message):
+    __slots__ = ("rig", "mode", "reason", "run", "fraction")
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    FRACTION_FIELD_NUMBER: _ClassVar[int]
+    rig: str
+    mode: RigMode
+    reason: str
+    run: str
+    fraction: float
+    def __init__(self, rig: _Optional[str] = ..., mode: _Optional[_Union[RigMode, str]] = ..., reason: _Optional[str] = ..., run: _Optional[str] = ..., fraction: _Optional[float] = ...) -> None: ...
+
+class StateRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class SignalBlock(_message.Message):
+    __slots__ = ("run", "first_sample", "sample_rate", "drive", "response", "last")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    LAST_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    first_sample: int
+    sample_rate: float
+    drive: _array_pb2.Array
+    response: _array_pb2.Array
+    last: bool
+    def __init__(self, run: _Optional[str] = ..., first_sample: _Optional[int] = ..., sample_rate: _Optional[float] = ..., drive: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., last: _Optional[bool] = ...) -> None: ...
+
+class PoseBlock(_message.Message):
+    __slots__ = ("run", "time", "poses")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    POSES_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    time: _array_pb2.Array
+    poses: _array_pb2.Array
+    def __init__(self, run: _Optional[str] = ..., time: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
