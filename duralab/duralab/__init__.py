@@ -1,1 +1,87 @@
-"""To be written."""
+"""Duralab: start or join a durability test lab, play its rigs, run campaigns, read recordings, write reports.
+
+Everything is imported when it is first used, so that `import duralab` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from duralab._following import RunProgress, Stage
+    from duralab.campaign_file import Campaign
+    from duralab.campaign_loading import load_campaign, shipped_campaigns
+    from duralab.campaign_result import CampaignResult
+    from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
+    from duralab.iteration_table import IterationTable
+    from duralab.lab import Lab, Played
+    from duralab.lab_opening import connect, start
+    from duralab.recording import Recording, open_recording
+    from duralab.recording_content import ActuatorUse, Model, Playback
+    from duralab.report import write_report
+    from duralab.rig import Rig
+    from duralab.signals import Channel, Signals
+    from duralab.verdict import Judgement, Verdict
+
+_MODULES = {
+    "duralab._following": ("RunProgress", "Stage"),
+    "duralab.campaign_file": ("Campaign",),
+    "duralab.campaign_loading": ("load_campaign", "shipped_campaigns"),
+    "duralab.campaign_result": ("CampaignResult",),
+    "duralab.errors": ("CampaignFaultError", "InputError", "LabError", "ServiceEndedError"),
+    "duralab.iteration_table": ("IterationTable",),
+    "duralab.lab": ("Lab", "Played"),
+    "duralab.lab_opening": ("connect", "start"),
+    "duralab.recording": ("Recording", "open_recording"),
+    "duralab.recording_content": ("ActuatorUse", "Model", "Playback"),
+    "duralab.report": ("write_report",),
+    "duralab.rig": ("Rig",),
+    "duralab.signals": ("Channel", "Signals"),
+    "duralab.verdict": ("Judgement", "Verdict"),
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [
+    "ActuatorUse",
+    "Campaign",
+    "CampaignFaultError",
+    "CampaignResult",
+    "Channel",
+    "InputError",
+    "IterationTable",
+    "Judgement",
+    "Lab",
+    "LabError",
+    "Model",
+    "Playback",
+    "Played",
+    "Recording",
+    "Rig",
+    "RunProgress",
+    "ServiceEndedError",
+    "Signals",
+    "Stage",
+    "Verdict",
+    "connect",
+    "load_campaign",
+    "open_recording",
+    "shipped_campaigns",
+    "start",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for."""
+    module = _MODULE_OF.get(name)
+    if module is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(module), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return list(__all__)

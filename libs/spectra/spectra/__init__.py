@@ -1,1 +1,46 @@
-"""To be written."""
+"""Records, blocks, cross-spectra, inverse filtering and metrics: numpy and scipy only, no input or output.
+
+Records are (channels, samples) with time along the last axis; spectra are (lines, channels); an FRF is
+(lines, responses, drives) and follows ``e^{+j omega t}``. Everything is float64 or complex128, C-contiguous, in SI
+units.
+"""
+
+from spectra.band import band_mask, limit_band
+from spectra.blocks import count_blocks, hop_samples, independent_averages
+from spectra.filtering import centred_impulse_response, filter_whole_record, interpolate_frf, overlap_save
+from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
+from spectra.lines import line_frequencies, smooth_lines
+from spectra.metrics import overall_relative_rms_error, peak_ratio, relative_rms_error, rms, rms_response
+from spectra.records import as_record, require_sample_rate
+from spectra.welch import CrossSpectra, SpectraEstimate, auto_spectra, cross_spectra, paired_spectra
+from spectra.windows import hann_periodic
+
+__all__ = [
+    "LARGEST_CONDITION",
+    "CrossSpectra",
+    "SpectraEstimate",
+    "as_frf",
+    "as_record",
+    "auto_spectra",
+    "band_mask",
+    "centred_impulse_response",
+    "count_blocks",
+    "cross_spectra",
+    "filter_whole_record",
+    "hann_periodic",
+    "hop_samples",
+    "independent_averages",
+    "interpolate_frf",
+    "inverse_frf",
+    "limit_band",
+    "line_frequencies",
+    "overall_relative_rms_error",
+    "overlap_save",
+    "paired_spectra",
+    "peak_ratio",
+    "relative_rms_error",
+    "require_sample_rate",
+    "rms",
+    "rms_response",
+    "smooth_lines",
+]

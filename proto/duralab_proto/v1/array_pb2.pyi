@@ -24,6 +24,7 @@ class ChannelKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     CHANNEL_KIND_ACCELERATION: _ClassVar[ChannelKind]
     CHANNEL_KIND_PRESSURE: _ClassVar[ChannelKind]
     CHANNEL_KIND_RATIO: _ClassVar[ChannelKind]
+    CHANNEL_KIND_VELOCITY: _ClassVar[ChannelKind]
 ELEMENT_TYPE_UNSPECIFIED: ElementType
 ELEMENT_TYPE_FLOAT64: ElementType
 ELEMENT_TYPE_FLOAT32: ElementType
@@ -36,6 +37,7 @@ CHANNEL_KIND_MOMENT: ChannelKind
 CHANNEL_KIND_ACCELERATION: ChannelKind
 CHANNEL_KIND_PRESSURE: ChannelKind
 CHANNEL_KIND_RATIO: ChannelKind
+CHANNEL_KIND_VELOCITY: ChannelKind
 
 class Array(_message.Message):
     __slots__ = ("element_type", "shape", "data")

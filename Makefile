@@ -1,0 +1,64 @@
+# Everything runs in .venv, which `make setup` makes from requirements.lock. `make` lists the targets.
+# PYTHON=... chooses the Python, VIEW=1 opens the live viewer, ARGS=... is handed to pytest, UPGRADE=1 renews the lock.
+
+BIN := .venv/bin
+PYTHON ?=
+VIEW ?=
+ARGS ?=
+UPGRADE ?=
+export PYTHON
+
+CHECKS := format lint types imports generated contract determinism
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test check $(CHECKS:%=check-%) proto lock format clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
+
+setup: ## make .venv, again only when the lock or a pyproject.toml changed
+	@scripts/setup.sh
+
+demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
+	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view)
+
+test: setup ## run all tests (ARGS="-k name" for some)
+	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile $(ARGS)
+
+check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, determinism
+
+check-format: setup
+	@$(BIN)/ruff format --quiet --check . || { echo "Run: make format" >&2; exit 1; }
+
+check-lint: setup
+	@$(BIN)/ruff check --quiet .
+
+check-types: setup
+	@$(BIN)/basedpyright
+
+check-imports: setup
+	@$(BIN)/lint-imports
+
+check-generated: setup
+	@$(BIN)/python proto/generate.py --check
+
+check-contract: setup
+	@$(BIN)/python proto/check_breaking.py
+
+check-determinism: setup ## two campaigns with one seed give the same bytes of drive and response
+	@$(BIN)/python scripts/check_determinism.py
+
+proto: setup ## generate duralab_proto.v1 from the contract
+	@$(BIN)/python proto/generate.py
+
+lock: ## renew requirements.lock from requirements.in (UPGRADE=1: newest versions)
+	@scripts/uv.sh pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-annotate --no-header $(if $(UPGRADE),--upgrade) --output-file requirements.lock requirements.in
+
+format: setup ## format and mend what ruff can
+	@$(BIN)/ruff check --quiet --fix-only .
+	@$(BIN)/ruff format --quiet .
+
+clean: ## remove .venv, tools, results and caches
+	@rm -rf .venv .tools out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,97 @@
+"""Bringing a recording from the recorder to a file here: whole and checked, or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from duralab._outputs import replace_when_complete
+from duralab.errors import LabError
+from duralab_proto.v1 import recorder_pb2
+from labbus import Bus
+
+PART_BYTES: Final = 4 * 1024 * 1024
+CLOSE_SECONDS: Final = 30.0
+"""Longest wait for the recorder to close a recording after its campaign ended."""
+
+
+class Part(StrEnum):
+    """The files of a recording; the values are the contract's."""
+
+    RECORDING = "recording"
+    LIVE = "live"
+
+
+def wait_until_closed(bus: Bus, id: str) -> recorder_pb2.RecordingInfo:
+    """Return the description of a recording when its file is complete.
+
+    Raises
+    ------
+    LabError
+        It is not closed in time.
+    """
+    deadline = time.monotonic() + CLOSE_SECONDS
+    while True:
+        information = bus.query(bus.keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
+        if information.closed:
+            return information
+        if time.monotonic() > deadline:
+            raise LabError(f"The recorder did not close the recording {id!r} within {CLOSE_SECONDS:g} s.")
+        time.sleep(0.1)
+
+
+def fetch(
+    bus: Bus,
+    id: str,
+    *,
+    part: Part,
+    path: Path,
+    file_hash: str = "",
+    on_fraction: Callable[[float], None] | None = None,
+) -> None:
+    """Write a file of a closed recording to `path`.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    id : str
+        The recording.
+    part : Part
+        Which file.
+    path : Path
+        Where it goes; replaced when the new one is complete.
+    file_hash : str
+        SHA-256 it must have; not checked where empty.
+    on_fraction : callable, optional
+        Called with the share that is here, 0 to 1.
+
+    Raises
+    ------
+    FaultError
+        The recorder refused, or is gone.
+    LabError
+        What came is not what the recorder holds.
+    """
+    digest, offset = hashlib.sha256(), 0
+    with replace_when_complete(path) as temporary, temporary.open("xb") as stream:
+        while True:
+            request = recorder_pb2.ReadRecordingRequest(offset=offset, length=PART_BYTES, part=part.value)
+            piece = bus.query(bus.keys.recording_read(id), request, recorder_pb2.RecordingPart)
+            stream.write(piece.data)
+            digest.update(piece.data)
+            offset += len(piece.data)
+            if on_fraction is not None and piece.total:
+                on_fraction(offset / piece.total)
+            if offset >= piece.total:
+                break
+            if not piece.data:
+                raise LabError(f"The recorder sent {offset} of {piece.total} bytes of {id!r} and then nothing.")
+        if file_hash and digest.hexdigest() != file_hash:
+            raise LabError(
+                f"The recording {id!r} came with the SHA-256 {digest.hexdigest()}; the recorder says {file_hash}."
+            )

@@ -1,0 +1,39 @@
+"""Files that appear whole or not at all, and that replace others only when asked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from duralab.errors import InputError
+
+
+@contextmanager
+def replace_when_complete(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path`, which becomes `path` at the end; after an error nothing is left of it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def require_free(paths: Iterable[Path], *, replace: bool) -> None:
+    """Refuse to go on where an output would take the place of an existing file.
+
+    Raises
+    ------
+    InputError
+        Naming the files that are there.
+    """
+    there = [path for path in paths if path.exists()]
+    if there and not replace:
+        raise InputError(
+            f"{', '.join(str(path) for path in there)} would be overwritten; give --replace, or another folder or file."
+        )

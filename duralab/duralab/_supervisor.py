@@ -1,0 +1,229 @@
+"""The services of a lab as child processes: started together, watched, and ended so that none is left."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Final, Self
+
+import yaml
+
+from duralab.errors import InputError, LabError, ServiceEndedError
+from duralab_proto.keys import MAIN_INSTANCE
+from labbus import Bus
+
+START_SECONDS: Final = 90.0
+"""Longest time to wait for all services; a rig compiles its model at its first start."""
+
+END_SECONDS: Final = 3.5
+"""A service ends within 3 s of being told."""
+
+LOG_LINES: Final = 3
+"""Last lines of a log that stand in an error."""
+
+_POLL_SECONDS: Final = 0.05
+_TAIL_BYTES: Final = 16_384
+
+
+@dataclass(frozen=True)
+class ServicePlan:
+    """One service to start with `python -m <name> --config FILE`.
+
+    Parameters
+    ----------
+    name : str
+        Of its module, and in its liveliness key.
+    instances : tuple of str
+        What it declares live.
+    settings : mapping
+        Its configuration, beside what the supervisor adds.
+    """
+
+    name: str
+    instances: tuple[str, ...] = (MAIN_INSTANCE,)
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+def lab_services(*, rigs: Sequence[str], recordings: Path, viewer: str | None) -> tuple[ServicePlan, ...]:
+    """Return the four services of a lab; the recorder comes last, and goes last.
+
+    Parameters
+    ----------
+    rigs : sequence of str
+        The rigs that rig_sim serves.
+    recordings : Path
+        The recorder's folder.
+    viewer : str or None
+        Address of a Rerun viewer.
+    """
+    return (
+        ServicePlan("rig_sim", instances=tuple(rigs), settings={"rigs": list(rigs)}),
+        ServicePlan("identifier"),
+        ServicePlan("iterator"),
+        ServicePlan("recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer}),
+    )
+
+
+class Supervisor:
+    """Starts services and ends them; use it in a `with` statement.
+
+    The services end by themselves when this process is killed: they hold the other end of a pipe.
+
+    Parameters
+    ----------
+    plans : sequence of ServicePlan
+        The services, ended together except the last, which is ended after the others.
+    bus : Bus
+        The session they connect to; it listens.
+    logs : Path
+        Folder of `<service>.log`; made if it is not there.
+    """
+
+    def __init__(self, plans: Sequence[ServicePlan], *, bus: Bus, logs: Path) -> None:
+        self._plans = tuple(plans)
+        self._bus = bus
+        self._logs = logs
+        self._configs = Path(tempfile.mkdtemp(prefix="duralab-"))
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    @property
+    def process_ids(self) -> dict[str, int]:
+        """Process id of each service that was started."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def start(self, *, timeout_seconds: float = START_SECONDS) -> None:
+        """Start all services and wait until every one of them is on the bus.
+
+        Raises
+        ------
+        LabError
+            One ended, or did not come in time; with the last lines of its log.
+        """
+        try:
+            self._logs.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"The folder {self._logs} cannot be made: {error.strerror}; give another.") from error
+        for plan in self._plans:
+            self._processes[plan.name] = self._spawn(plan)
+        wanted = {(plan.name, instance) for plan in self._plans for instance in plan.instances}
+        deadline = time.monotonic() + timeout_seconds
+        while missing := wanted - self._bus.live():
+            if (ended := self.failure()) is not None:
+                raise ended
+            if time.monotonic() > deadline:
+                names = sorted({service for service, _ in missing})
+                lines = " | ".join(f"{name}: {last_lines(self.log_path(name))}" for name in names)
+                raise LabError(
+                    f"Not on the bus {timeout_seconds:g} s after the start: {', '.join(names)}; "
+                    f"last in the log: {lines}."
+                )
+            time.sleep(_POLL_SECONDS)
+
+    def _spawn(self, plan: ServicePlan) -> subprocess.Popen[bytes]:
+        config = self._configs / f"{plan.name}.yaml"
+        bus = {"lab": self._bus.config.lab, "connect": list(self._bus.listening[:1])}
+        content = {"bus": bus, "exit_with_parent": True, **plan.settings}
+        config.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        with self.log_path(plan.name).open("wb") as log:
+            return subprocess.Popen(
+                [sys.executable, "-m", plan.name, "--config", str(config)],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                # A Ctrl-C in the terminal is for this process alone: it stops the campaign before it ends the services.
+                start_new_session=True,
+            )
+
+    def log_path(self, name: str) -> Path:
+        """Return where the log of a service is."""
+        return self._logs / f"{name}.log"
+
+    def failure(self) -> ServiceEndedError | None:
+        """Return what happened to a service that ended by itself, or None while all of them run."""
+        for name, process in self._processes.items():
+            if (code := process.poll()) is not None:
+                return ServiceEndedError(
+                    f"The service {name} ended by itself ({describe_exit(code)}); last in its log "
+                    f"{self.log_path(name)}: {last_lines(self.log_path(name))}.",
+                    service=name,
+                )
+        return None
+
+    def stop(self) -> None:
+        """End all services within a few seconds, by force where needed."""
+        *first, last = (plan.name for plan in self._plans)
+        for names in (first, [last]):
+            self._end([self._processes[name] for name in names if name in self._processes])
+        shutil.rmtree(self._configs, ignore_errors=True)
+
+    @staticmethod
+    def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+        for process in processes:
+            process.terminate()
+        deadline = time.monotonic() + END_SECONDS
+        for process in processes:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(max(0.0, deadline - time.monotonic()))
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            close_quietly(process.stdin)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+def close_quietly(stream: IO[bytes] | None) -> None:
+    """Close a pipe whose other end may be gone."""
+    if stream is not None:
+        with suppress(OSError):
+            stream.close()
+
+
+def describe_exit(code: int) -> str:
+    """Return an exit code in words."""
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"killed by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"killed by signal {-code}"
+
+
+def last_lines(path: Path, lines: int = LOG_LINES) -> str:
+    """Return the last lines of a log in one line; JSON lines as their event and its error."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, 2) - _TAIL_BYTES))
+            text = stream.read().decode("utf-8", errors="replace")
+    except OSError:
+        return "none"
+    found = [line.strip() for line in text.splitlines() if line.strip()][-lines:]
+    return " / ".join(_readable(line) for line in found) or "none"
+
+
+def _readable(line: str) -> str:
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return line
+    if not isinstance(entry, dict) or "event" not in entry:
+        return line
+    details = [str(entry[key]) for key in ("error", "exception") if key in entry]
+    return ": ".join([str(entry["event"]), *(detail.strip().splitlines()[-1] for detail in details if detail.strip())])

@@ -1,0 +1,236 @@
+"""The campaign file: what a user writes to say which loads to reproduce, on which rig, how, and for how long."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Gain = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+Range = tuple[Positive, Positive]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+
+ONE_NUMBER, PER_CHANNEL = "one number", "per channel"
+"""The two ways to give a value of every channel; they stand in pydantic's locations, never in the file."""
+
+_how_given = Discriminator(lambda value: PER_CHANNEL if isinstance(value, dict) else ONE_NUMBER)
+PositivePerChannel = Annotated[
+    Annotated[Positive, Tag(ONE_NUMBER)] | Annotated[dict[str, Positive], Tag(PER_CHANNEL)], _how_given
+]
+GainPerChannel = Annotated[Annotated[Gain, Tag(ONE_NUMBER)] | Annotated[dict[str, Gain], Tag(PER_CHANNEL)], _how_given]
+
+
+class _Section(BaseModel):
+    """A part of the file: every key is known and has its type; nothing is guessed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Potholes(_Section):
+    """Rounded holes at random places, each in one wheel track."""
+
+    count: int = Field(ge=1, le=1000, description="How many.")
+    depth: Range = Field(strict=False, description="Shallowest and deepest, in metres, e.g. [0.02, 0.05].")
+    length: Range = Field(strict=False, description="Shortest and longest, in metres, e.g. [0.4, 1.0].")
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> Self:
+        for key in ("depth", "length"):
+            least, greatest = getattr(self, key)
+            if least > greatest:
+                raise ValueError(f"has {key} [{least:g}, {greatest:g}]; the first must not exceed the second")
+        return self
+
+
+class SyntheticRoad(_Section):
+    """A rough road made from a seed."""
+
+    iso_class: str = Field(
+        pattern="^[A-E](/[A-E])?$",
+        description="Roughness class of ISO 8608: A (very good) to E (very poor), or C/D for the mean of two.",
+    )
+    seed: Seed = Field(description="Seed of the road's unevenness and of its potholes.")
+    duration: Positive = Field(le=3600, description="How long the vehicle drives on it, in seconds.")
+    potholes: Potholes | None = Field(default=None, description="Holes in the road; none where left out.")
+
+
+class MeasuredRoad(_Section):
+    """A measured road surface in OpenCRG format, run through forward and backward until the time is up."""
+
+    path: Path = Field(strict=False, description="The OpenCRG file (.crg), relative to the campaign file.")
+    duration: Positive = Field(le=3600, description="How long the vehicle drives on it, in seconds.")
+
+
+class Target(_Section):
+    """What to reproduce: the spindle forces of a vehicle on a road, or a measured file."""
+
+    road: SyntheticRoad | None = Field(default=None, description="A road made from a seed.")
+    opencrg: MeasuredRoad | None = Field(default=None, description="A measured road.")
+    file: Path | None = Field(
+        default=None,
+        strict=False,
+        description="CSV file of the target, relative to the campaign file: a column 'time [s]' and one column for "
+        "each response channel of the rig, named 'left_vertical [N]' and so on.",
+    )
+    vehicle: str | None = Field(default=None, description="The rig that plays roads, whose responses are the target.")
+    speed: Positive = Field(default=15.0, le=60, description="Speed of the vehicle, in metres per second.")
+
+    @model_validator(mode="after")
+    def _check_one_source(self) -> Self:
+        sources = [name for name in ("road", "opencrg", "file") if getattr(self, name) is not None]
+        if len(sources) != 1:
+            found = " and ".join(sources) if sources else "none"
+            raise ValueError(f"has {found} of road, opencrg and file; exactly one is needed")
+        if self.file is None and self.vehicle is None:
+            raise ValueError(f"has a {sources[0]} but no vehicle to drive on it; name one, e.g. 'vehicle: predecessor'")
+        if self.file is not None and self.vehicle is not None:
+            raise ValueError("has a file and a vehicle; a file is the target already, so leave the vehicle out")
+        return self
+
+
+class ExcitationKind(StrEnum):
+    """How the rig is excited to identify it."""
+
+    PURE_RANDOM = "pure_random"
+
+
+class ExcitationSettings(_Section):
+    """The experiment that identifies the rig."""
+
+    kind: ExcitationKind = Field(strict=False, description="Gaussian noise, independent per drive.")
+    lowest_frequency: Positive = Field(description="Lower edge of the excited band, in hertz.")
+    highest_frequency: Positive = Field(description="Upper edge of the excited band, in hertz.")
+    corner_frequency: Positive = Field(description="End of the flat part of the spectrum, in hertz.")
+    decibels_per_octave: NotNegative = Field(description="Fall of the spectrum above the corner; 0 is white.")
+    rms: PositivePerChannel = Field(
+        description="RMS of the drives in their unit: one number for all, or one for each drive by name."
+    )
+    duration: Positive = Field(le=36000, description="Length of the experiment, in seconds.")
+    fade: NotNegative = Field(description="Linear fade at its start and end, in seconds.")
+
+    @model_validator(mode="after")
+    def _check_band(self) -> Self:
+        if not self.lowest_frequency < self.corner_frequency <= self.highest_frequency:
+            raise ValueError(
+                f"has lowest_frequency {self.lowest_frequency:g}, corner_frequency {self.corner_frequency:g} and "
+                f"highest_frequency {self.highest_frequency:g} Hz; they must rise in this order"
+            )
+        if 2 * self.fade >= self.duration:
+            raise ValueError(f"has fades of {self.fade:g} s in {self.duration:g} s; nothing would be left")
+        return self
+
+
+class EstimatorSettings(_Section):
+    """How the rig's frequency response is estimated from the experiment."""
+
+    block_samples: int = Field(ge=256, le=2**20, multiple_of=2, description="Samples in a block, even.")
+    overlap: float = Field(ge=0, lt=1, description="Overlap of neighbouring blocks, as a share of one.")
+
+
+class ControlBand(_Section):
+    """Where the target is reproduced and judged."""
+
+    lowest_frequency: Positive = Field(description="In hertz.")
+    highest_frequency: Positive = Field(description="In hertz.")
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.lowest_frequency >= self.highest_frequency:
+            raise ValueError(
+                f"reaches from {self.lowest_frequency:g} to {self.highest_frequency:g} Hz; "
+                "lowest_frequency must be below highest_frequency"
+            )
+        return self
+
+
+class Algorithm(StrEnum):
+    """How each next drive is made."""
+
+    ADAPTIVE_MODELLING = "adaptive_modelling"
+    BASIC_TWR = "basic_twr"
+
+
+class UpdateSection(_Section):
+    """How each next drive is made from the error of the last playback."""
+
+    algorithm: Algorithm = Field(strict=False, description="The update of the drive.")
+    gain: GainPerChannel = Field(
+        description="Share of the error that a playback corrects, above 0 to 1: one number, or one for each response."
+    )
+    smallest_correction: float = Field(default=0.5, gt=0, le=1, description="Least factor on the inverse model.")
+    largest_correction: float = Field(default=2.0, ge=1, le=100, description="Greatest factor on the inverse model.")
+    weigh_by_coherence: bool = Field(default=True, description="Correct less where the response is mostly noise.")
+
+
+class StopSection(_Section):
+    """When the iteration ends."""
+
+    iterations: int = Field(ge=1, le=1000, description="Most playbacks of the target.")
+    relative_rms_error: NotNegative = Field(
+        default=0.0, description="End when every channel's relative RMS error is at most this; 0: use all playbacks."
+    )
+    divergence_ratio: NotNegative = Field(
+        default=0.0, description="End when a channel's error exceeds this multiple of its best; 0: never."
+    )
+
+
+class Acceptance(_Section):
+    """What the report and the exit code judge the result by."""
+
+    relative_rms_error: Positive = Field(description="Largest relative RMS error of any channel that is accepted.")
+
+
+class Campaign(_Section):
+    """A whole campaign: the content of a campaign file."""
+
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
+        description="Lower case letters, digits, '-' and '_'; names the campaign and its recording.",
+    )
+    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="The rig that reproduces the target.")
+    seed: Seed = Field(description="Every random number of the campaign comes from this seed.")
+    target: Target = Field(description="What to reproduce.")
+    excitation: ExcitationSettings = Field(description="The experiment that identifies the rig.")
+    estimator: EstimatorSettings = Field(description="How the model is estimated from the experiment.")
+    control_band: ControlBand = Field(description="Where the target is reproduced and judged.")
+    update: UpdateSection = Field(description="How each next drive is made.")
+    stop: StopSection = Field(description="When the iteration ends.")
+    accept: Acceptance | None = Field(default=None, description="What the result is judged by; left out: by nothing.")
+
+    _folder: Path = PrivateAttr(default=Path())
+    _text: str = PrivateAttr(default="")
+
+    @model_validator(mode="after")
+    def _check_control_band(self) -> Self:
+        band, excited = self.control_band, self.excitation
+        if band.lowest_frequency < excited.lowest_frequency or band.highest_frequency > excited.highest_frequency:
+            raise ValueError(
+                f"control_band reaches from {band.lowest_frequency:g} to {band.highest_frequency:g} Hz; it must lie in "
+                f"the excited band from {excited.lowest_frequency:g} to {excited.highest_frequency:g} Hz"
+            )
+        return self
+
+    @property
+    def folder(self) -> Path:
+        """Where the relative paths of the file start."""
+        return self._folder
+
+    @property
+    def text(self) -> str:
+        """The file, word for word; for a campaign that was made in a script, what would be written in one."""
+        if self._text:
+            return self._text
+        import yaml
+
+        return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
+
+    def read_from(self, *, folder: Path, text: str) -> Self:
+        """Return this campaign with the place and the words it was read from."""
+        copy = self.model_copy()
+        copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
+        copy._text = text  # noqa: SLF001
+        return copy

@@ -1,0 +1,175 @@
+"""Reading a campaign file: from YAML text to a checked `Campaign`, or one sentence that names the wrong key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from duralab.campaign_file import ONE_NUMBER, PER_CHANNEL, Campaign
+from duralab.errors import InputError
+
+_SUFFIX = ".yaml"
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """YAML in which a key stands once: the second of two equal keys would silently win."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the mapping of a node, refusing a key that stands twice."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            name = str(key.value)
+            if name in seen:
+                line = key.start_mark.line + 1
+                raise yaml.MarkedYAMLError(
+                    problem=f"the key {name!r} of line {line} stands there already", problem_mark=key.start_mark
+                )
+            seen.add(name)
+        return super().construct_mapping(node, deep=deep)
+
+
+def shipped_campaigns() -> list[str]:
+    """Return the names of the campaigns that come with the package."""
+    entries = (files("duralab") / "campaigns").iterdir()
+    return sorted(entry.name.removesuffix(_SUFFIX) for entry in entries if entry.name.endswith(_SUFFIX))
+
+
+def load_campaign(source: str | Path) -> Campaign:
+    """Read and check a campaign file.
+
+    Parameters
+    ----------
+    source : str or Path
+        Path of a YAML file, or the name of a campaign that comes with the package, e.g. "front_axle_demo".
+
+    Returns
+    -------
+    Campaign
+        With `folder` and `text` of the file.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    """
+    path = Path(source)
+    if not path.exists() and str(source) in shipped_campaigns():
+        text = (files("duralab") / "campaigns" / f"{source}{_SUFFIX}").read_text(encoding="utf-8")
+        # A shipped file has no folder of the user's own: its relative paths start where the user stands.
+        return parse_campaign(text, name=str(source), folder=Path())
+    if not path.is_file():
+        shipped = ", ".join(shipped_campaigns())
+        raise InputError(
+            f"There is no campaign file {str(source)!r}; give the path of one, or a shipped one: {shipped}."
+        )
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path} is not a text file in UTF-8 (byte {error.start}); a campaign is YAML text."
+        ) from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    return parse_campaign(text, name=str(path), folder=path.parent)
+
+
+def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
+    """Check the text of a campaign file; see `load_campaign`."""
+    try:
+        content = yaml.load(text, Loader=_StrictLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise InputError(f"{name} is not valid YAML{place}: {error.problem}.") from error
+    except yaml.YAMLError as error:
+        raise InputError(f"{name} is not valid YAML: {' '.join(str(error).split())}.") from error
+    if not isinstance(content, dict):
+        what = "is empty" if content is None else f"holds a {type(content).__name__}"
+        raise InputError(f"{name} {what}; a campaign file holds the keys {_listed(Campaign.model_fields)}.")
+    try:
+        campaign = Campaign.model_validate(content)
+    except ValidationError as error:
+        findings = _without_echoes(error.errors(include_url=False))
+        sentence = "; ".join(_finding(finding) for finding in findings)
+        raise InputError(
+            f"{name}: {sentence}{'' if sentence.endswith('?') else '.'}", field=_path(findings[0]["loc"])
+        ) from error
+    return campaign.read_from(folder=folder, text=text)
+
+
+def _without_echoes(findings: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Leave out 'x is missing' where an unknown key is most likely x, misspelt."""
+    meant = {
+        (*finding["loc"][:-1], close[0])
+        for finding in findings
+        if finding["type"] == "extra_forbidden"
+        and (model := _model_at(finding["loc"][:-1])) is not None
+        and (close := get_close_matches(str(finding["loc"][-1]), model.model_fields, n=1))
+    }
+    return [finding for finding in findings if finding["type"] != "missing" or finding["loc"] not in meant]
+
+
+def _finding(finding: ErrorDetails) -> str:
+    """Put one of pydantic's findings into words: key path, value, what is allowed."""
+    context = finding.get("ctx", {})
+    location, value = tuple(p for p in finding["loc"] if p not in (ONE_NUMBER, PER_CHANNEL)), finding["input"]
+    model, key = _model_at(location[:-1]), str(location[-1]) if location else ""
+    description = model.model_fields[key].description if model and key in model.model_fields else None
+    hint = f" ({description.rstrip('.')})" if description else ""
+    match finding["type"]:
+        case "extra_forbidden":
+            return _unknown_key(location, model)
+        case "missing":
+            return f"{_path(location)} is missing{hint}"
+        case "value_error":
+            return f"{_path(location)} {context['error']}".strip()
+        case "enum":
+            return f"{_path(location)} is {value!r}; allowed: {context['expected'].replace(' or ', ', ')}{hint}"
+        case "string_pattern_mismatch":
+            return f"{_path(location)} is {_shown(value)}; it must match {context['pattern']}{hint}"
+        case _:
+            wanted = finding["msg"].split("should ", maxsplit=1)[-1]
+            return f"{_path(location)} is {_shown(value)}; it must {wanted}{hint}"
+
+
+def _unknown_key(location: Sequence[int | str], model: type[BaseModel] | None) -> str:
+    key, allowed = str(location[-1]), list(model.model_fields) if model else []
+    place = f" in {_path(location[:-1])}" if location[:-1] else ""
+    close = get_close_matches(key, allowed, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ""
+    return f"unknown key {key!r}{place}; allowed: {_listed(allowed)}{guess}"
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}…"
+
+
+def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
+    return ", ".join(names)
+
+
+def _path(location: Sequence[int | str]) -> str:
+    return ".".join(str(part) for part in location if part not in (ONE_NUMBER, PER_CHANNEL))
+
+
+def _model_at(location: Sequence[int | str]) -> type[BaseModel] | None:
+    """Return the section that stands at a place of the file, or None where no section does."""
+    model: type[BaseModel] = Campaign
+    for part in location:
+        field = model.model_fields.get(str(part))
+        if field is None:
+            return None
+        candidates = (field.annotation, *get_args(field.annotation))
+        section = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
+        if section is None:
+            return None
+        model = section
+    return model

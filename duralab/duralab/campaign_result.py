@@ -1,0 +1,57 @@
+"""What a campaign came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from duralab.iteration_table import IterationTable
+from duralab.recording import Recording, open_recording
+from duralab.verdict import Verdict, accepted_error, judge
+from duralab_proto.v1 import iterator_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignResult:
+    """A finished campaign; `print` shows its table.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        What was asked for.
+    status : CampaignStatus
+        How it ended.
+    recording_path, live_path : Path
+        Where the recording and what the viewer showed are.
+    """
+
+    specification: iterator_pb2.CampaignSpec
+    status: iterator_pb2.CampaignStatus
+    recording_path: Path
+    live_path: Path
+
+    @cached_property
+    def iterations(self) -> IterationTable:
+        """The figures of every playback."""
+        return IterationTable.from_messages(self.status.iterations)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the target was reached."""
+        return judge(self.iterations, limit=accepted_error(self.specification), status=self.status)
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The recording, read from its file."""
+        return open_recording(self.recording_path)
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Write the report, beside the recording where no path is given, and return where it is."""
+        from duralab.report import write_report
+
+        return write_report(self.recording, path or self.recording_path.with_name("report.html"))
+
+    def __str__(self) -> str:
+        """Return the table and the verdict as text."""
+        return f"{self.iterations}\n{self.verdict.sentence}"

@@ -1,0 +1,103 @@
+"""The command line; only what a command needs is imported when it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from duralab.cli.ending import ended_well
+
+app = typer.Typer(
+    name="duralab",
+    help="A durability test lab: start it, run campaigns on its rigs, read what they recorded.",
+    epilog="Exit codes: 0 done; 1 the lab or a campaign failed; 2 a wrong value or option; "
+    "3 finished, but the target was not reached; 130 interrupted; 143 terminated.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Connect = Annotated[
+    str | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Use the lab that listens there, e.g. tcp/127.0.0.1:7474."),
+]
+Replace = Annotated[bool, typer.Option("--replace", help="Overwrite outputs that are there.")]
+
+
+@app.command()
+def up(
+    listen: Annotated[
+        str, typer.Option("--listen", metavar="ENDPOINT", help="Where clients connect.")
+    ] = "tcp/127.0.0.1:7474",
+    recordings: Annotated[
+        Path, typer.Option("--recordings", metavar="DIR", help="Where recordings and logs go.")
+    ] = Path("recordings"),
+    view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
+) -> None:
+    """Start a lab on this machine and keep it running until Ctrl-C."""
+    from duralab.cli.lab_commands import run_lab
+
+    with ended_well():
+        run_lab(listen=listen, recordings=recordings, view=view)
+
+
+@app.command()
+def run(
+    campaign: Annotated[str, typer.Argument(help="A campaign file, or a shipped one: front_axle_demo, belgian_block.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
+    ] = None,
+    connect: Connect = None,
+    view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
+    replace: Replace = False,
+) -> None:
+    """Run a campaign to its end, in a lab of its own, or in one that runs already (--connect)."""
+    from duralab.cli.run_command import run_campaign
+
+    with ended_well():
+        run_campaign(campaign, out=out, endpoint=connect, view=view, replace=replace)
+
+
+@app.command()
+def report(
+    recording: Annotated[Path, typer.Argument(help="A recording.mcap.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The HTML file; report.html beside it if left out.")
+    ] = None,
+    replace: Replace = False,
+) -> None:
+    """Write the report of a recording: one HTML file that opens offline."""
+    from duralab.cli.report_command import write
+
+    with ended_well():
+        write(recording, out=out, replace=replace)
+
+
+@app.command()
+def rigs(connect: Connect = None) -> None:
+    """List the rigs with their channels, limits and sample rates."""
+    from duralab.cli.lab_commands import list_rigs
+
+    with ended_well():
+        list_rigs(endpoint=connect)
+
+
+@app.command()
+def view(
+    file: Annotated[Path | None, typer.Argument(help="A live.rrd to open.")] = None,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where data are sent to it.")] = 9876,
+    web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Where a browser finds it.")] = 9090,
+    web: Annotated[bool, typer.Option("--web", help="A page for the browser, even where there is a display.")] = False,
+) -> None:
+    """Open the Rerun viewer on 127.0.0.1, in a window or as a page for the browser, until Ctrl-C."""
+    from duralab.cli.lab_commands import run_viewer
+
+    with ended_well():
+        run_viewer(file, port=port, web_port=web_port, web=web)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

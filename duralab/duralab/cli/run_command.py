@@ -1,0 +1,139 @@
+"""`duralab run`: a campaign from its file to its outputs, with what it does now on the screen."""
+
+from __future__ import annotations
+
+import shlex
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from duralab._outputs import require_free
+from duralab._viewer import Viewer
+from duralab.campaign_loading import load_campaign
+from duralab.campaign_result import CampaignResult
+from duralab.cli.ending import ExitCode, TerminatedError
+from duralab.cli.lab_commands import open_viewer
+from duralab.cli.opening import open_hint, own_command
+from duralab.cli.run_display import RunDisplay
+from duralab.errors import InputError
+from duralab.lab_opening import connect, start
+from duralab.verdict import Judgement
+
+LARGEST_COLUMNS = 8
+"""Playbacks in a table for the terminal."""
+
+OUTPUTS = ("recording.mcap", "live.rrd", "report.html")
+
+
+def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view: bool, replace: bool) -> None:
+    """Run a campaign and leave its outputs; raises typer.Exit where the target was not reached."""
+    console = Console(soft_wrap=True)
+    if view and endpoint is not None:
+        raise InputError("--view belongs to the lab: start the lab at --connect with `duralab up --view`.")
+    plan = load_campaign(campaign)
+    folder = out or Path("out") / plan.name
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")
+    require_free([folder / name for name in OUTPUTS], replace=replace)
+    with ExitStack() as stack:
+        viewer = open_viewer(stack, console) if view else None
+        address = viewer.address if viewer is not None else None
+        with console.status("Joining the lab …" if endpoint is not None else "Starting a lab of its own …"):
+            lab = stack.enter_context(
+                connect(endpoint, out=folder) if endpoint is not None else start(folder, viewer=address)
+            )
+        where = f"the lab at {endpoint}" if endpoint is not None else f"a lab of its own at {lab.endpoints[0]}"
+        ends = "" if endpoint is not None else ", which ends with it"
+        console.print(f"Campaign {plan.name} on rig {plan.rig}, in {where}{ends}.", highlight=False, markup=False)
+        with RunDisplay(console, iterations=plan.stop.iterations) as display:
+            result = lab.run(plan, out=folder, on_progress=display.show)
+            display.write_report()
+            report = result.report(folder / "report.html")
+        _print_result(console, result, report)
+        if viewer is not None and console.is_terminal:
+            _leave_open(viewer, console)
+    if result.verdict.judgement not in (Judgement.REACHED, Judgement.NOT_JUDGED):
+        raise typer.Exit(int(ExitCode.NOT_REACHED))
+
+
+def _print_result(console: Console, result: CampaignResult, report: Path) -> None:
+    iterations = result.iterations
+    title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
+    console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
+    title = "RMS response (1 is perfect)"
+    console.print(figure_table(title, result, iterations.rms_response, overall=None))
+    console.print(result.verdict.sentence, highlight=False, markup=False)
+    console.print()
+    rows = (
+        ("report", report, open_hint(report)),
+        ("recording", result.recording_path, f'in Python, duralab.open_recording("{result.recording_path}")'),
+        ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
+    )
+    # No table: a long path must be whole, so that it can be copied.
+    for name, path, command in rows:
+        console.print(f"{name:<10} {path}   open it:  {command}", highlight=False, markup=False, soft_wrap=True)
+
+
+def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
+    """Return one kind of figure for the terminal: a row for each channel, a column for each playback.
+
+    Parameters
+    ----------
+    title : str
+        What the figures are.
+    result : CampaignResult
+        Whose figures.
+    values : np.ndarray, shape (playbacks, channels)
+        The figures; those of the error are green where they are accepted.
+    overall : np.ndarray, shape (playbacks), optional
+        The figure over all channels; marks `values` as the error.
+
+    Returns
+    -------
+    Table
+        Ready to print.
+    """
+    iterations = result.iterations
+    limit = result.verdict.limit if overall is not None else None
+    shown = shown_playbacks(len(iterations), best=iterations.best)
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table.add_column("playback", no_wrap=True)
+    for row in shown:
+        table.add_column(f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right")
+    for i, name in enumerate(iterations.channels):
+        cells = [
+            f"[green]{values[row, i]:.3f}[/green]"
+            if limit is not None and values[row, i] <= limit
+            else f"{values[row, i]:.3f}"
+            for row in shown
+        ]
+        table.add_row(name.replace("_", " "), *cells)
+    if overall is not None:
+        table.add_section()
+        table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))
+    return table
+
+
+def shown_playbacks(count: int, *, best: int) -> list[int]:
+    """Return which rows fit a terminal: all of a few playbacks, of more the first, the best and the last ones."""
+    if count <= LARGEST_COLUMNS:
+        return list(range(count))
+    last = range(count - LARGEST_COLUMNS + 2, count)
+    return sorted({0, best, *last})
+
+
+def _leave_open(viewer: Viewer, console: Console) -> None:
+    """Leave the viewer to whoever looks at it; the run is done, so a Ctrl-C here interrupts nothing."""
+    console.print("The viewer stays open until you close it or press Ctrl-C.")
+    try:
+        while not viewer.wait(1.0):
+            pass
+    except TerminatedError:
+        raise
+    except KeyboardInterrupt:
+        return

@@ -1,0 +1,98 @@
+"""What a run shows while it works: what it does now, how far it is, how long it will take, the error so far."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Final, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from duralab._following import RunProgress, Stage
+
+_TITLES: Final = {Stage.TARGET: "target", Stage.CAMPAIGN: "campaign"}
+
+
+class RunDisplay:
+    """Progress bars of a run; use it in a `with` statement.
+
+    Parameters
+    ----------
+    console : Console
+        Where they are drawn. On a terminal that is none, one line is printed for each new activity instead.
+    iterations : int
+        Most playbacks of the campaign.
+    """
+
+    def __init__(self, console: Console, *, iterations: int) -> None:
+        self._console = console
+        self._iterations = iterations
+        self._last_line = ""
+        self._progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.fields[title]:<9}"),
+            BarColumn(bar_width=24),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[remaining]:>12}"),
+            TimeElapsedColumn(),
+            TextColumn("{task.description}"),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._tasks = {
+            stage: self._progress.add_task("", total=1.0, start=False, title=title, remaining="")
+            for stage, title in _TITLES.items()
+        }
+        self._report = self._progress.add_task("", total=None, start=False, visible=False, title="report", remaining="")
+
+    def show(self, progress: RunProgress) -> None:
+        """Show how far the run is."""
+        if progress.stage is Stage.CAMPAIGN:
+            self._finish(self._tasks[Stage.TARGET])
+        task = self._tasks[progress.stage]
+        self._progress.start_task(task)
+        text = f"{progress.activity}{self._errors(progress)}"
+        self._progress.update(
+            task,
+            completed=progress.fraction,
+            description=text,
+            remaining=remaining_words(progress.remaining_seconds),
+        )
+        if not self._console.is_terminal and text != self._last_line:
+            self._last_line = text
+            self._console.print(f"{_TITLES[progress.stage]}: {text}", highlight=False, markup=False)
+
+    def write_report(self) -> None:
+        """Show that the report is written."""
+        self._finish(self._tasks[Stage.CAMPAIGN])
+        self._progress.update(self._report, visible=True, description="writing the report")
+        self._progress.start_task(self._report)
+
+    def _finish(self, task: int) -> None:
+        self._progress.update(task, completed=1.0, remaining="")  # type: ignore[arg-type]
+
+    def _errors(self, progress: RunProgress) -> str:
+        table = progress.iterations
+        if table is None or not len(table):
+            return ""
+        worst = float(table.relative_rms_error[-1].max())
+        return f" · {table.numbers[-1]}/{self._iterations} played, error {table.overall[-1]:.3f}, worst {worst:.3f}"
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self._progress.update(self._report, total=1.0, completed=1.0)
+        self._progress.stop()
+
+
+def remaining_words(seconds: float) -> str:
+    """Return a remaining time in words, e.g. "2:05 left"; nothing where it is unknown."""
+    if seconds < 0:
+        return ""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d} left"

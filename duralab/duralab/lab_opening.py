@@ -1,0 +1,122 @@
+"""Opening a lab: one of one's own on this machine, or one that runs already."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from duralab._supervisor import Supervisor, lab_services
+from duralab.errors import InputError, LabError
+from duralab.lab import Lab
+from labbus import Bus, BusConfig, BusError, FaultError, open_bus
+
+DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
+"""Where `duralab up` listens, and `connect` looks, where nothing else is said."""
+
+FREE_ENDPOINT: Final = "tcp/127.0.0.1:0"
+DEFAULT_RIGS: Final = ("front_axle", "predecessor")
+
+QUIET_SECONDS: Final = 0.4
+_POLL_SECONDS: Final = 0.05
+
+FIND_SECONDS: Final = 5.0
+"""A session knows everyone about a second after it opened; give it a few."""
+
+
+@contextmanager
+def start(
+    out: str | Path | None = None,
+    *,
+    listen: str = FREE_ENDPOINT,
+    recordings: str | Path | None = None,
+    rigs: Sequence[str] = DEFAULT_RIGS,
+    viewer: str | None = None,
+) -> Iterator[Lab]:
+    """Start a lab of one's own on this machine: four service processes, ended with the `with` statement.
+
+    Parameters
+    ----------
+    out : str or Path, optional
+        Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, where not given.
+    listen : str
+        Endpoint on which others may connect; a free port of 127.0.0.1 where not given.
+    recordings : str or Path, optional
+        The recorder's folder; a temporary one, removed at the end, where not given.
+    rigs : sequence of str
+        The rigs to start.
+    viewer : str, optional
+        Address of a running Rerun viewer.
+
+    Raises
+    ------
+    InputError
+        The port is in use, or a folder cannot be made.
+    LabError
+        A service did not start.
+    """
+    with ExitStack() as stack:
+        private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
+        folder = Path(out) if out is not None else private / "out"
+        bus = stack.enter_context(_open(listen=(listen,), connect=()))
+        plans = lab_services(
+            rigs=rigs,
+            recordings=Path(recordings) if recordings is not None else private / "recordings",
+            viewer=viewer,
+        )
+        supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
+        supervisor.start()
+        yield Lab(bus, out=folder, supervisor=supervisor)
+
+
+@contextmanager
+def connect(endpoint: str = DEFAULT_ENDPOINT, *, out: str | Path | None = None) -> Iterator[Lab]:
+    """Join a lab that runs already, e.g. by `duralab up`.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where it listens.
+    out : str or Path, optional
+        Folder for results; a temporary one, removed at the end, where not given.
+
+    Raises
+    ------
+    InputError
+        Nothing listens there, or no service is on that bus.
+    """
+    with ExitStack() as stack:
+        private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
+        bus = stack.enter_context(_open(listen=(FREE_ENDPOINT,), connect=(endpoint,)))
+        needed = {(service, "main") for service in ("identifier", "iterator", "recorder")}
+        try:
+            bus.wait_for_live(needed, FIND_SECONDS)
+        except FaultError as fault:
+            raise LabError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
+        _wait_until_all_are_known(bus)
+        yield Lab(bus, out=Path(out) if out is not None else private / "out")
+
+
+def _wait_until_all_are_known(bus: Bus) -> None:
+    """Wait until nobody new is heard of for a moment: how many rigs a lab has is written nowhere."""
+    known, quiet_since = bus.live(), time.monotonic()
+    deadline = quiet_since + FIND_SECONDS
+    while time.monotonic() < min(deadline, quiet_since + QUIET_SECONDS):
+        time.sleep(_POLL_SECONDS)
+        if (now := bus.live()) != known:
+            known, quiet_since = now, time.monotonic()
+
+
+def _open(*, listen: tuple[str, ...], connect: tuple[str, ...]) -> Bus:
+    try:
+        return open_bus(BusConfig(listen=listen, connect=connect), service="duralab")
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise InputError(f"{reason[0].upper()}{reason[1:]}.") from error
+    except BusError as error:
+        raise InputError(str(error)) from error

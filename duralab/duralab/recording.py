@@ -1,0 +1,197 @@
+"""A recording of a campaign, read from its MCAP file piece by piece."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from google.protobuf.message import Message
+
+from duralab.errors import InputError
+from duralab.iteration_table import IterationTable
+from duralab.mcap_reading import McapFile
+from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
+from duralab.signals import Signals, channels_of
+from duralab_proto.arrays import ArrayError, from_array
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+class Recording:
+    """A recording on disk; nothing of it stays in memory but what is asked for.
+
+    Parameters
+    ----------
+    path : str or Path
+        The .mcap file.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no recording of a campaign.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._file = McapFile(self.path)
+
+    @property
+    def whole(self) -> bool:
+        """False where the file was never finished; what was written is read all the same."""
+        return self._file.whole
+
+    def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
+        """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time."""
+        return self._file.messages(kind)
+
+    def _first(self, kind: type[MessageT], what: str) -> MessageT:
+        message = next(self.messages(kind), None)
+        if message is None:
+            raise InputError(f"The recording {self.path} holds no {what}; it ended before one was committed.")
+        return message
+
+    @contextmanager
+    def _decoding(self) -> Iterator[None]:
+        try:
+            yield
+        except ArrayError as error:
+            raise InputError(f"The recording {self.path} holds what its contract does not allow: {error}") from error
+
+    @cached_property
+    def specification(self) -> iterator_pb2.CampaignSpec:
+        """What was asked for, as it was committed."""
+        return self._first(iterator_pb2.CampaignSpec, "campaign")
+
+    @cached_property
+    def rig(self) -> rig_pb2.RigDescription:
+        """The rig as it described itself."""
+        return self._first(rig_pb2.RigDescription, "rig description")
+
+    @cached_property
+    def status(self) -> iterator_pb2.CampaignStatus | None:
+        """How the campaign ended; None where it did not."""
+        last = deque(self.messages(iterator_pb2.CampaignStatus), maxlen=1)
+        return last.pop() if last else None
+
+    @cached_property
+    def closed(self) -> recorder_pb2.RecordingClosed | None:
+        """The last step; None where the recording was not closed."""
+        return next(self.messages(recorder_pb2.RecordingClosed), None)
+
+    @cached_property
+    def target(self) -> Signals:
+        """The target as it is judged: in the control band."""
+        message = self._first(iterator_pb2.TargetInBand, "target")
+        given = self.specification.target
+        with self._decoding():
+            samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
+        return Signals(channels_of(given.channels), given.sample_rate, samples)
+
+    @cached_property
+    def model(self) -> Model | None:
+        """The identified rig; None where the campaign did not come so far."""
+        message = next(self.messages(identifier_pb2.Model), None)
+        with self._decoding():
+            return Model.from_message(message) if message is not None else None
+
+    @cached_property
+    def _iterations(self) -> list[tuple[iterator_pb2.IterationMetrics, tuple[ActuatorUse, ...]]]:
+        return [(step.metrics, actuator_use(step.actuators)) for step in self.messages(iterator_pb2.IterationStep)]
+
+    @cached_property
+    def iterations(self) -> IterationTable:
+        """The figures of every playback."""
+        return IterationTable.from_messages([metrics for metrics, _ in self._iterations])
+
+    @cached_property
+    def actuators(self) -> list[tuple[ActuatorUse, ...]]:
+        """How the actuators were used, for each playback."""
+        return [use for _, use in self._iterations]
+
+    def playback(self, number: int) -> Playback:
+        """Read one playback.
+
+        Parameters
+        ----------
+        number : int
+            From 1 to the number of playbacks.
+
+        Raises
+        ------
+        InputError
+            There is no such playback.
+        """
+        for step in self.messages(iterator_pb2.IterationStep):
+            if step.iteration == number:
+                with self._decoding():
+                    return playback_of(step)
+        numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
+        raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
+
+    def signal(self, run: str) -> tuple[Signals, Signals]:
+        """Put the blocks of one run on the rig together again, e.g. of the identification.
+
+        Parameters
+        ----------
+        run : str
+            Name of the run; `runs` lists them.
+
+        Returns
+        -------
+        drive, response : Signals
+
+        Raises
+        ------
+        InputError
+            No block of that run was recorded, or a block is missing.
+        """
+        drives: list[np.ndarray] = []
+        responses: list[np.ndarray] = []
+        samples, sample_rate = 0, 0.0
+        for block in self.messages(rig_pb2.SignalBlock):
+            if block.run != run:
+                continue
+            if block.first_sample != samples:
+                raise InputError(
+                    f"{self.path} lacks the samples {samples} to {block.first_sample - 1} of the run {run!r}."
+                )
+            with self._decoding():
+                drives.append(from_array(block.drive, field="drive", shape=(len(self.rig.drives), None)))
+                responses.append(from_array(block.response, field="response", shape=(len(self.rig.responses), None)))
+            samples, sample_rate = samples + drives[-1].shape[1], block.sample_rate
+        if not drives:
+            raise InputError(
+                f"{self.path} holds no signals of a run {run!r}; it holds {', '.join(self.runs) or 'none'}."
+            )
+        return (
+            Signals(channels_of(self.rig.drives), sample_rate, np.concatenate(drives, axis=1)),
+            Signals(channels_of(self.rig.responses), sample_rate, np.concatenate(responses, axis=1)),
+        )
+
+    @cached_property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the playbacks on the rig that were planned, in order."""
+        return tuple(message.run for message in self.messages(recorder_pb2.RunPlanned))
+
+    @cached_property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Named sets of texts that the recorder wrote."""
+        return self._file.metadata()
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the file, hexadecimal."""
+        with self.path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording; see `Recording`."""
+    return Recording(path)

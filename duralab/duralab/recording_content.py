@@ -1,0 +1,159 @@
+"""What a recording holds, decoded: playbacks, the model, the use of the actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duralab.signals import Channel, Signals, channels_of
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True)
+class ActuatorUse:
+    """How one actuator was used in a playback; see `duralab.v1.ActuatorUse`."""
+
+    drive: str
+    peak_command_ratio: float
+    saturated_share: float
+    largest_following_error: float
+
+
+def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
+    """Decode how the actuators were used, in the order of the drives."""
+    return tuple(
+        ActuatorUse(
+            drive=message.drive,
+            peak_command_ratio=message.peak_command_ratio,
+            saturated_share=message.saturated_share,
+            largest_following_error=message.largest_following_error,
+        )
+        for message in messages
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """One playback of the target's drive.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+    run : str
+        Its name on the rig.
+    drive, response : Signals
+        What was played and what was measured.
+    response_in_band : Signals
+        The response as it is judged: in the control band.
+    actuators : tuple of ActuatorUse
+        One for each drive.
+    """
+
+    number: int
+    run: str
+    drive: Signals
+    response: Signals
+    response_in_band: Signals
+    actuators: tuple[ActuatorUse, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """An identified rig: `H` in y(f) = H(f) u(f), with e^{+jωt}.
+
+    Parameters
+    ----------
+    id : str
+        SHA-256 of the model.
+    drives, responses : tuple of Channel
+        Inputs and outputs of `frf`.
+    frequency : np.ndarray, shape (lines)
+        In hertz.
+    frf : np.ndarray, shape (lines, responses, drives)
+        Complex, response unit per drive unit.
+    coherence : np.ndarray, shape (lines, responses)
+        Multiple coherence, 0 to 1.
+    condition_number : np.ndarray, shape (lines)
+        Of the drives' cross-spectrum, scaled to unit diagonal.
+    drive_psd, response_psd : np.ndarray, shape (lines, drives) and (lines, responses)
+        Auto-spectra, unit²/Hz.
+    blocks : int
+        Blocks averaged.
+    independent_averages : float
+        Equivalent independent averages.
+    """
+
+    id: str
+    drives: tuple[Channel, ...]
+    responses: tuple[Channel, ...]
+    frequency: np.ndarray
+    frf: np.ndarray
+    coherence: np.ndarray
+    condition_number: np.ndarray
+    drive_psd: np.ndarray
+    response_psd: np.ndarray
+    blocks: int
+    independent_averages: float
+
+    @classmethod
+    def from_message(cls, message: identifier_pb2.Model) -> Model:
+        """Decode a model; lines without excitation may hold NaN."""
+        lines = len(from_array(message.frequency, field="frequency", shape=(None,)))
+        n_y, n_u = len(message.responses), len(message.drives)
+
+        def spectrum(name: str, *columns: int) -> np.ndarray:
+            return from_array(getattr(message, name), field=name, shape=(lines, *columns), finite=False)
+
+        return cls(
+            id=message.id,
+            drives=channels_of(message.drives),
+            responses=channels_of(message.responses),
+            frequency=spectrum("frequency"),
+            frf=spectrum("frf", n_y, n_u),
+            coherence=spectrum("coherence", n_y),
+            condition_number=spectrum("condition_number"),
+            drive_psd=spectrum("drive_psd", n_u),
+            response_psd=spectrum("response_psd", n_y),
+            blocks=message.blocks,
+            independent_averages=message.independent_averages,
+        )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return frf, coherence and condition number with the dimensions `frequency`, `response` and `drive`."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "frf": (("frequency", "response", "drive"), self.frf),
+                "coherence": (("frequency", "response"), self.coherence),
+                "condition_number": (("frequency",), self.condition_number),
+            },
+            coords={
+                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
+                "response": [channel.name for channel in self.responses],
+                "drive": [channel.name for channel in self.drives],
+            },
+            attrs={"id": self.id},
+        )
+
+
+def playback_of(step: iterator_pb2.IterationStep) -> Playback:
+    """Decode a playback; raises ArrayError where its arrays do not fit together."""
+    response = Signals.from_message(step.response, field="response")
+    in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
+    return Playback(
+        number=step.iteration,
+        run=step.run,
+        drive=Signals.from_message(step.drive, field="drive"),
+        response=response,
+        response_in_band=Signals(response.channels, response.sample_rate, in_band),
+        actuators=actuator_use(step.actuators),
+    )

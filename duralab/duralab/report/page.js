@@ -1,0 +1,71 @@
+"use strict";
+(() => {
+  const figures = JSON.parse(document.getElementById("figures").textContent);
+  const root = document.documentElement;
+  const preference = window.matchMedia("(prefers-color-scheme: dark)");
+  let chosenTheme = null;
+
+  const applyTheme = (theme) => { root.dataset.theme = theme; };
+  const wantedTheme = () => chosenTheme ?? (preference.matches ? "dark" : "light");
+
+  // A colour "@name" is a colour of the page, so that figures follow the theme.
+  const resolve = (node, style) => {
+    if (typeof node === "string") return node.startsWith("@") ? style.getPropertyValue("--" + node.slice(1)).trim() : node;
+    if (Array.isArray(node)) return node.map((item) => resolve(item, style));
+    if (node === null || typeof node !== "object" || "bdata" in node) return node;
+    return Object.fromEntries(Object.entries(node).map(([key, value]) => [key, resolve(value, style)]));
+  };
+
+  const axis = (given, style) => ({
+    gridcolor: style.getPropertyValue("--line").trim(), zerolinecolor: style.getPropertyValue("--line").trim(),
+    linecolor: style.getPropertyValue("--line").trim(), automargin: true, ticks: "", ...given,
+    title: { standoff: 8, ...(given.title ?? {}), font: { size: 12 } },
+  });
+
+  const draw = (element) => {
+    const style = getComputedStyle(root);
+    const figure = resolve(figures[element.dataset.figure], style);
+    const layout = {
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: style.getPropertyValue("--text").trim() },
+      margin: { l: 52, r: 10, t: figure.layout.title ? 34 : 10, b: 40 }, hovermode: "closest",
+      showlegend: element.dataset.legend !== "no",
+      legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 12 } },
+      hoverlabel: { namelength: -1 }, dragmode: "zoom",
+      ...figure.layout, autosize: true,
+    };
+    if (layout.title) layout.title = { font: { size: 14 }, x: 0.5, ...layout.title };
+    for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) layout[key] = axis(layout[key], style);
+    const config = { responsive: true, displayModeBar: false };
+    return Plotly.react(element, figure.data, layout, config);
+  };
+  const plots = [...document.querySelectorAll(".plot")];
+  const drawAll = () => Promise.all(plots.map(draw));
+
+  const choose = (group, figure) => {
+    for (const plot of plots) if (plot.dataset.chosen === group) { plot.dataset.figure = figure; draw(plot); }
+    for (const button of document.querySelectorAll(`button[data-chooses="${group}"]`)) {
+      button.setAttribute("aria-pressed", String(button.value === figure));
+    }
+  };
+  for (const select of document.querySelectorAll("select[data-chooses]")) {
+    select.addEventListener("change", () => choose(select.dataset.chooses, select.value));
+  }
+  for (const button of document.querySelectorAll("button[data-chooses]")) {
+    button.addEventListener("click", () => choose(button.dataset.chooses, button.value));
+  }
+
+  const retheme = () => { applyTheme(wantedTheme()); drawAll(); };
+  document.getElementById("theme").addEventListener("click", () => {
+    chosenTheme = wantedTheme() === "dark" ? "light" : "dark";
+    retheme();
+  });
+  preference.addEventListener("change", retheme);
+
+  // Paper is white and has its own width: figures are drawn anew for it.
+  window.addEventListener("beforeprint", () => { root.classList.add("printing"); applyTheme("light"); drawAll(); });
+  window.addEventListener("afterprint", () => { root.classList.remove("printing"); retheme(); });
+
+  applyTheme(wantedTheme());
+  drawAll().then(() => { root.dataset.drawn = "yes"; });
+})();

@@ -1,0 +1,63 @@
+"""A rig as it describes itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from duralab.signals import Channel, channels_of
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import rig_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """What a rig is and what it can play.
+
+    Parameters
+    ----------
+    name : str
+        As in its keys.
+    specimen, engine, version : str
+        What is mounted on it, what plays, and the version of its software.
+    sample_rate : float
+        The only one it plays, in hertz.
+    drives, responses : tuple of Channel
+        What is commanded and what is measured, in the order of the rows of a drive and a response.
+    longest_drive_seconds : float
+        Longest drive it plays.
+    static_response : np.ndarray, shape (responses)
+        Each response at rest, in its unit.
+    content_hash : str
+        SHA-256 of everything that decides what it answers to a drive.
+    """
+
+    name: str
+    specimen: str
+    engine: str
+    version: str
+    sample_rate: float
+    drives: tuple[Channel, ...]
+    responses: tuple[Channel, ...]
+    longest_drive_seconds: float
+    static_response: np.ndarray
+    content_hash: str
+
+    @classmethod
+    def from_message(cls, message: rig_pb2.RigDescription) -> Rig:
+        """Decode a description."""
+        return cls(
+            name=message.rig,
+            specimen=message.specimen,
+            engine=message.engine,
+            version=message.version,
+            sample_rate=message.sample_rate,
+            drives=channels_of(message.drives),
+            responses=channels_of(message.responses),
+            longest_drive_seconds=message.longest_drive_seconds,
+            static_response=from_array(
+                message.static_response, field="static_response", shape=(len(message.responses),)
+            ),
+            content_hash=message.content_hash,
+        )

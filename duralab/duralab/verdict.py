@@ -1,0 +1,125 @@
+"""Was the target reached? The one place that answers, for the report, the command line and a lab script alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from duralab.errors import InputError
+from duralab.iteration_table import IterationTable
+from duralab_proto.v1 import iterator_pb2
+
+
+class Judgement(StrEnum):
+    """How a campaign ended, seen from what was wanted."""
+
+    REACHED = "reached"
+    NOT_REACHED = "not reached"
+    DIVERGED = "diverged"
+    NOT_JUDGED = "finished"
+    ENDED_EARLY = "ended early"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer and its reason.
+
+    Parameters
+    ----------
+    judgement : Judgement
+        The answer.
+    sentence : str
+        What a reader needs to know first, with the numbers.
+    limit : float or None
+        Largest relative RMS error that is accepted; None where nothing was asked.
+    """
+
+    judgement: Judgement
+    sentence: str
+    limit: float | None
+
+
+def accepted_error(specification: iterator_pb2.CampaignSpec) -> float | None:
+    """Return the largest relative RMS error that a campaign accepts, or None where it names none.
+
+    The section `accept` of its campaign file counts; where there is none, the error at which it was to stop.
+    """
+    from duralab.campaign_loading import parse_campaign
+
+    if specification.scenario:
+        try:
+            campaign = parse_campaign(specification.scenario, name=specification.id)
+        except InputError:
+            # Written by another program or version: its words are kept, but they are no campaign file of ours.
+            campaign = None
+        if campaign is not None and campaign.accept is not None:
+            return campaign.accept.relative_rms_error
+    return specification.stop.relative_rms_error or None
+
+
+def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.CampaignStatus | None) -> Verdict:
+    """Judge a campaign by its last playback.
+
+    Parameters
+    ----------
+    table : IterationTable
+        The figures of its playbacks.
+    limit : float or None
+        Largest relative RMS error of any channel that is accepted.
+    status : CampaignStatus or None
+        How it ended; None where it did not.
+    """
+    if status is None or status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED or not len(table):
+        fault = status.fault.message if status is not None and status.HasField("fault") else ""
+        reason = fault or "the recording ends before the campaign does."
+        done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
+        return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {reason}", limit)
+    errors = table.relative_rms_error[-1]
+    worst = int(np.argmax(errors))
+    largest = f"{errors[worst]:.3f} ({_words(table.channels[worst])})"
+    after = f"after playback {table.numbers[-1]}"
+    if status.outcome == iterator_pb2.OUTCOME_DIVERGED:
+        return Verdict(
+            Judgement.DIVERGED,
+            f"The iteration diverged: {after} the largest relative RMS error is {largest}; playback "
+            f"{table.numbers[table.best]} was the best.",
+            limit,
+        )
+    if limit is None:
+        return Verdict(Judgement.NOT_JUDGED, f"{after.capitalize()} the largest relative RMS error is {largest}.", None)
+    if errors[worst] <= limit:
+        return Verdict(
+            Judgement.REACHED,
+            f"The target was reached: {after}, every channel's relative RMS error is at most {limit:g}; "
+            f"the largest is {largest}.",
+            limit,
+        )
+    above = [_words(name) for name, error in zip(table.channels, errors, strict=True) if error > limit]
+    return Verdict(
+        Judgement.NOT_REACHED,
+        f"The target was not reached: {after}, {len(above)} of {errors.size} channels are above the accepted relative "
+        f"RMS error of {limit:g} ({', '.join(above)}); the largest is {largest}.",
+        limit,
+    )
+
+
+def compare_with_first(table: IterationTable) -> str:
+    """Return in words how the last playback compares with the first, channel by channel."""
+    if len(table) < 2:
+        return "There was one playback only, so nothing to compare it with."
+    worse = [
+        _words(name)
+        for name, first, last in zip(
+            table.channels, table.relative_rms_error[0], table.relative_rms_error[-1], strict=True
+        )
+        if last >= first
+    ]
+    if not worse:
+        return "Every channel is closer to its target than after the first playback."
+    return f"Not closer to the target than after the first playback: {', '.join(worse)}."
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,4 @@
+from fake_lab import main
+
+if __name__ == "__main__":
+    main("rig_sim")

@@ -1,0 +1,163 @@
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+import duralab
+from duralab.campaign_file import Campaign
+from duralab.campaign_loading import load_campaign, parse_campaign, shipped_campaigns
+from duralab.errors import InputError
+
+CONTENT = {
+    "name": "mine",
+    "rig": "front_axle",
+    "seed": 1,
+    "target": {"road": {"iso_class": "C/D", "seed": 2, "duration": 10.0}, "vehicle": "predecessor"},
+    "excitation": {
+        "kind": "pure_random",
+        "lowest_frequency": 0.5,
+        "highest_frequency": 40,
+        "corner_frequency": 4,
+        "decibels_per_octave": 6,
+        "rms": 0.002,
+        "duration": 30.0,
+        "fade": 1.0,
+    },
+    "estimator": {"block_samples": 2048, "overlap": 0.5},
+    "control_band": {"lowest_frequency": 0.7, "highest_frequency": 35.0},
+    "update": {"algorithm": "adaptive_modelling", "gain": 0.7},
+    "stop": {"iterations": 3},
+}
+
+
+def changed(path, value):
+    """Return the campaign as YAML with one value changed; None removes the key."""
+    content = yaml.safe_load(yaml.safe_dump(CONTENT))
+    *sections, key = path.split(".")
+    place = content
+    for section in sections:
+        place = place[section]
+    if value is None:
+        del place[key]
+    else:
+        place[key] = value
+    return yaml.safe_dump(content)
+
+
+def sections_of(model):
+    yield model
+    for field in model.model_fields.values():
+        for kind in (field.annotation, *getattr(field.annotation, "__args__", ())):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from sections_of(kind)
+
+
+def test_a_valid_campaign_keeps_its_text_and_folder(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(CONTENT))
+    campaign = load_campaign(path)
+    assert campaign.text == path.read_text()
+    assert campaign.folder == tmp_path
+    assert campaign.excitation.highest_frequency == 40.0
+
+
+@pytest.mark.parametrize("name", shipped_campaigns())
+def test_shipped_campaigns_are_valid_and_comment_every_key(name):
+    campaign = load_campaign(name)
+    assert campaign.name == name
+    lines = campaign.text.splitlines()
+    for number, line in enumerate(lines):
+        is_channel = re.match(r"\s+(left|right)_", line)
+        if re.match(r"\s*[a-z_]+:", line) and not is_channel:
+            above = lines[number - 1].strip()
+            assert above.startswith("#"), line
+
+
+def test_every_field_says_what_it_is():
+    for model in sections_of(Campaign):
+        for name, field in model.model_fields.items():
+            assert field.description, f"{model.__name__}.{name}"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "parts"),
+    [
+        ("update.gian", 0.5, ["unknown key 'gian' in update", "allowed: algorithm, gain", "did you mean 'gain'?"]),
+        ("update.gain", 1.5, ["update.gain is 1.5", "less than or equal to 1"]),
+        ("update.gain", {"left_vertical": -1}, ["update.gain.left_vertical is -1", "greater than 0"]),
+        ("update.algorithm", "magic", ["update.algorithm is 'magic'", "'adaptive_modelling', 'basic_twr'"]),
+        ("rig", "Front Axle", ["rig is 'Front Axle'"]),
+        ("name", "a/b", ["name is 'a/b'"]),
+        ("seed", -1, ["seed is -1", "greater than or equal to 0"]),
+        ("seed", "x", ["seed is 'x'"]),
+        ("stop", None, ["stop is missing"]),
+        ("stop.iterations", 0, ["stop.iterations is 0", "greater than or equal to 1"]),
+        ("estimator.overlap", 1.0, ["estimator.overlap is 1.0", "less than 1"]),
+        ("estimator.block_samples", 1001, ["estimator.block_samples is 1001", "multiple of 2"]),
+        ("excitation.fade", 20.0, ["excitation has fades of 20 s in 30 s"]),
+        ("excitation.corner_frequency", 99, ["excitation has", "must rise in this order"]),
+        ("control_band.highest_frequency", 60.0, ["control_band reaches from 0.7 to 60 Hz", "0.5 to 40 Hz"]),
+        ("control_band.lowest_frequency", 36.0, ["control_band reaches from 36 to 35 Hz"]),
+        ("target.road.iso_class", "Q", ["target.road.iso_class is 'Q'", "A (very good) to E"]),
+        ("target.vehicle", None, ["target has a road but no vehicle"]),
+        ("target.file", "x.csv", ["target has road and file", "exactly one"]),
+        ("target.road", None, ["target has none of road, opencrg and file"]),
+        ("target.speed", float("nan"), ["target.speed is nan"]),
+    ],
+)
+def test_wrong_value_is_named_with_its_path_and_what_is_allowed(path, value, parts):
+    with pytest.raises(InputError) as caught:
+        parse_campaign(changed(path, value), name="mine.yaml")
+    for part in ["mine.yaml", *parts]:
+        assert part in caught.value.message
+    assert "\n" not in caught.value.message
+
+
+def test_misspelt_key_is_not_reported_as_missing_too():
+    content = yaml.safe_load(changed("update.gian", 0.5))
+    del content["update"]["gain"]
+    with pytest.raises(InputError) as caught:
+        parse_campaign(yaml.safe_dump(content), name="x")
+    assert "missing" not in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("", "is empty"),
+        ("- 1", "holds a list"),
+        ("a: [1", "is not valid YAML at line 1"),
+        ("name: a\nname: b", "'name' of line 2 stands there already"),
+        ("a: !!python/object/apply:os.system [ls]", "is not valid YAML"),
+    ],
+)
+def test_what_is_no_campaign_is_refused(text, part):
+    with pytest.raises(InputError, match=re.escape(part)):
+        parse_campaign(text, name="x.yaml")
+
+
+def test_missing_file_names_the_shipped_ones():
+    with pytest.raises(InputError, match="front_axle_demo"):
+        load_campaign("nowhere.yaml")
+
+
+def test_file_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "x.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_campaign(path)
+
+
+def test_campaign_made_in_a_script_writes_itself_as_yaml():
+    campaign = Campaign.model_validate(CONTENT)
+    assert parse_campaign(campaign.text, name="x").model_dump() == campaign.model_dump()
+
+
+def test_public_names_are_all_there():
+    for name in duralab.__all__:
+        assert getattr(duralab, name) is not None
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = duralab.nothing
+    assert Path(duralab.__file__).name == "__init__.py"

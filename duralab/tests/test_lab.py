@@ -1,0 +1,200 @@
+"""The SDK over a real bus, with real processes that are fakes of the services."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import fake_lab
+import numpy as np
+import pytest
+import synthetic_campaign
+import yaml
+from test_campaign_file import CONTENT, changed
+from test_supervisor import alive
+
+import duralab
+from duralab.campaign_loading import parse_campaign
+from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+
+
+def short_campaign(tmp_path, **changes):
+    content = yaml.safe_load(yaml.safe_dump(CONTENT))
+    content["target"]["road"]["duration"] = 4.0
+    content["stop"]["iterations"] = 2
+    content.update(changes)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    out = tmp_path_factory.mktemp("lab")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", f"{Path(__file__).parent / 'fakes'}{os.pathsep}{Path(__file__).parent}")
+        with duralab.start(out) as lab:
+            yield lab
+
+
+def test_rigs_describe_themselves(lab):
+    rigs = lab.rigs()
+    assert [rig.name for rig in rigs] == ["front_axle", "predecessor"]
+    assert [channel.name for channel in rigs[0].responses] == list(synthetic_campaign.NAMES)
+    assert rigs[0].drives[0].maximum == synthetic_campaign.LIMITS["vertical"]
+
+
+def test_unknown_rig_names_those_that_are_there(lab):
+    with pytest.raises(InputError, match=r"no rig 'rear_axle'; there are front_axle, predecessor"):
+        lab.describe("rear_axle")
+    with pytest.raises(InputError, match="Rear Axle"):
+        lab.describe("Rear Axle")
+
+
+def test_played_array_comes_back_as_the_rig_answers(lab):
+    drive = 0.001 * np.random.default_rng(1).standard_normal((6, 2000))
+    seen = []
+    played = lab.play("front_axle", drive, on_progress=seen.append)
+    np.testing.assert_allclose(played.response.samples, fake_lab.response_to(drive))
+    assert played.real_time_factor == 100.0
+    assert any(progress.activity == "playing" for progress in seen)
+    labelled = duralab.Signals(lab.describe("front_axle").drives, 1000.0, drive).to_xarray()
+    np.testing.assert_array_equal(lab.play("front_axle", labelled).response.samples, played.response.samples)
+
+
+@pytest.mark.parametrize(
+    ("drive", "part"),
+    [
+        (np.zeros((5, 100)), r"shape \(5, 100\); rig 'front_axle' needs \(6, samples\)"),
+        (np.zeros(100), r"shape \(100,\)"),
+        (np.full((6, 100), 9.0), "exceeds its limit"),
+    ],
+)
+def test_wrong_drive_is_refused(lab, drive, part):
+    with pytest.raises(InputError, match=part):
+        lab.play("front_axle", drive)
+
+
+def test_drive_that_is_not_finite_is_refused_before_it_is_sent(lab):
+    drive = np.zeros((6, 100))
+    drive[3, 7] = np.nan
+    with pytest.raises(LabError, match="nan"):
+        lab.play("front_axle", drive)
+
+
+def test_campaign_runs_to_its_result(lab, tmp_path):
+    seen = []
+    result = lab.run(short_campaign(tmp_path), out=tmp_path / "out", on_progress=seen.append)
+    assert len(result.iterations) == 2
+    assert {progress.stage for progress in seen} == {duralab.Stage.TARGET, duralab.Stage.CAMPAIGN}
+    assert result.recording.specification.id == "demo"
+    assert result.live_path.exists()
+    assert "left vertical" in str(result)
+    assert result.report().name == "report.html"
+    # The target is what the vehicle answered to the road, in the rig's order.
+    target = result.specification.target
+    assert [c.name for c in target.channels] == list(synthetic_campaign.NAMES)
+    samples = np.frombuffer(target.samples.data).reshape(6, 4000)
+    assert np.std(samples[0]) > 0
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["live.rrd", "recording.mcap", "report.html"]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "part"),
+    [
+        ("rig", "rear", "no rig 'rear'"),
+        ("target.vehicle", "truck", "no rig 'truck'"),
+        ("target.vehicle", "front_axle", "a rig that plays roads has left_height"),
+        ("excitation.highest_frequency", 600, r"600 Hz; it must be below 500 Hz"),
+        ("excitation.rms", {"left_vertical": 0.1}, "no value for left_lateral"),
+        ("excitation.rms", 0.05, r"leaves room for 0\.0416667 m RMS"),
+        ("update.gain", {"rear": 0.5}, "unknown channel rear"),
+        ("excitation.duration", 3601.0, "plays 3600 s at most"),
+        ("estimator.block_samples", 40_000, "without its fades lasts only 28 s"),
+        ("target.road.duration", 1.0, r"target\.road"),
+        ("target.road.potholes", {"count": 900, "depth": [0.01, 0.02], "length": [0.4, 1.0]}, "do not fit"),
+    ],
+)
+def test_campaign_that_does_not_fit_the_rig_is_refused_before_it_starts(lab, path, value, part):
+    campaign = parse_campaign(changed(path, value), name="x")
+    with pytest.raises(InputError, match=part):
+        lab.run(campaign)
+
+
+def test_taken_name_gets_a_number(lab, monkeypatch, tmp_path):
+    class Recordings:
+        recordings = (type("R", (), {"recording": "mine"}), type("R", (), {"recording": "mine-2"}))
+
+    monkeypatch.setattr(lab, "_query", lambda *_, **__: Recordings)
+    assert lab._free_id("mine") == "mine-3"
+    assert lab._free_id("other") == "other"
+
+
+def test_connected_script_sees_the_same_lab(lab):
+    with duralab.connect(lab.endpoints[0]) as other:
+        assert [rig.name for rig in other.rigs()] == ["front_axle", "predecessor"]
+        assert other.process_ids == {}
+
+
+def test_endpoint_where_nothing_listens_is_explained():
+    with pytest.raises(InputError, match=r"127\.0\.0\.1:9"), duralab.connect("tcp/127.0.0.1:9"):
+        pass
+
+
+def test_endpoint_of_the_wrong_form_is_explained():
+    with pytest.raises(InputError, match=r"'here' is not of the form"), duralab.connect("here"):
+        pass
+
+
+def test_port_in_use_is_explained(lab, tmp_path):
+    with pytest.raises(InputError, match="in use"), duralab.start(tmp_path, listen=lab.endpoints[0]):
+        pass
+
+
+def test_dying_service_ends_the_run_with_a_clear_error(fake_services, monkeypatch, tmp_path):
+    monkeypatch.setenv("FAKE_ITERATOR", "die")
+    with duralab.start(tmp_path / "lab") as lab:
+        pids = list(lab.process_ids.values())
+        with pytest.raises(ServiceEndedError, match=r"iterator ended by itself \(exit code 7\)"):
+            lab.run(short_campaign(tmp_path), out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert not any(alive(pid) for pid in pids)
+
+
+def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
+    fault = query_pb2.Fault(message="The rig is interlocked: it met a limit.", service="rig_sim")
+    status = iterator_pb2.CampaignStatus(id="mine", phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=fault)
+    monkeypatch.setattr("duralab.lab.follow_campaign", lambda *_, **__: status)
+    with pytest.raises(CampaignFaultError, match="The rig is interlocked") as caught:
+        lab.run(short_campaign(tmp_path), out=tmp_path / "out")
+    assert caught.value.service == "rig_sim"
+
+
+def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
+    wrong = recorder_pb2.RecordingInfo(closed=True, file_hash="0" * 64)
+    monkeypatch.setattr("duralab.lab.wait_until_closed", lambda *_: wrong)
+    with pytest.raises(LabError, match="SHA-256"):
+        lab.run(short_campaign(tmp_path), out=tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_service_killed_while_it_plays_gives_an_error_and_no_hang(fake_services, monkeypatch, tmp_path):
+    monkeypatch.setenv("FAKE_RIG", "hang")
+    with duralab.start(tmp_path / "lab") as lab:
+        killer = threading.Timer(0.5, os.kill, (lab.process_ids["rig_sim"], signal.SIGKILL))
+        killer.start()
+        began = time.monotonic()
+        with pytest.raises(ServiceEndedError, match="rig_sim ended by itself"):
+            lab.play("front_axle", np.zeros((6, 100)))
+        assert time.monotonic() - began < 5
+        killer.join()
+
+
+def test_importing_duralab_is_quick():
+    heavy = ["numpy", "zenoh", "pydantic", "xarray", "plotly", "rich"]
+    code = f"import sys, duralab; sys.exit(any(name in sys.modules for name in {heavy}))"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,199 @@
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+import synthetic_campaign
+
+from duralab._outputs import replace_when_complete, require_free
+from duralab.errors import InputError
+from duralab.iteration_table import IterationTable
+from duralab.recording import open_recording
+from duralab.report import write_report
+from duralab.report.figures import contributions
+from duralab.report.series import LARGEST_POINTS, thin_out
+from duralab.report.tables import playback_rows
+from duralab.verdict import Judgement, judge
+from duralab_proto.v1 import iterator_pb2, query_pb2
+
+LARGEST_REPORT = 15_000_000
+
+
+@pytest.fixture(scope="module")
+def html(recording_path, tmp_path_factory):
+    path = write_report(recording_path, tmp_path_factory.mktemp("report") / "report.html")
+    return path.read_text(encoding="utf-8")
+
+
+def figures_in(html):
+    return json.loads(re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.DOTALL)[1])
+
+
+def values(encoded):
+    assert encoded["dtype"] == "f4"
+    return np.frombuffer(base64.b64decode(encoded["bdata"]), dtype="<f4")
+
+
+def body(html):
+    return html[html.index("<main>") : html.index("</main>")]
+
+
+def test_every_number_of_the_error_table_stands_in_the_page(html, campaign):
+    section = body(html)[body(html).index('id="convergence"') : body(html).index('id="waveforms"')]
+    rows = re.findall(r"<tr><th scope=\"row\">\d+.*?</tr>", section, re.DOTALL)
+    assert len(rows) == 4
+    for row, errors, responses in zip(rows, campaign.errors, campaign.rms_responses, strict=True):
+        cells = re.findall(r"<span class=\"(?:best)?\">([\d.]+)</span><br><small>([\d.]+)</small>", row)
+        assert cells == [(f"{e:.3f}", f"{r:.3f}") for e, r in zip(errors, responses, strict=True)]
+
+
+def test_curves_hold_the_metrics_and_the_signals(html, campaign):
+    figures = figures_in(html)
+    for i, trace in enumerate(figures["error"]["data"]):
+        np.testing.assert_allclose(trace["y"], campaign.errors[:, i])
+    for i, trace in enumerate(figures["response"]["data"]):
+        np.testing.assert_allclose(trace["y"], campaign.rms_responses[:, i])
+    target = figures["wave-1"]["data"][0]
+    stride = round(target["dx"] * synthetic_campaign.RATE)
+    np.testing.assert_allclose(values(target["y"]), campaign.target[1, ::stride], rtol=1e-6, atol=1e-3)
+
+
+def test_spectrum_integrates_to_the_mean_square_of_the_target(html, campaign):
+    trace = figures_in(html)["psd-0"]["data"][0]
+    frequency, density = values(trace["x"]).astype(float), values(trace["y"]).astype(float)
+    area = np.sum(density) * (frequency[1] - frequency[0])
+    assert area == pytest.approx(np.mean(campaign.target[0] ** 2), rel=0.1)
+
+
+def test_page_needs_nothing_from_outside(html):
+    outside = html.replace(html[html.index("<script>") : html.index("</script>")], "")
+    assert not re.findall(r"(?:src|href)=[\"'](?!#|data:)", outside)
+    assert "default-src 'none'" in html
+    assert html.count("plotly.js v") <= 2
+    assert len(html) < LARGEST_REPORT
+
+
+def test_page_says_what_is_needed_to_repeat_it(html, recording_path):
+    for wanted in (synthetic_campaign.description().content_hash, "ab" * 32, open_recording(recording_path).sha256):
+        assert wanted in body(html)
+
+
+def test_hostile_texts_stay_texts(tmp_path, campaign):
+    messages = synthetic_campaign.steps(campaign, scenario="name: '</script><script>alert(1)</script>'")
+    messages[0].target_source = "<img src=x onerror=alert(1)>"
+    path = synthetic_campaign.write(tmp_path / "r.mcap", messages)
+    html = write_report(path, tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "<script>alert" not in html
+    assert "<img src=x" not in html
+
+
+def test_long_recording_stays_small_enough(tmp_path):
+    campaign = synthetic_campaign.make(seconds=150.0, iterations=2)
+    path = synthetic_campaign.write(tmp_path / "r.mcap", synthetic_campaign.steps(campaign))
+    assert write_report(path, tmp_path / "r.html").stat().st_size < LARGEST_REPORT
+
+
+def test_recording_without_playback_or_model_is_explained_or_reported(tmp_path, campaign):
+    messages = synthetic_campaign.steps(campaign)
+    path = synthetic_campaign.write(tmp_path / "early.mcap", messages[:4])
+    with pytest.raises(InputError, match="holds no playback"):
+        write_report(path, tmp_path / "early.html")
+    assert list(tmp_path.glob("*.html")) == []
+    path = synthetic_campaign.write(tmp_path / "cut.mcap", messages[:8], finish=False)
+    html = write_report(path, tmp_path / "cut.html").read_text(encoding="utf-8")
+    assert "never finished" in html
+    assert "ended early, 1 playback done" in html
+
+
+def test_envelope_keeps_every_peak():
+    samples = np.zeros(LARGEST_POINTS * 30)
+    samples[123_457], samples[200_001] = 5.0, -7.0
+    curve = thin_out(samples, sample_rate=1000.0, highest_frequency=35.0)
+    assert curve.is_envelope
+    assert curve.values.size <= LARGEST_POINTS
+    assert (curve.values.max(), curve.values.min()) == (5.0, -7.0)
+    at = curve.start + curve.step * int(np.argmax(curve.values))
+    assert at == pytest.approx(123.457, abs=2 * curve.step)
+
+
+def test_short_curve_is_sampled_at_its_own_times():
+    time = np.arange(4000) / 1000.0
+    samples = np.sin(2 * np.pi * 10 * time)
+    curve = thin_out(samples, sample_rate=1000.0, highest_frequency=20.0)
+    np.testing.assert_array_equal(curve.values, samples[:: round(curve.step * 1000)])
+    assert not curve.is_envelope
+
+
+def test_shares_of_a_noiseless_model_add_up_to_the_whole(recording_path):
+    model = open_recording(recording_path).model
+    shares = contributions(model, synthetic_campaign.BAND)
+    # The synthetic responses hold 7 % of noise power beside what the drives cause; the FRF itself scatters by 2 %.
+    np.testing.assert_allclose(np.sum(shares**2, axis=1), 0.93, rtol=0.03)
+
+
+def table_of(*errors):
+    rows = np.array(errors)
+    ones = np.ones_like(rows)
+    names = tuple(f"c_{i}" for i in range(rows.shape[1]))
+    overall = np.sqrt(np.mean(rows**2, axis=1))
+    return IterationTable(names, tuple(range(1, len(rows) + 1)), rows, ones, ones, overall)
+
+
+FINISHED = iterator_pb2.CampaignStatus(
+    phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_ITERATIONS_USED
+)
+
+
+def test_verdict_follows_the_worst_channel_of_the_last_playback():
+    table = table_of([0.6, 0.5], [0.1, 0.24])
+    verdict = judge(table, limit=0.25, status=FINISHED)
+    assert verdict.judgement is Judgement.REACHED
+    assert "0.240 (c 1)" in verdict.sentence
+    assert judge(table, limit=0.2, status=FINISHED).judgement is Judgement.NOT_REACHED
+    assert judge(table, limit=None, status=FINISHED).judgement is Judgement.NOT_JUDGED
+
+
+def test_verdict_of_a_diverged_or_broken_campaign_says_so():
+    table = table_of([0.1, 0.1], [0.5, 0.1])
+    diverged = iterator_pb2.CampaignStatus(
+        phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_DIVERGED
+    )
+    assert judge(table, limit=0.9, status=diverged).judgement is Judgement.DIVERGED
+    faulted = iterator_pb2.CampaignStatus(
+        phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=query_pb2.Fault(message="The oil is cold.")
+    )
+    verdict = judge(table, limit=0.9, status=faulted)
+    assert verdict.judgement is Judgement.ENDED_EARLY
+    assert "The oil is cold." in verdict.sentence
+    assert judge(table, limit=0.9, status=None).judgement is Judgement.ENDED_EARLY
+
+
+def test_best_playback_and_least_errors_are_marked():
+    rows = playback_rows(table_of([0.5, 0.4], [0.1, 0.3], [0.4, 0.2]))
+    assert [row.is_best for row in rows] == [False, True, False]
+    assert [[cell[2] for cell in row.cells] for row in rows] == [[False, False], [True, False], [False, True]]
+
+
+def test_output_is_whole_or_not_there(tmp_path):
+    path = tmp_path / "new" / "x.txt"
+
+    def fail():
+        with replace_when_complete(path) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert list(path.parent.iterdir()) == []
+    with replace_when_complete(path) as temporary:
+        temporary.write_text("whole")
+    assert path.read_text() == "whole"
+
+
+def test_existing_outputs_are_named_and_kept(tmp_path):
+    path = tmp_path / "a"
+    path.write_text("mine")
+    with pytest.raises(InputError, match="would be overwritten; give --replace"):
+        require_free([path, tmp_path / "b"], replace=False)
+    require_free([path], replace=True)

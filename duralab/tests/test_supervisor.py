@@ -1,0 +1,133 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import duralab._supervisor as supervisor_module
+from duralab._supervisor import ServicePlan, Supervisor, describe_exit, last_lines
+from duralab.errors import LabError, ServiceEndedError
+from labbus import open_bus
+
+
+def alive(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    # A process that ended and was not asked for its exit code yet is gone too.
+    return state != "Z"
+
+
+def wait_until_gone(pids, *, seconds=6.0):
+    deadline = time.monotonic() + seconds
+    while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return [pid for pid in pids if alive(pid)]
+
+
+@pytest.fixture
+def bus():
+    with open_bus(service="duralab") as bus:
+        yield bus
+
+
+def test_services_are_live_after_start_and_gone_after_stop(bus, fake_services, tmp_path):
+    with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path / "logs") as supervisor:
+        supervisor.start(timeout_seconds=15)
+        pids = list(supervisor.process_ids.values())
+        assert ("steady", "main") in bus.live()
+        assert supervisor.failure() is None
+    assert wait_until_gone(pids, seconds=0.0) == []
+    assert "ready" in (tmp_path / "logs" / "steady.log").read_text()
+
+
+def test_service_that_ends_at_once_is_named_with_code_and_log(bus, fake_services, tmp_path):
+    with Supervisor([ServicePlan("steady"), ServicePlan("dying")], bus=bus, logs=tmp_path) as supervisor:
+        with pytest.raises(ServiceEndedError, match=r"dying ended by itself \(exit code 3\).*the oil is cold"):
+            supervisor.start(timeout_seconds=15)
+        pids = list(supervisor.process_ids.values())
+    assert wait_until_gone(pids, seconds=0.0) == []
+
+
+def test_service_that_does_not_come_is_named_with_its_log(bus, fake_services, tmp_path):
+    plans = [ServicePlan("silent"), ServicePlan("steady")]
+    with Supervisor(plans, bus=bus, logs=tmp_path) as supervisor:
+        with pytest.raises(LabError, match=r"silent") as caught:
+            supervisor.start(timeout_seconds=2.5)
+        assert "still warming up" in caught.value.message
+        assert "steady" not in caught.value.message
+
+
+def test_killed_service_is_reported_with_its_signal(bus, fake_services, tmp_path):
+    with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path) as supervisor:
+        supervisor.start(timeout_seconds=15)
+        os.kill(supervisor.process_ids["steady"], signal.SIGKILL)
+        deadline = time.monotonic() + 3
+        while (ended := supervisor.failure()) is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert ended is not None
+        assert "killed by SIGKILL" in ended.message
+        assert ended.service == "steady"
+
+
+def test_service_that_does_not_obey_is_killed(bus, fake_services, tmp_path, monkeypatch):
+    monkeypatch.setattr(supervisor_module, "END_SECONDS", 0.4)
+    with Supervisor([ServicePlan("stubborn")], bus=bus, logs=tmp_path) as supervisor:
+        supervisor.start(timeout_seconds=15)
+        pid = supervisor.process_ids["stubborn"]
+    assert not alive(pid)
+
+
+SCRIPT = """
+import sys, time
+from pathlib import Path
+from labbus import open_bus
+from duralab._supervisor import ServicePlan, Supervisor
+with open_bus(service="duralab") as bus, Supervisor(
+    [ServicePlan("steady"), ServicePlan("identifier")], bus=bus, logs=Path(sys.argv[1])
+) as supervisor:
+    supervisor.start(timeout_seconds=20)
+    print(*supervisor.process_ids.values(), flush=True)
+    time.sleep(600)
+"""
+
+
+def test_no_service_outlives_a_supervisor_that_is_killed(fake_services, tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    pids = [int(pid) for pid in process.stdout.readline().split()]
+    assert len(pids) == 2
+    process.kill()
+    process.wait()
+    process.stdout.close()
+    assert wait_until_gone(pids) == []
+
+
+def test_viewer_guard_takes_its_program_with_it():
+    program = [sys.executable, "-c", "import os, time; print(os.getpid(), flush=True); time.sleep(600)"]
+    guard = subprocess.Popen(
+        [sys.executable, "-m", "duralab._viewer_guard", *program],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    pid = int(guard.stdout.readline())
+    guard.stdin.close()
+    guard.wait(5)
+    guard.stdout.close()
+    assert wait_until_gone([pid]) == []
+
+
+def test_exit_is_described_by_code_or_signal():
+    assert describe_exit(3) == "exit code 3"
+    assert describe_exit(-11) == "killed by SIGSEGV"
+
+
+def test_log_lines_are_shown_as_their_event(tmp_path):
+    log = tmp_path / "x.log"
+    log.write_text('{"event": "started"}\n{"event": "gave up", "error": "no oil"}\nTraceback line\n')
+    assert last_lines(log) == "started / gave up: no oil / Traceback line"
+    assert last_lines(tmp_path / "missing.log") == "none"

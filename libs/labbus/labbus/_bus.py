@@ -1,0 +1,267 @@
+"""The bus as a service or a lab script uses it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_proto.keys import ANY, Keys
+from duralab_proto.v1 import query_pb2
+from labbus._call import Handler
+from labbus._client import QueryClient
+from labbus._config import BusConfig
+from labbus._encoding import MessageT
+from labbus._faults import BusError, FaultError
+from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
+from labbus._server import QueryServer, Served
+from labbus._session import open_session
+from labbus._streams import StreamItem, StreamPublisher, Subscription
+
+_CLOSE_SECONDS: Final = 1.0
+
+
+class LiveToken:
+    """Says that an instance of a service is there, until `close` or the end of the process."""
+
+    def __init__(self, token: zenoh.LivelinessToken) -> None:
+        self._token = token
+        self._closed = False
+
+    def close(self) -> None:
+        """Say it no more."""
+        if not self._closed:
+            self._closed = True
+            self._token.undeclare()
+
+
+class Bus:
+    """One session on the bus; made by `open_bus`, closed by `close` or at the end of `with`. Safe for threads."""
+
+    def __init__(
+        self, session: zenoh.Session, config: BusConfig, *, service: str, workers: int, listening: tuple[str, ...]
+    ) -> None:
+        self.config = config
+        self.keys = Keys(config.lab)
+        self.service = service
+        self.listening = listening
+        """The endpoints others may connect to, with their actual ports."""
+        self._session = session
+        self._limit = config.largest_payload_bytes
+        self._tracker = LivelinessTracker(session, self.keys)
+        self._client = QueryClient(session, self.keys, self._tracker, largest_bytes=self._limit)
+        self._server = QueryServer(session, self.keys, service=service, workers=workers, largest_bytes=self._limit)
+        self._tokens: list[LiveToken] = []
+        self._subscriptions: list[Subscription] = []
+        self._watches: list[LiveWatch] = []
+        self._closing = threading.Lock()
+        self._closed = False
+
+    def serve(
+        self,
+        key_expression: str,
+        request_type: type[MessageT],
+        handler: Handler[MessageT],
+        *,
+        workers: int | None = None,
+    ) -> Served:
+        """Answer the queries on a key expression.
+
+        Parameters
+        ----------
+        key_expression : str
+            A key, or one with "*" for a name. Where two match a query, the more specific one answers.
+        request_type : type
+            The message that is expected; anything else is refused before the handler is called.
+        handler : callable
+            Called with (request, call) on a worker thread, once per query and never again. Returns the response, or
+            raises FaultError, or lets the ArrayError of the request's arrays pass (it becomes INVALID_ARGUMENT);
+            anything else is logged and becomes INTERNAL. While it runs the client is told once a second.
+        workers : int, optional
+            Threads kept for this key alone: for what must be answered while all others are taken, such as a stop.
+        """
+        return self._server.serve(key_expression, request_type, handler, workers=workers)
+
+    def query(
+        self,
+        key: str,
+        request: Message,
+        response_type: type[MessageT],
+        *,
+        silence_seconds: float = 10.0,
+        on_progress: Callable[[query_pb2.Progress], None] | None = None,
+        cancel: threading.Event | None = None,
+    ) -> MessageT:
+        """Ask a service and wait for its one answer, however long it works.
+
+        Parameters
+        ----------
+        key : str
+            Without wildcards.
+        request : Message
+            The message the service expects.
+        response_type : type
+            The message it answers with.
+        silence_seconds : float
+            Longest time without a sign of life. A service gives one every second by itself.
+        on_progress : callable, optional
+            Called with each Progress, on this thread.
+        cancel : threading.Event, optional
+            Set from another thread, ends the wait; the service is told but may finish all the same.
+
+        Raises
+        ------
+        FaultError
+            UNAVAILABLE when the service is not there or vanishes, DEADLINE_EXCEEDED when it is silent, CANCELLED on
+            `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS when it ends without a result or answers
+            something else, and whatever fault it answers itself. Nothing is ever asked twice.
+        BusError
+            This bus is closed.
+        """
+        try:
+            return self._client.query(
+                key,
+                request,
+                response_type,
+                silence_seconds=silence_seconds,
+                on_progress=on_progress,
+                cancel=cancel,
+            )
+        except zenoh.ZError as error:
+            raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
+
+    def publisher(self, key: str) -> StreamPublisher:
+        """Return a publisher on one key, with an epoch of its own."""
+        return StreamPublisher(self._session, key, largest_bytes=self._limit)
+
+    def subscribe(
+        self,
+        key_expression: str,
+        message_type: type[MessageT],
+        callback: Callable[[StreamItem[MessageT]], None],
+        on_problem: Callable[[FaultError], None] | None = None,
+    ) -> Subscription[MessageT]:
+        """Receive what is published on a key expression.
+
+        Parameters
+        ----------
+        key_expression : str
+            A key, or one with wildcards.
+        message_type : type
+            The message that is expected.
+        callback : callable
+            Called with each StreamItem, in order, on a thread of this subscription. The queue has no bound.
+        on_problem : callable, optional
+            Called on the same thread with the FaultError of a message that is not what is expected; logged otherwise.
+        """
+        subscription = Subscription(
+            self._session,
+            key_expression,
+            message_type,
+            callback,
+            on_problem=on_problem,
+            largest_bytes=self._limit,
+        )
+        self._subscriptions.append(subscription)
+        return subscription
+
+    def declare_live(self, service: str, instance: str) -> LiveToken:
+        """Say that an instance of a service is there; do it last, when it answers."""
+        if self._tracker.live(service, instance):
+            structlog.get_logger("labbus").warning("Another one is on the bus.", service=service, instance=instance)
+        token = LiveToken(self._session.liveliness().declare_token(self.keys.live(service, instance)))
+        self._tokens.append(token)
+        return token
+
+    def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
+        """Return who is there now, as (service, instance); a new session has not met everyone yet: see `discover`."""
+        return self._tracker.live(service, instance)
+
+    def watch_live(self, callback: LiveCallback) -> LiveWatch:
+        """Call back with (service, instance, alive) for everyone who is there and at every change, on an own thread."""
+        watch = LiveWatch(self._tracker, callback)
+        self._watches.append(watch)
+        return watch
+
+    def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
+        """Return who is there, like `live`, but only when this session is old enough to have met everyone."""
+        self._client.wait_until_discovered()
+        return self._tracker.live(service, instance)
+
+    def wait_for_live(self, instances: set[Instance], timeout_seconds: float) -> None:
+        """Wait until all of them are there.
+
+        Raises
+        ------
+        FaultError
+            UNAVAILABLE, naming who is missing after the timeout.
+        """
+        missing = self._tracker.wait_for(set(instances), timeout_seconds=timeout_seconds)
+        if missing:
+            names = ", ".join(sorted(f"{service}/{instance}" for service, instance in missing))
+            raise FaultError(
+                query_pb2.FAULT_CODE_UNAVAILABLE,
+                f"Not on the bus after {timeout_seconds:g} s: {names}; see whether it runs and what its log says.",
+            )
+
+    def stop_serving(self) -> None:
+        """Withdraw the liveliness tokens, take no more queries, tell the running handlers and wait a moment for them.
+
+        Asking and publishing go on, so that a service can still bring its own work to an end.
+        """
+        for token in self._tokens:
+            token.close()
+        self._tokens.clear()
+        self._server.close()
+
+    def close(self) -> None:
+        """Leave the bus: tokens first, then queries, streams and the session. Returns within about 3 s."""
+        with self._closing:
+            if self._closed:
+                return
+            self._closed = True
+        self.stop_serving()
+        for watch in self._watches:
+            watch.close()
+        for subscription in self._subscriptions:
+            subscription.close()
+        self._tracker.close()
+        # Closing waits for Zenoh's own threads; a stuck link must not keep the process from ending.
+        closing = threading.Thread(target=self._session.close, name="labbus-close", daemon=True)
+        closing.start()
+        closing.join(_CLOSE_SECONDS)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4) -> Bus:
+    """Join the bus.
+
+    Parameters
+    ----------
+    config : BusConfig, optional
+        How; an unconnected peer on loopback where not given.
+    service : str
+        Who joins, e.g. "rig_sim"; named in the faults it answers.
+    workers : int
+        Queries answered at once, 1 or more.
+
+    Raises
+    ------
+    BusError
+        One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
+    """
+    config = config or BusConfig()
+    session, listening = open_session(config)
+    return Bus(session, config, service=service, workers=workers, listening=listening)

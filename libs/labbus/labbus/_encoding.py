@@ -1,0 +1,83 @@
+"""Messages as they go over the bus: protobuf, with the encoding naming the message's type."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import zenoh
+from google.protobuf.message import DecodeError, Message
+
+from duralab_proto.v1 import query_pb2
+from labbus._faults import FaultError
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+def encoding_of(message_type: Message | type[Message]) -> str:
+    """Return the encoding of a message or message type: `application/protobuf;<full name>`."""
+    return f"application/protobuf;{message_type.DESCRIPTOR.full_name}"
+
+
+def encode(
+    message: Message,
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> bytes:
+    """Serialise a message that is about to be sent.
+
+    Raises
+    ------
+    FaultError
+        With `code`, when it is larger than `largest_bytes`.
+    """
+    size = message.ByteSize()
+    if size > largest_bytes:
+        raise _too_large(message.DESCRIPTOR.full_name, size, largest_bytes, code=code)
+    return message.SerializeToString(deterministic=True)
+
+
+def decode(
+    payload: zenoh.ZBytes | None,
+    encoding: zenoh.Encoding | None,
+    message_type: type[MessageT],
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> MessageT:
+    """Check and parse what was received.
+
+    Parameters
+    ----------
+    payload, encoding
+        As Zenoh delivered them; a query without a payload has neither.
+    message_type : type
+        The only type that is accepted.
+    largest_bytes : int
+        Largest payload that is accepted.
+    code : query_pb2.FaultCode
+        Code of the fault: whose mistake it is depends on who sent it.
+
+    Raises
+    ------
+    FaultError
+        The encoding names another type, the payload is too large, or does not parse; the message names what was
+        expected.
+    """
+    expected = encoding_of(message_type)
+    name = message_type.DESCRIPTOR.full_name
+    received = "none" if encoding is None else str(encoding)
+    if received != expected:
+        raise FaultError(code, f"The message has the encoding {received!r}; expected is {expected!r}.")
+    if payload is not None and len(payload) > largest_bytes:
+        raise _too_large(name, len(payload), largest_bytes, code=code)
+    try:
+        return message_type.FromString(b"" if payload is None else payload.to_bytes())
+    except DecodeError as error:
+        raise FaultError(code, f"The payload of {len(payload or b'')} bytes is not a {name}; send one.") from error
+
+
+def _too_large(name: str, size: int, largest: int, *, code: query_pb2.FaultCode) -> FaultError:
+    return FaultError(
+        code, f"The {name} has {size} bytes; at most {largest} are allowed (`largest_payload_bytes` of the bus)."
+    )

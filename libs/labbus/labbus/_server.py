@@ -1,0 +1,209 @@
+"""The serving side of a bus: queryables, their workers, keep-alive and cancellation."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Final
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_proto.keys import ANY, Keys
+from duralab_proto.v1 import query_pb2
+from labbus._call import Handler, QueryJob
+from labbus._encoding import MessageT
+from labbus._faults import FaultError
+from labbus._liveliness import DEBOUNCE_SECONDS
+from labbus._workers import WorkerPool
+
+_TICK_SECONDS: Final = 0.1
+_DRAIN_SECONDS: Final = 1.5
+_REMEMBERED_DEPARTURES: Final = 256
+
+
+@dataclass(frozen=True)
+class _Route:
+    """One served key expression."""
+
+    expression: zenoh.KeyExpr
+    request_type: type[Message]
+    handler: Handler[Any]
+    pool: WorkerPool[QueryJob[Any]]
+
+
+class Served:
+    """A key expression that is being served; `close` ends it."""
+
+    def __init__(self, server: QueryServer, route: _Route, queryable: zenoh.Queryable[None]) -> None:
+        self._server = server
+        self._route = route
+        self._queryable = queryable
+
+    def close(self) -> None:
+        """Take no more queries; those that run go on."""
+        self._queryable.undeclare()
+        self._server.forget(self._route)
+
+
+class QueryServer:
+    """Answers the queries of one session."""
+
+    def __init__(self, session: zenoh.Session, keys: Keys, *, service: str, workers: int, largest_bytes: int) -> None:
+        self._session = session
+        self._keys = keys
+        self._service = service
+        self._largest_bytes = largest_bytes
+        self._pool: WorkerPool[QueryJob[Any]] = WorkerPool(workers, name="labbus-worker")
+        self._pools = [self._pool]
+        self._routes: list[_Route] = []
+        self._served: list[Served] = []
+        self._changed = threading.Condition()
+        self._jobs: set[QueryJob[Any]] = set()
+        self._departures: dict[str, float] = {}
+        self._departed: deque[str] = deque(maxlen=_REMEMBERED_DEPARTURES)
+        self._askers: zenoh.Subscriber[None] | None = None
+        self._closed = False
+        self._log = structlog.get_logger("labbus")
+
+    def serve(
+        self, key_expression: str, request_type: type[MessageT], handler: Handler[MessageT], *, workers: int | None
+    ) -> Served:
+        """Answer the queries on a key expression; see `Bus.serve`."""
+        if self._askers is None:
+            self._askers = self._session.liveliness().declare_subscriber(
+                self._keys.asking(ANY), zenoh.handlers.Callback(self._on_asker, indirect=False)
+            )
+            threading.Thread(target=self._tick, name="labbus-keep-alive", daemon=True).start()
+        pool = self._pool
+        if workers is not None:
+            pool = WorkerPool(workers, name=f"labbus-{request_type.DESCRIPTOR.name}")
+            self._pools.append(pool)
+        route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
+        with self._changed:
+            self._routes.append(route)
+
+        def on_query(query: zenoh.Query) -> None:
+            self._on_query(route, query)
+
+        queryable = self._session.declare_queryable(
+            key_expression,
+            zenoh.handlers.Callback(on_query, indirect=False),
+            # Complete: a query goes to one service only, even where two are started by mistake.
+            complete=True,
+        )
+        served = Served(self, route, queryable)
+        self._served.append(served)
+        return served
+
+    def forget(self, route: _Route) -> None:
+        """Take a route out of the choice of the most specific one."""
+        with self._changed:
+            if route in self._routes:
+                self._routes.remove(route)
+
+    def close(self) -> None:
+        """Take no more queries, tell the running handlers, wait a moment for them, answer for those that are stuck."""
+        with self._changed:
+            if self._closed:
+                return
+            self._closed = True
+            self._changed.notify_all()
+        for served in self._served:
+            served.close()
+        if self._askers is not None:
+            self._askers.undeclare()
+        for pool in self._pools:
+            for job in pool.close():
+                job.refuse(self._ended(job.key))
+        with self._changed:
+            for job in self._jobs:
+                job.cancel()
+            self._changed.wait_for(lambda: not self._jobs, _DRAIN_SECONDS)
+            stuck = list(self._jobs)
+        for job in stuck:
+            self._log.warning("A handler did not end in time.", key=job.key)
+            job.refuse(self._ended(job.key))
+
+    def _ended(self, key: str) -> FaultError:
+        return FaultError(
+            query_pb2.FAULT_CODE_UNAVAILABLE, f"The {self._service} ended before it answered {key}; start it again."
+        )
+
+    def _on_query(self, route: _Route, query: zenoh.Query) -> None:
+        """Take a query over from Zenoh's thread: nothing here may block."""
+        with self._changed:
+            outranked = self._outranked(route, query.key_expr)
+        if outranked:
+            query.drop()
+            return
+        job = QueryJob(
+            query,
+            request_type=route.request_type,
+            handler=route.handler,
+            service=self._service,
+            largest_bytes=self._largest_bytes,
+            on_end=self._on_end,
+        )
+        with self._changed:
+            self._jobs.add(job)
+            if job.asker in self._departed:
+                job.cancel()
+            self._changed.notify_all()
+        if not route.pool.submit(job):
+            job.refuse(self._ended(job.key))
+
+    def _outranked(self, route: _Route, key: zenoh.KeyExpr) -> bool:
+        """Return whether a more specific expression is served for this key: `campaign/start` before `campaign/*`."""
+        return any(
+            other is not route
+            and other.expression != route.expression
+            and route.expression.includes(other.expression)
+            and other.expression.includes(key)
+            for other in self._routes
+        )
+
+    def _on_end(self, job: QueryJob[Any]) -> None:
+        with self._changed:
+            self._jobs.discard(job)
+            self._changed.notify_all()
+
+    def _on_asker(self, sample: zenoh.Sample) -> None:
+        asker = str(sample.key_expr).rpartition("/")[2]
+        with self._changed:
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._departures.pop(asker, None)
+            elif any(job.asker == asker for job in self._jobs):
+                # Links flap: not cancelled before the token stayed away for a moment.
+                self._departures[asker] = time.monotonic() + DEBOUNCE_SECONDS
+            else:
+                self._departed.append(asker)
+
+    def _tick(self) -> None:
+        """Keep clients informed, refuse what waits too long, cancel what nobody waits for."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._jobs or self._closed)
+                if self._closed and not self._jobs:
+                    return
+                now = time.monotonic()
+                for asker in [asker for asker, until in self._departures.items() if until <= now]:
+                    del self._departures[asker]
+                    for job in self._jobs:
+                        if job.asker == asker:
+                            job.cancel()
+                jobs = list(self._jobs)
+            for job in jobs:
+                job.keep_alive()
+            for pool in self._pools:
+                for overdue in pool.take_overdue():
+                    overdue.refuse(
+                        FaultError(
+                            query_pb2.FAULT_CODE_BUSY,
+                            f"All {pool.workers} workers of the {self._service} are taken; ask again later.",
+                        )
+                    )
+            time.sleep(_TICK_SECONDS)

@@ -1,0 +1,126 @@
+"""Opening a Zenoh session from a BusConfig, with errors that a user understands."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+from typing import Final
+
+import zenoh
+
+from labbus._config import BusConfig, BusMode
+from labbus._faults import BusError
+
+# A free port is found by asking the system and giving it back; another process may take it in between.
+_PORT_ATTEMPTS: Final = 5
+_PROBE_SECONDS: Final = 0.5
+# Zenoh closes a link, and loses what was queued on it, when a receiver does not read for this long. Its default of 5 s
+# is less than a busy interpreter may need; a receiver that is frozen altogether is given up after the lease of 10 s.
+_BLOCKED_LINK_MICROSECONDS: Final = 30_000_000
+
+
+def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
+    """Open a session.
+
+    Returns
+    -------
+    session : zenoh.Session
+        Connected to every endpoint of `config.connect`.
+    listening : tuple of str
+        The endpoints it accepts others at, with their actual ports.
+
+    Raises
+    ------
+    BusError
+        A port is in use, nothing answers at an endpoint of `connect`, or Zenoh refuses the configuration.
+    """
+    for attempt in range(1, _PORT_ATTEMPTS + 1):
+        listening = () if config.mode is BusMode.CLIENT else tuple(_with_port(endpoint) for endpoint in config.listen)
+        try:
+            return zenoh.open(_zenoh_config(config, listening)), listening
+        except zenoh.ZError as error:
+            taken = re.search(r"listener bound to (\S+):", str(error))
+            chosen_here = taken is not None and taken[1] not in config.listen
+            if not (chosen_here and attempt < _PORT_ATTEMPTS):
+                raise BusError(_explain(str(error), config)) from error
+    raise AssertionError("unreachable: the last attempt returns or raises")
+
+
+def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config:
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": config.mode.value,
+                "listen": {"endpoints": listening, "timeout_ms": 0, "exit_on_failure": True},
+                "connect": {
+                    "endpoints": config.connect,
+                    # Zenoh's default is to go on without a word, and to try again for ever.
+                    "timeout_ms": round(config.connect_timeout_seconds * 1e3),
+                    "exit_on_failure": True,
+                    "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
+                },
+                # Sessions find each other through the endpoints they are told, and by gossip from there on.
+                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
+                "adminspace": {"enabled": False},
+                "transport": {
+                    # Silent drops under a stalled receiver were reported with it.
+                    "shared_memory": {"enabled": False},
+                    "link": {
+                        "tx": {
+                            "queue": {
+                                "congestion_control": {"block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS}}
+                            }
+                        }
+                    },
+                },
+            }
+        )
+    )
+
+
+def _host_and_port(endpoint: str) -> tuple[str, int]:
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def _with_port(endpoint: str) -> str:
+    """Put a free port in the place of port 0: Zenoh does not tell which one it took."""
+    host, port = _host_and_port(endpoint)
+    if port != 0:
+        return endpoint
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.bind(address)
+            free = probe.getsockname()[1]
+    except OSError as error:
+        raise BusError(f"Cannot listen at {endpoint}: {error.strerror or error}; correct `listen`.") from error
+    return f"{endpoint.removesuffix(':0')}:{free}"
+
+
+def _answers(endpoint: str) -> bool:
+    try:
+        with socket.create_connection(_host_and_port(endpoint), timeout=_PROBE_SECONDS):
+            return True
+    except OSError:
+        return False
+
+
+def _explain(error: str, config: BusConfig) -> str:
+    """Turn a Zenoh error into one sentence with the value and what to do."""
+    if taken := re.search(r"listener bound to (\S+): \[?(.*?)(?: \(os error \d+\))? at /", error):
+        if "in use" in taken[2]:
+            return f"The endpoint {taken[1]} is in use by another process; end that one or choose another in `listen`."
+        return f"Cannot listen at {taken[1]}: {taken[2].rpartition(': ')[2]}; correct `listen`."
+    if "Unable to connect" in error:
+        seconds = f"{config.connect_timeout_seconds:g} s"
+        silent = [endpoint for endpoint in config.connect if not _answers(endpoint)]
+        if silent:
+            return f"Nothing listens at {', '.join(silent)} (tried for {seconds}); start it first or correct `connect`."
+        return (
+            f"{', '.join(config.connect)} answers but let this session not in within {seconds}; "
+            "is it a Zenoh endpoint, and may this session join it?"
+        )
+    reason = re.sub(r" at /\S+:\d+\.?", "", error)
+    return f"Cannot open the bus: {reason}"

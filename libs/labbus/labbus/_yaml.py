@@ -1,0 +1,73 @@
+"""Configuration files: YAML into a typed configuration, with errors in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+ConfigT = TypeVar("ConfigT", bound=BaseModel)
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message is one sentence with file, field, value and what is allowed."""
+
+
+def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    config_type : type
+        The pydantic model it must fit.
+    path : Path or str
+        A YAML file with one mapping; an empty file is the default configuration.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, is not YAML, or does not fit; all that does not fit is named at once.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise ConfigError(f"Cannot read the configuration {path}: {reason}.") from error
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{path} is not YAML: {reason}.") from error
+    if content is not None and not isinstance(content, dict):
+        raise ConfigError(f"{path} holds a {type(content).__name__}; it must hold a mapping of fields to values.")
+    try:
+        return config_type.model_validate(content or {})
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {explain_validation(error, config_type)}") from error
+
+
+def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> str:
+    """Return a pydantic error as one sentence that names every field, its value and what is allowed."""
+    findings = []
+    for detail in error.errors(include_url=False):
+        field = ".".join(str(part) for part in detail["loc"])
+        if detail["type"] == "extra_forbidden":
+            known = ", ".join(config_type.model_fields) if len(detail["loc"]) == 1 else ""
+            findings.append(f"{field} is unknown{f' (known are {known})' if known else ''}")
+            continue
+        reason = detail["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        if detail["type"] == "missing":
+            findings.append(f"{field} is missing")
+        elif field and detail["type"] != "value_error":
+            findings.append(f"{field} is {_shortened(detail['input'])}: {reason[:1].lower()}{reason[1:]}")
+        else:
+            findings.append(f"{field}: {reason}" if field else reason)
+    return "; ".join(findings) + "."
+
+
+def _shortened(value: object, longest: int = 80) -> str:
+    text = repr(value)
+    return text if len(text) <= longest else f"{text[:longest]}…"

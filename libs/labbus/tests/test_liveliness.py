@@ -1,0 +1,78 @@
+"""Liveliness: who comes and goes is seen, and short flaps are not."""
+
+import queue
+import signal
+import time
+
+import pytest
+
+import labbus
+from duralab_proto.v1 import query_pb2
+
+WAIT = 20.0
+
+
+def test_service_is_seen_coming_and_being_killed(hub, processes):
+    events = queue.SimpleQueue()
+    watch = hub.watch_live(lambda *event: events.put(event))
+    process = processes.start({"bus": {"connect": list(hub.listening)}, "rigs": ["one", "two"]})
+    assert {events.get(timeout=WAIT) for _ in range(2)} == {("rig_sim", "one", True), ("rig_sim", "two", True)}
+    assert hub.live() == hub.live("rig_sim") == {("rig_sim", "one"), ("rig_sim", "two")}
+    assert hub.live(instance="two") == {("rig_sim", "two")}
+    process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    assert {events.get(timeout=WAIT) for _ in range(2)} == {("rig_sim", "one", False), ("rig_sim", "two", False)}
+    assert time.monotonic() - killed < 2.0
+    assert hub.live() == set()
+    watch.close()
+
+
+def test_late_watcher_is_told_who_is_there_already(hub):
+    token = hub.declare_live("recorder", "main")
+    hub.wait_for_live({("recorder", "main")}, WAIT)
+    events = queue.SimpleQueue()
+    watch = hub.watch_live(lambda *event: events.put(event))
+    assert events.get(timeout=WAIT) == ("recorder", "main", True)
+    token.close()
+    assert events.get(timeout=WAIT) == ("recorder", "main", False)
+    watch.close()
+
+
+def test_flap_is_not_reported(hub):
+    token = hub.declare_live("recorder", "main")
+    events = queue.SimpleQueue()
+    watch = hub.watch_live(lambda *event: events.put(event))
+    assert events.get(timeout=WAIT) == ("recorder", "main", True)
+    token.close()
+    token = hub.declare_live("recorder", "main")
+    with pytest.raises(queue.Empty):
+        events.get(timeout=0.6)
+    token.close()
+    watch.close()
+
+
+def test_new_session_discovers_who_was_there_before(lab):
+    with labbus.open_bus(labbus.BusConfig(connect=lab.listening), service="late") as late:
+        assert late.discover() == {("rig_sim", "bench")}
+
+
+def test_sessions_of_one_hub_meet_each_other(lab):
+    # Gossip: the second one is told of the first by the hub, and linked to it directly.
+    config = labbus.BusConfig(connect=lab.listening)
+    with labbus.open_bus(config, service="a") as a, labbus.open_bus(config, service="b") as b:
+        a.declare_live("iterator", "main")
+        b.wait_for_live({("iterator", "main")}, WAIT)
+
+
+def test_labs_do_not_meet(lab):
+    with labbus.open_bus(labbus.BusConfig(connect=lab.listening, lab="other"), service="stranger") as stranger:
+        assert stranger.discover() == set()
+
+
+def test_who_is_missing_is_named(lab):
+    wanted = {("rig_sim", "bench"), ("recorder", "main"), ("iterator", "main")}
+    with pytest.raises(labbus.FaultError) as caught:
+        lab.wait_for_live(wanted, 0.1)
+    assert caught.value.code == query_pb2.FAULT_CODE_UNAVAILABLE
+    assert "iterator/main, recorder/main" in caught.value.message
+    assert "bench" not in caught.value.message

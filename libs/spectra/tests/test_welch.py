@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from scipy import signal
+
+import spectra
+
+SETTINGS = {"block_samples": 256, "overlap": 0.5, "sample_rate": 1000.0}
+
+
+def csd_loop(a, b, *, block_samples, overlap, sample_rate):
+    def one(first, second):
+        return signal.csd(
+            second,
+            first,
+            fs=sample_rate,
+            window=spectra.hann_periodic(block_samples),
+            nperseg=block_samples,
+            noverlap=block_samples - spectra.hop_samples(block_samples, overlap),
+            detrend=False,
+        )[1]
+
+    return np.stack([[one(x, y) for y in b] for x in a]).transpose(2, 0, 1)
+
+
+@pytest.fixture
+def records():
+    generator = np.random.default_rng(1)
+    drive = generator.standard_normal((3, 9001)) + 0.7
+    response = generator.standard_normal((4, 9001)) + generator.standard_normal((4, 3)) @ drive
+    return response, drive
+
+
+@pytest.mark.parametrize(("block", "overlap"), [(256, 0.5), (512, 0.75), (100, 0.0), (9000, 0.5)])
+def test_cross_spectra_equal_a_csd_loop(records, block, overlap):
+    chosen = {"block_samples": block, "overlap": overlap, "sample_rate": 500.0}
+    expected = csd_loop(*records, **chosen)
+    result = spectra.cross_spectra(*records, **chosen)
+    assert np.max(np.abs(result - expected)) <= 1e-12 * np.max(np.abs(expected))
+    assert result.flags.c_contiguous
+
+
+@pytest.mark.parametrize("piece", [1, 97, 1000, 9001])
+def test_the_running_estimate_does_not_depend_on_how_the_record_is_cut(records, piece):
+    response, drive = (record[:, :2000] for record in records) if piece == 1 else records
+    running = spectra.CrossSpectra(4, 3, **SETTINGS)
+    for start in range(0, drive.shape[1], piece):
+        running.add(response[:, start : start + piece], drive[:, start : start + piece])
+    result = running.estimate()
+    expected = spectra.cross_spectra(response, drive, **SETTINGS)
+    scale = np.max(np.abs(expected))
+    assert np.max(np.abs(result.s_ab - expected)) <= 1e-12 * scale
+    assert np.max(np.abs(result.s_bb - spectra.cross_spectra(drive, drive, **SETTINGS))) <= 1e-12 * scale
+    assert np.max(np.abs(result.auto_a - spectra.auto_spectra(response, **SETTINGS))) <= 1e-12 * scale
+    assert result.blocks == spectra.count_blocks(drive.shape[1], 256, 0.5)
+
+
+def test_paired_spectra_are_the_diagonal(records):
+    response, drive = records
+    expected = np.einsum("fii->fi", spectra.cross_spectra(response[:3], drive, **SETTINGS))
+    np.testing.assert_allclose(spectra.paired_spectra(response[:3], drive, **SETTINGS), expected, rtol=1e-12)
+
+
+def test_the_auto_spectrum_integrates_to_the_power_of_white_noise():
+    record = np.random.default_rng(5).standard_normal((1, 200_000))
+    density = spectra.auto_spectra(record, **SETTINGS)
+    assert density.sum() * 1000.0 / 256 == pytest.approx(float(np.mean(record**2)), rel=0.01)
+
+
+def test_a_delayed_response_has_falling_phase():
+    delay, block, rate = 3, 128, 100.0
+    drive = np.random.default_rng(2).standard_normal((1, 50_000))
+    response = np.roll(drive, delay, axis=1)
+    chosen = {"block_samples": block, "overlap": 0.5, "sample_rate": rate}
+    frf = spectra.cross_spectra(response, drive, **chosen) / spectra.cross_spectra(drive, drive, **chosen)
+    expected = np.exp(-2j * np.pi * spectra.line_frequencies(block, rate) * delay / rate)
+    # The delay shifts the response a little in its window, so the sign is exact and the value near.
+    np.testing.assert_allclose(frf[:, 0, 0], expected, atol=0.05)
+    assert np.all(np.diff(np.unwrap(np.angle(frf[:-1, 0, 0]))) < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "message"),
+    [
+        (np.ones((2, 300)), np.ones((2, 301)), "300 and 301 samples"),
+        (np.ones((2, 100)), np.ones((2, 100)), "fewer than one block"),
+        (np.full((1, 300), np.nan), np.ones((1, 300)), "must be finite"),
+        (np.ones(300), np.ones((1, 300)), "shape"),
+        (np.ones((1, 300), dtype=complex), np.ones((1, 300)), "real"),
+    ],
+)
+def test_unusable_records_are_refused(a, b, message):
+    with pytest.raises(ValueError, match=message):
+        spectra.cross_spectra(a, b, **SETTINGS)
+
+
+def test_an_estimate_of_less_than_a_block_is_refused():
+    running = spectra.CrossSpectra(1, 1, **SETTINGS)
+    running.add(np.ones((1, 255)), np.ones((1, 255)))
+    with pytest.raises(ValueError, match="shorter than one block"):
+        running.estimate()
+    with pytest.raises(ValueError, match="2 and 1 channels"):
+        running.add(np.ones((2, 255)), np.ones((1, 255)))

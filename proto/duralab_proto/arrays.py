@@ -1,0 +1,232 @@
+"""Arrays and records between numpy and the contract: checked on the way in, without a copy of the elements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from duralab_proto.v1 import array_pb2
+
+_DTYPES: Final[dict[array_pb2.ElementType, np.dtype]] = {
+    array_pb2.ELEMENT_TYPE_FLOAT64: np.dtype("<f8"),
+    array_pb2.ELEMENT_TYPE_FLOAT32: np.dtype("<f4"),
+    array_pb2.ELEMENT_TYPE_COMPLEX128: np.dtype("<c16"),
+    array_pb2.ELEMENT_TYPE_INT64: np.dtype("<i8"),
+}
+_ELEMENT_TYPES: Final = {dtype: element_type for element_type, dtype in _DTYPES.items()}
+
+LARGEST_RANK: Final = 8
+"""Most axes of an Array; the contract needs three, and numpy itself stops at 64."""
+
+
+class ArrayError(ValueError):
+    """An Array or Record that is not what it should be.
+
+    Parameters
+    ----------
+    message : str
+        One sentence: what was wrong with which value, and what is allowed.
+    field : str
+        Path of the message's field that was wrong, e.g. "drive.samples".
+    """
+
+    def __init__(self, message: str, *, field: str) -> None:
+        super().__init__(message)
+        self.field = field
+
+
+def to_array(values: np.ndarray) -> array_pb2.Array:
+    """Encode a numpy array.
+
+    Parameters
+    ----------
+    values : np.ndarray
+        float64, float32, complex128 or int64, any shape of at most `LARGEST_RANK` axes, any byte order or layout.
+
+    Returns
+    -------
+    array_pb2.Array
+        The elements in C order, little-endian.
+
+    Raises
+    ------
+    ArrayError
+        The contract has no such element type, or too many axes.
+    """
+    little_endian = values.dtype.newbyteorder("<")
+    if little_endian not in _ELEMENT_TYPES:
+        allowed = ", ".join(dtype.name for dtype in _DTYPES.values())
+        raise ArrayError(f"An array of {values.dtype} cannot be sent; allowed are {allowed}.", field="array")
+    if values.ndim > LARGEST_RANK:
+        raise ArrayError(f"An array of {values.ndim} axes cannot be sent; allowed are {LARGEST_RANK}.", field="array")
+    return array_pb2.Array(
+        element_type=_ELEMENT_TYPES[little_endian],
+        shape=values.shape,
+        data=values.astype(little_endian, copy=False).tobytes(order="C"),
+    )
+
+
+def from_array(
+    message: array_pb2.Array,
+    *,
+    field: str = "array",
+    shape: Sequence[int | None] | None = None,
+    dtype: DTypeLike | None = None,
+    finite: bool = True,
+) -> np.ndarray:
+    """Decode an Array and check it.
+
+    Parameters
+    ----------
+    message : array_pb2.Array
+        What was received; nothing in it is trusted.
+    field : str
+        Path of the field that holds it, for the error.
+    shape : sequence of int or None, optional
+        Expected length of each axis; None where any length is allowed.
+    dtype : dtype-like, optional
+        Expected element type; any of the contract's where not given.
+    finite : bool
+        Refuse NaN and infinities.
+
+    Returns
+    -------
+    np.ndarray
+        A read-only, C-contiguous view of the message's elements.
+
+    Raises
+    ------
+    ArrayError
+        Unknown element type, wrong type or shape, bytes that do not fit the shape, or a value that is not finite.
+    """
+    element_type = _DTYPES.get(message.element_type)
+    if element_type is None:
+        raise ArrayError(
+            f"{field} has the unknown element type {message.element_type}; allowed are {sorted(_DTYPES)}.", field=field
+        )
+    if dtype is not None and element_type != np.dtype(dtype).newbyteorder("<"):
+        raise ArrayError(
+            f"{field} has elements of {element_type.name}; it must be {np.dtype(dtype).name}.", field=field
+        )
+    lengths = tuple(message.shape)
+    if len(lengths) > LARGEST_RANK:
+        raise ArrayError(f"{field} has {len(lengths)} axes; at most {LARGEST_RANK} are allowed.", field=field)
+    if shape is not None:
+        _check_shape(lengths, shape, field=field)
+    data = message.data
+    # Python integers do not overflow, so a hostile shape cannot wrap around to the length of the data.
+    expected = math.prod(lengths) * element_type.itemsize
+    if len(data) != expected:
+        raise ArrayError(
+            f"{field} has {len(data)} bytes; its shape {lengths} of {element_type.name} takes {expected}.", field=field
+        )
+    try:
+        values = np.frombuffer(data, dtype=element_type).reshape(lengths)
+    except ValueError as error:
+        # An empty array passes the check above with axes of any length, also of one numpy cannot hold.
+        raise ArrayError(f"{field} has the shape {lengths}, which is too large.", field=field) from error
+    if finite and element_type.kind in "fc":
+        _check_finite(values, field=field)
+    return values
+
+
+def _check_shape(lengths: tuple[int, ...], shape: Sequence[int | None], *, field: str) -> None:
+    fits = len(lengths) == len(shape) and all(
+        wanted in (None, length) for length, wanted in zip(lengths, shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise ArrayError(f"{field} has the shape {lengths}; it must be ({wanted}).", field=field)
+
+
+def _check_finite(values: np.ndarray, *, field: str) -> None:
+    finite = np.isfinite(values)
+    if not finite.all():
+        index = tuple(int(i) for i in np.unravel_index(int(np.argmin(finite)), values.shape))
+        raise ArrayError(f"{field} is {values[index]} at index {index}; every value must be finite.", field=field)
+
+
+def to_record(channels: Iterable[array_pb2.Channel], sample_rate: float, samples: np.ndarray) -> array_pb2.Record:
+    """Encode sampled signals.
+
+    Parameters
+    ----------
+    channels : iterable of array_pb2.Channel
+        One for each row of `samples`.
+    sample_rate : float
+        Samples per second, in hertz, greater than 0.
+    samples : np.ndarray, shape (channels, samples)
+        float64, each row in its channel's unit.
+
+    Returns
+    -------
+    array_pb2.Record
+        As it goes over the bus.
+
+    Raises
+    ------
+    ArrayError
+        The parts do not fit together.
+    """
+    record = array_pb2.Record(channels=channels, sample_rate=sample_rate, samples=to_array(samples))
+    _check_record(record, samples, field="record")
+    return record
+
+
+def from_record(
+    record: array_pb2.Record, *, field: str = "record"
+) -> tuple[list[array_pb2.Channel], float, np.ndarray]:
+    """Decode sampled signals and check them.
+
+    Parameters
+    ----------
+    record : array_pb2.Record
+        What was received; nothing in it is trusted.
+    field : str
+        Path of the field that holds it, for the error.
+
+    Returns
+    -------
+    channels : list of array_pb2.Channel
+        With distinct, non-empty names.
+    sample_rate : float
+        In hertz, finite and greater than 0.
+    samples : np.ndarray, shape (channels, samples)
+        float64, finite, a read-only view; each row in its channel's unit.
+
+    Raises
+    ------
+    ArrayError
+        The record is not as described above.
+    """
+    samples = from_array(record.samples, field=f"{field}.samples", shape=(None, None), dtype=np.float64)
+    _check_record(record, samples, field=field)
+    return list(record.channels), record.sample_rate, samples
+
+
+def _check_record(record: array_pb2.Record, samples: np.ndarray, *, field: str) -> None:
+    if not (math.isfinite(record.sample_rate) and record.sample_rate > 0):
+        raise ArrayError(
+            f"{field}.sample_rate is {record.sample_rate} Hz; it must be greater than 0.", field=f"{field}.sample_rate"
+        )
+    if samples.ndim != 2 or samples.dtype != np.float64:
+        raise ArrayError(
+            f"{field}.samples has {samples.ndim} axes of {samples.dtype}; it must be (channels, samples) of float64.",
+            field=f"{field}.samples",
+        )
+    names = [channel.name for channel in record.channels]
+    if len(names) != samples.shape[0]:
+        raise ArrayError(
+            f"{field} has {len(names)} channels and {samples.shape[0]} rows of samples; each channel needs one row.",
+            field=f"{field}.channels",
+        )
+    unusable = sorted({name for name in names if not name or names.count(name) > 1})
+    if unusable:
+        raise ArrayError(
+            f"{field}.channels has the names {unusable} empty or more than once; each channel needs a name of its own.",
+            field=f"{field}.channels",
+        )

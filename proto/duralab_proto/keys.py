@@ -1,0 +1,260 @@
+"""The key space: every key of the contract, made and taken apart as pure strings.
+
+All keys stand under `duralab/v1/<lab>/`. A method given "*" for a name returns a key expression that matches every
+name; names that users choose are checked here, so that none of them can reach beyond its own place in the key space.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+PREFIX: Final = "duralab/v1"
+"""First chunks of every key: the project and the version of the contract."""
+
+ANY: Final = "*"
+"""Stands for any one name in a key expression."""
+
+ANY_DEPTH: Final = "**"
+"""Stands for any number of chunks in a key expression."""
+
+LONGEST_NAME: Final = 120
+"""Most characters of a name; names become parts of file names."""
+
+_LAB = re.compile(r"[a-z0-9_-]+")
+_RIG = re.compile(r"[a-z0-9][a-z0-9_]*")
+_IDENTIFIER = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_RUN = re.compile(r"[a-z0-9][a-z0-9_.-]*")
+
+_RIG_RULE = "lower case letters, digits and '_', starting with a letter or digit"
+_IDENTIFIER_RULE = "lower case letters, digits, '-' and '_', starting with a letter or digit"
+_RUN_RULE = "lower case letters, digits, '-', '_' and '.', starting with a letter or digit"
+
+MAIN_INSTANCE: Final = "main"
+"""Instance of every service of which a lab has one."""
+
+_RESERVED_IDENTIFIERS: Final = frozenset({"start", "list"})
+
+
+def _check(name: str, pattern: re.Pattern[str], *, what: str, rule: str) -> str:
+    if len(name) > LONGEST_NAME:
+        raise ValueError(f"The {what} {name[:20]!r}… has {len(name)} characters; at most {LONGEST_NAME} are allowed.")
+    if pattern.fullmatch(name) is None:
+        raise ValueError(f"The {what} {name!r} is not a name of {rule}.")
+    return name
+
+
+def check_rig(name: str) -> str:
+    """Return `name` if it may name a rig, else raise ValueError with one sentence."""
+    return _check(name, _RIG, what="rig", rule=_RIG_RULE)
+
+
+def check_run(name: str) -> str:
+    """Return `name` if it may name a playback, else raise ValueError with one sentence."""
+    return _check(name, _RUN, what="run", rule=_RUN_RULE)
+
+
+def check_id(name: str) -> str:
+    """Return `name` if it may name a campaign, recording or model, else raise ValueError with one sentence."""
+    if name in _RESERVED_IDENTIFIERS:
+        raise ValueError(f"The id {name!r} is taken by the contract itself; choose another.")
+    return _check(name, _IDENTIFIER, what="id", rule=_IDENTIFIER_RULE)
+
+
+def _or_any(name: str, check: Callable[[str], str]) -> str:
+    return name if name == ANY else check(name)
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The keys of one lab.
+
+    Every method takes the names that stand in the key, each of which may be "*", and returns the full key. A name
+    that the contract does not allow raises ValueError with one sentence.
+
+    Parameters
+    ----------
+    lab : str
+        Name of the lab: lower case letters, digits, '-' and '_'.
+    """
+
+    lab: str = "local"
+
+    def __post_init__(self) -> None:
+        _check(self.lab, _LAB, what="lab", rule="lower case letters, digits, '-' and '_'")
+
+    def _key(self, *chunks: str) -> str:
+        return "/".join((PREFIX, self.lab, *chunks))
+
+    def _rig(self, rig: str, *chunks: str) -> str:
+        return self._key("rig", _or_any(rig, check_rig), *chunks)
+
+    def rig_description(self, rig: str) -> str:
+        """Query: DescriptionRequest → RigDescription."""
+        return self._rig(rig, "description")
+
+    def rig_play(self, rig: str) -> str:
+        """Query: PlayRequest → Progress, then PlayResult."""
+        return self._rig(rig, "play")
+
+    def rig_stop(self, rig: str) -> str:
+        """Query: StopRequest → RigState."""
+        return self._rig(rig, "stop")
+
+    def rig_reset(self, rig: str) -> str:
+        """Query: ResetRequest → RigState."""
+        return self._rig(rig, "reset")
+
+    def rig_state(self, rig: str) -> str:
+        """Query: StateRequest → RigState; and stream of RigState at every change."""
+        return self._rig(rig, "state")
+
+    def rig_signal(self, rig: str, run: str) -> str:
+        """Stream of SignalBlock while the run plays."""
+        return self._rig(rig, "signal", _or_any(run, check_run))
+
+    def rig_pose(self, rig: str) -> str:
+        """Stream of PoseBlock while it plays."""
+        return self._rig(rig, "pose")
+
+    def identify(self) -> str:
+        """Query: IdentifyRequest → Progress, then Model."""
+        return self._key("identifier", "identify")
+
+    def model(self, id: str) -> str:
+        """Query: ModelRequest → Model."""
+        return self._key("identifier", "model", _or_any(id, check_id))
+
+    def campaign_start(self) -> str:
+        """Query: CampaignSpec → CampaignStatus."""
+        return self._key("iterator", "campaign", "start")
+
+    def campaign(self, id: str) -> str:
+        """Query: CampaignRequest → CampaignStatus."""
+        return self._key("iterator", "campaign", _or_any(id, check_id))
+
+    def campaign_stop(self, id: str) -> str:
+        """Query: StopCampaignRequest → CampaignStatus."""
+        return f"{self.campaign(id)}/stop"
+
+    def campaign_resume(self, id: str) -> str:
+        """Query: ResumeCampaignRequest → CampaignStatus."""
+        return f"{self.campaign(id)}/resume"
+
+    def campaign_event(self, id: str) -> str:
+        """Stream of CampaignEvent."""
+        return self._key("iterator", "event", _or_any(id, check_id))
+
+    def commit(self) -> str:
+        """Query: CommitRequest → CommitAck."""
+        return self._key("recorder", "commit")
+
+    def recordings(self) -> str:
+        """Query: ListRecordingsRequest → RecordingList."""
+        return self._key("recorder", "recording", "list")
+
+    def recording(self, id: str) -> str:
+        """Query: RecordingRequest → RecordingInfo. "**" matches everything under recorder/recording."""
+        return self._key("recorder", "recording", id if id == ANY_DEPTH else _or_any(id, check_id))
+
+    def recording_read(self, id: str) -> str:
+        """Query: ReadRecordingRequest → RecordingPart."""
+        return self._key("recorder", "recording", _or_any(id, check_id), "read")
+
+    def recording_verify(self, id: str) -> str:
+        """Query: VerifyRecordingRequest → VerifyResult."""
+        return self._key("recorder", "recording", _or_any(id, check_id), "verify")
+
+    def live(self, service: str, instance: str) -> str:
+        """Liveliness token of one instance of a service."""
+        return self._key("live", _or_any(service, check_rig), _or_any(instance, check_id))
+
+    def asking(self, query: str) -> str:
+        """Liveliness token that a client holds while it waits for a query's answer; `query` is its random id."""
+        return self._key("asking", _or_any(query, check_id))
+
+    def serving(self, key: str) -> str:
+        """Return the liveliness key of the service that answers `key`; see the function of the same name."""
+        return serving(key)
+
+
+def _chunks(key: str) -> tuple[str, list[str]]:
+    """Split a key into its lab and what follows it."""
+    chunks = key.split("/")
+    if "/".join(chunks[:2]) != PREFIX or len(chunks) < 4 or "" in chunks:
+        raise ValueError(f"The key {key!r} is not of the contract, whose keys are '{PREFIX}/<lab>/…'.")
+    return chunks[2], chunks[3:]
+
+
+def _lacks(key: str, what: str) -> ValueError:
+    return ValueError(f"The key {key!r} names no {what}.")
+
+
+def rig_of(key: str) -> str:
+    """Return the rig named in a key under rig/, or raise ValueError."""
+    _, rest = _chunks(key)
+    if rest[0] != "rig" or len(rest) < 2:
+        raise _lacks(key, "rig")
+    return rest[1]
+
+
+def run_of(key: str) -> str:
+    """Return the run named in the key of a signal stream, or raise ValueError."""
+    _, rest = _chunks(key)
+    if rest[0] != "rig" or len(rest) != 4 or rest[2] != "signal":
+        raise _lacks(key, "run")
+    return rest[3]
+
+
+_NAMED_BY_ID: Final = frozenset(
+    {("identifier", "model"), ("iterator", "campaign"), ("iterator", "event"), ("recorder", "recording")}
+)
+
+
+def id_of(key: str) -> str:
+    """Return the campaign, recording or model named in a key, or raise ValueError."""
+    _, rest = _chunks(key)
+    if len(rest) < 3 or (rest[0], rest[1]) not in _NAMED_BY_ID or rest[2] in _RESERVED_IDENTIFIERS:
+        raise _lacks(key, "campaign, recording or model")
+    return rest[2]
+
+
+def parse_live(key: str) -> tuple[str, str]:
+    """Return (service, instance) of a liveliness key, or raise ValueError."""
+    _, rest = _chunks(key)
+    if rest[0] != "live" or len(rest) != 3:
+        raise _lacks(key, "service and instance")
+    return rest[1], rest[2]
+
+
+def serving(key: str) -> str:
+    """Return the liveliness key of the service that answers a query key.
+
+    Parameters
+    ----------
+    key : str
+        Any key of the contract under rig/, identifier/, iterator/ or recorder/.
+
+    Returns
+    -------
+    str
+        `live/rig_sim/<rig>` for the keys of a rig, `live/<service>/main` for the others, in the key's lab. A gateway
+        to a real rig declares the same token as the simulation it replaces.
+
+    Raises
+    ------
+    ValueError
+        The key belongs to no service.
+    """
+    lab, rest = _chunks(key)
+    match rest:
+        case ["rig", rig, *_]:
+            return Keys(lab).live("rig_sim", rig)
+        case [("identifier" | "iterator" | "recorder") as service, *_]:
+            return Keys(lab).live(service, MAIN_INSTANCE)
+        case _:
+            raise ValueError(
+                f"The key {key!r} is answered by no service: it is not under rig/, identifier/, iterator/ or recorder/."
+            )

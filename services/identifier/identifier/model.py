@@ -1,0 +1,193 @@
+"""An identified rig as a value, and as the contract's Model with the hash of its content as its name."""
+
+import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import from_array, to_array
+from duralab_proto.v1 import array_pb2, identifier_pb2
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """An identified rig: ``H`` in ``y(f) = H(f) u(f)``, with ``e^{+j omega t}``; fields as in `duralab.v1.Model`.
+
+    Parameters
+    ----------
+    rig
+        The rig's name.
+    drives, responses
+        The inputs and outputs of ``H``, in order.
+    sample_rate
+        In hertz.
+    frequency
+        Shape (lines), in hertz, from 0 to half the sample rate.
+    frf
+        Complex, shape (lines, responses, drives); 0 outside the band of the excitation, like the next two.
+    coherence
+        Shape (lines, responses), 0 to 1.
+    condition_number
+        Shape (lines), 1 or more in the band.
+    drive_psd
+        Shape (lines, drives), unit squared per Hz.
+    response_psd
+        Shape (lines, responses), unit squared per Hz.
+    excitation, estimator
+        As they were asked for.
+    blocks
+        Blocks averaged (Eq. 10).
+    independent_averages
+        Equivalent independent averages.
+    rig_content_hash
+        Of the rig it was identified on.
+    run
+        The playback it was made from.
+    signal_epoch, signal_blocks
+        Epoch and number of that playback's signal blocks.
+    id
+        Hash of all the rest; empty before `with_id`.
+    """
+
+    rig: str
+    drives: tuple[array_pb2.Channel, ...]
+    responses: tuple[array_pb2.Channel, ...]
+    sample_rate: float
+    frequency: NDArray[np.float64]
+    frf: NDArray[np.complex128]
+    coherence: NDArray[np.float64]
+    condition_number: NDArray[np.float64]
+    drive_psd: NDArray[np.float64]
+    response_psd: NDArray[np.float64]
+    excitation: identifier_pb2.Excitation
+    estimator: identifier_pb2.Estimator
+    blocks: int
+    independent_averages: float
+    rig_content_hash: str
+    run: str
+    signal_epoch: int
+    signal_blocks: int
+    id: str = ""
+
+
+def with_id(model: IdentifiedModel) -> IdentifiedModel:
+    """Name a model by its content.
+
+    Parameters
+    ----------
+    model
+        Its present id does not matter.
+
+    Returns
+    -------
+    IdentifiedModel
+        The same with its id.
+    """
+    return replace(model, id=content_hash(to_message(model)))
+
+
+def content_hash(message: identifier_pb2.Model) -> str:
+    """SHA-256 of a model's content without its id.
+
+    Parameters
+    ----------
+    message
+        Not changed.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits: of the message serialised in the order of its field numbers, the id left out.
+    """
+    bare = identifier_pb2.Model()
+    bare.CopyFrom(message)
+    bare.ClearField("id")
+    return hashlib.sha256(bare.SerializeToString(deterministic=True)).hexdigest()
+
+
+def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
+    """Encode a model.
+
+    Parameters
+    ----------
+    model
+        With or without an id.
+
+    Returns
+    -------
+    identifier_pb2.Model
+        The same as a message.
+    """
+    return identifier_pb2.Model(
+        id=model.id,
+        rig=model.rig,
+        drives=model.drives,
+        responses=model.responses,
+        sample_rate=model.sample_rate,
+        frequency=to_array(model.frequency),
+        frf=to_array(model.frf),
+        coherence=to_array(model.coherence),
+        condition_number=to_array(model.condition_number),
+        drive_psd=to_array(model.drive_psd),
+        response_psd=to_array(model.response_psd),
+        excitation=model.excitation,
+        estimator=model.estimator,
+        blocks=model.blocks,
+        independent_averages=model.independent_averages,
+        rig_content_hash=model.rig_content_hash,
+        run=model.run,
+        signal_epoch=model.signal_epoch,
+        signal_blocks=model.signal_blocks,
+    )
+
+
+def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
+    """Decode a model and check that it is whole.
+
+    Parameters
+    ----------
+    message
+        As received; nothing in it is trusted.
+
+    Returns
+    -------
+    IdentifiedModel
+        Its arrays are read-only views of the message.
+
+    Raises
+    ------
+    ValueError
+        Where an array has a wrong shape or type, or the id is not the hash of the content.
+    """
+    n_u, n_y = len(message.drives), len(message.responses)
+    frequency = from_array(message.frequency, field="frequency", shape=(None,), dtype=np.float64)
+    lines = frequency.size
+    expected = content_hash(message)
+    if message.id != expected:
+        raise ValueError(
+            f"The model calls itself {message.id!r}, its content hashes to {expected!r}; it was damaged or changed."
+        )
+    return IdentifiedModel(
+        id=message.id,
+        rig=message.rig,
+        drives=tuple(message.drives),
+        responses=tuple(message.responses),
+        sample_rate=message.sample_rate,
+        frequency=frequency,
+        frf=from_array(message.frf, field="frf", shape=(lines, n_y, n_u), dtype=np.complex128),
+        coherence=from_array(message.coherence, field="coherence", shape=(lines, n_y), dtype=np.float64),
+        condition_number=from_array(
+            message.condition_number, field="condition_number", shape=(lines,), dtype=np.float64
+        ),
+        drive_psd=from_array(message.drive_psd, field="drive_psd", shape=(lines, n_u), dtype=np.float64),
+        response_psd=from_array(message.response_psd, field="response_psd", shape=(lines, n_y), dtype=np.float64),
+        excitation=message.excitation,
+        estimator=message.estimator,
+        blocks=message.blocks,
+        independent_averages=message.independent_averages,
+        rig_content_hash=message.rig_content_hash,
+        run=message.run,
+        signal_epoch=message.signal_epoch,
+        signal_blocks=message.signal_blocks,
+    )

@@ -1,0 +1,61 @@
+"""The models that a running identifier can still hand out."""
+
+import threading
+from collections import OrderedDict
+
+from duralab_proto.v1 import identifier_pb2
+
+
+class ModelShelf:
+    """Holds the models used last, up to a number; the log, not this, is the memory of the lab.
+
+    Parameters
+    ----------
+    capacity
+        Models held, 1 or more.
+
+    Raises
+    ------
+    ValueError
+        Where the capacity is below 1.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        if capacity < 1:
+            raise ValueError(f"The shelf is to hold {capacity} models; it must hold 1 or more.")
+        self.capacity = capacity
+        self._models: OrderedDict[str, identifier_pb2.Model] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def put(self, model: identifier_pb2.Model) -> None:
+        """Hold a model; the one not used for longest gives way where the shelf is full.
+
+        Parameters
+        ----------
+        model
+            With its id.
+        """
+        with self._lock:
+            self._models[model.id] = model
+            self._models.move_to_end(model.id)
+            while len(self._models) > self.capacity:
+                self._models.popitem(last=False)
+
+    def get(self, id: str) -> identifier_pb2.Model | None:
+        """Look up a model.
+
+        Parameters
+        ----------
+        id
+            Hash of its content.
+
+        Returns
+        -------
+        identifier_pb2.Model or None
+            None where it is not held.
+        """
+        with self._lock:
+            model = self._models.get(id)
+            if model is not None:
+                self._models.move_to_end(id)
+            return model

@@ -1,0 +1,162 @@
+import importlib.util
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import identifier_pb2, query_pb2
+from identifier import from_message
+from labbus import BusConfig, FaultError, open_bus
+
+LINEAR_RIG = Path(__file__).with_name("linear_rig.py")
+LAB = "identifier_test"
+
+
+@pytest.fixture(scope="module")
+def linear_rig():
+    spec = importlib.util.spec_from_file_location("linear_rig", LINEAR_RIG)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def bus():
+    with open_bus(BusConfig(lab=LAB), service="test") as opened:
+        yield opened
+
+
+@contextmanager
+def process(bus, folder, *command, **config):
+    file = folder / f"{Path(command[-1]).stem}_{config.get('rig', 'main')}.yaml"
+    settings = {"bus": {"lab": LAB, "connect": list(bus.listening)}, "exit_with_parent": True, **config}
+    file.write_text(yaml.safe_dump(settings))
+    with subprocess.Popen(
+        [sys.executable, *command, "--config", str(file)], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as running:
+        try:
+            yield running
+        finally:
+            running.terminate()
+            try:
+                running.wait(5.0)
+            except subprocess.TimeoutExpired:
+                running.kill()
+
+
+@pytest.fixture(scope="module")
+def lab(bus, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab")
+    with (
+        process(bus, folder, "-m", "identifier", kept_models=2),
+        process(bus, folder, str(LINEAR_RIG), rig="linear"),
+        process(bus, folder, str(LINEAR_RIG), rig="mortal") as mortal,
+    ):
+        bus.wait_for_live({("identifier", "main"), ("rig_sim", "linear"), ("rig_sim", "mortal")}, 20.0)
+        yield mortal
+
+
+def request(run, *, rig="linear", seed=1, rms=(0.005, 0.005), seconds=60.0):
+    return identifier_pb2.IdentifyRequest(
+        rig=rig,
+        run=run,
+        rig_seed=7,
+        excitation=identifier_pb2.Excitation(
+            kind=identifier_pb2.EXCITATION_KIND_PURE_RANDOM,
+            spectrum=identifier_pb2.WhitePinkSpectrum(
+                lowest_frequency=1.0, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0
+            ),
+            rms=to_array(np.array(rms)),
+            duration_seconds=seconds,
+            fade_seconds=1.0,
+            seed=seed,
+        ),
+        estimator=identifier_pb2.Estimator(kind=identifier_pb2.ESTIMATOR_KIND_H1, block_samples=1024, overlap=0.5),
+    )
+
+
+def identify(bus, message, **more):
+    return bus.query(bus.keys.identify(), message, identifier_pb2.Model, **more)
+
+
+@pytest.mark.usefixtures("lab")
+def test_a_rig_on_the_bus_is_identified_with_progress_and_the_model_can_be_fetched(bus, linear_rig):
+    progress = []
+    message = identify(bus, request("test.identify"), on_progress=progress.append)
+    model = from_message(message)
+    band = model.condition_number > 0
+    true = linear_rig.true_frf(model.frequency[band])
+    error = np.linalg.norm(model.frf[band] - true, axis=(1, 2)) / np.linalg.norm(true, axis=(1, 2))
+    assert np.median(error) < 0.02
+    assert np.all(model.coherence[band] > 0.95)
+    assert (model.rig, model.run, model.rig_content_hash) == ("linear", "test.identify", "0" * 64)
+    assert [channel.name for channel in model.responses] == ["left_force", "right_force", "middle_force"]
+    assert model.signal_epoch > 0
+    assert model.signal_blocks == 600
+    fractions = [one.fraction for one in progress]
+    assert {"playing", "estimating the FRF"} <= {one.phase for one in progress}
+    assert fractions == sorted(fractions)
+    fetched = bus.query(bus.keys.model(message.id), identifier_pb2.ModelRequest(), identifier_pb2.Model)
+    assert fetched == message
+
+
+@pytest.mark.usefixtures("lab")
+def test_the_same_seeds_give_the_same_frf_bytes(bus):
+    first, second = (identify(bus, request(f"again.{i}", seconds=20.0)) for i in range(2))
+    assert first.frf == second.frf
+    assert first.id != second.id
+    other = identify(bus, request("again.other", seed=2, seconds=20.0))
+    assert other.frf != first.frf
+
+
+@pytest.mark.usefixtures("lab")
+def test_a_model_that_is_not_held_is_not_found(bus):
+    with pytest.raises(FaultError, match="holds no model 'deadbeef'; it keeps the 2 used last") as fault:
+        bus.query(bus.keys.model("deadbeef"), identifier_pb2.ModelRequest(), identifier_pb2.Model)
+    assert fault.value.code == query_pb2.FAULT_CODE_NOT_FOUND
+
+
+@pytest.mark.usefixtures("lab")
+@pytest.mark.parametrize(
+    ("message", "code", "field", "text"),
+    [
+        (request("a", rig="nowhere"), query_pb2.FAULT_CODE_UNAVAILABLE, "", "nowhere"),
+        (request("a", rms=(0.005,)), query_pb2.FAULT_CODE_INVALID_ARGUMENT, "excitation.rms", "has 2 drives"),
+        (
+            request("a", rms=(0.005, 0.05)),
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            "excitation.rms",
+            "right_vertical would reach",
+        ),
+        (request("interlock"), query_pb2.FAULT_CODE_FAILED_PRECONDITION, "", "pressure was lost"),
+        (request("a/b"), query_pb2.FAULT_CODE_INVALID_ARGUMENT, "run", "a/b"),
+    ],
+)
+def test_what_cannot_be_done_comes_back_as_one_fault(bus, message, code, field, text):
+    with pytest.raises(FaultError, match=text) as fault:
+        identify(bus, message)
+    assert (fault.value.code, fault.value.field) == (code, field)
+
+
+def test_a_client_that_gives_up_frees_the_identifier_and_a_rig_that_dies_is_reported(bus, lab):
+    given_up = threading.Event()
+    threading.Timer(0.5, given_up.set).start()
+    with pytest.raises(FaultError) as fault:
+        identify(bus, request("slow.one"), cancel=given_up)
+    assert fault.value.code == query_pb2.FAULT_CODE_CANCELLED
+
+    threading.Timer(1.0, lab.kill).start()
+    started = time.monotonic()
+    with pytest.raises(FaultError, match="mortal") as fault:
+        identify(bus, request("slow.two", rig="mortal"))
+    assert fault.value.code == query_pb2.FAULT_CODE_UNAVAILABLE
+    assert time.monotonic() - started < 15.0
+    # And the identifier works on.
+    assert identify(bus, request("after", seconds=20.0)).blocks > 0

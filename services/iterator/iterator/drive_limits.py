@@ -1,0 +1,160 @@
+"""A rig's limits, checked before a drive is played."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class DriveLimits:
+    """What each drive channel of a rig allows.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        One for each drive.
+    minimum, maximum : ndarray, shape (n_u,)
+        Allowed values, drive units, `minimum < 0 < maximum`.
+    slew_limit : ndarray, shape (n_u,)
+        Largest allowed magnitude of the time derivative, drive units per second; 0 where none is stated.
+    sample_rate : float
+        Of the drives, Hz.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    minimum: NDArray[np.float64]
+    maximum: NDArray[np.float64]
+    slew_limit: NDArray[np.float64]
+    sample_rate: float
+
+
+@dataclass(frozen=True)
+class LimitViolation:
+    """The worst passing of a limit by one drive.
+
+    Parameters
+    ----------
+    channel, unit : str
+        Name of the drive and unit of the two values.
+    quantity : str
+        "peak" or "slew".
+    value, limit : float
+        What the drive would reach, and what is allowed.
+    """
+
+    channel: str
+    unit: str
+    quantity: str
+    value: float
+    limit: float
+
+
+class DriveLimitError(ValueError):
+    """A next drive that would pass the rig's limits.
+
+    Parameters
+    ----------
+    violation : LimitViolation
+        The worst one, relative to its limit.
+    fitting_share : float
+        Share of all iteration gains with which the drive would fit, 0 to below 1.
+    iteration_gain : ndarray, shape (n_y,)
+        The gains that were used.
+    """
+
+    def __init__(self, violation: LimitViolation, *, fitting_share: float, iteration_gain: NDArray[np.float64]) -> None:
+        self.violation = violation
+        self.fitting_share = fitting_share
+        self.fitting_gain = fitting_share * iteration_gain
+        largest = float(np.max(self.fitting_gain))
+        advice = (
+            f"it would fit with all iteration gains at {_floor(fitting_share):g} of theirs, the largest then "
+            f"{_floor(largest):g}"
+            if _floor(fitting_share) > 0.0
+            else "no smaller iteration gain would fit, the last drive is at the limit already: ask for a smaller target"
+        )
+        super().__init__(
+            f"The next drive of {violation.channel} would reach a {violation.quantity} of {violation.value:.4g} "
+            f"{violation.unit}, past the rig's limit of {violation.limit:.4g} {violation.unit}; {advice}."
+        )
+
+
+def require_within_limits(
+    drive: NDArray[np.float64],
+    *,
+    last_drive: NDArray[np.float64] | None,
+    limits: DriveLimits,
+    iteration_gain: NDArray[np.float64],
+) -> None:
+    """Refuse a drive that passes a limit, and say which share of the gains would fit.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        The next drive.
+    last_drive : ndarray, shape (n_u, samples), or None
+        The one before, which the update stepped from; None is `U_0 = 0`.
+    limits : DriveLimits
+        Of the rig.
+    iteration_gain : ndarray, shape (n_y,)
+        The gains that made the step; it is proportional to them.
+
+    Raises
+    ------
+    DriveLimitError
+        A value or a slew of the drive is past its limit.
+    ValueError
+        The drive does not have the rig's channels.
+    """
+    if drive.shape[0] != len(limits.names):
+        raise ValueError(f"The drive has {drive.shape[0]} channels; the rig has {len(limits.names)} drives.")
+    start = np.zeros_like(drive) if last_drive is None else last_drive
+    violations: list[LimitViolation] = []
+    share = 1.0
+    for i, (name, unit) in enumerate(zip(limits.names, limits.units, strict=True)):
+        slew_limit = float(limits.slew_limit[i])
+        checks = [("peak", unit, drive[i], start[i], float(limits.minimum[i]), float(limits.maximum[i]))]
+        if slew_limit > 0.0:
+            slew, slew_before = (_slew(values[i], limits.sample_rate) for values in (drive, start))
+            checks.append(("slew", f"{unit}/s", slew, slew_before, -slew_limit, slew_limit))
+        for quantity, quantity_unit, values, before, lowest, highest in checks:
+            worst = _worst(values, lowest=lowest, highest=highest)
+            if worst is not None:
+                violations.append(
+                    LimitViolation(channel=name, unit=quantity_unit, quantity=quantity, value=worst[0], limit=worst[1])
+                )
+                share = min(share, _fitting_share(values, before, lowest=lowest, highest=highest))
+    if violations:
+        worst_of_all = max(violations, key=lambda found: abs(found.value) / max(abs(found.limit), np.finfo(float).tiny))
+        raise DriveLimitError(worst_of_all, fitting_share=share, iteration_gain=iteration_gain)
+
+
+def _slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
+    # A rig starts at rest with all drives zero, so the first sample is a step as well.
+    return np.diff(values, prepend=0.0) * sample_rate
+
+
+def _worst(values: NDArray[np.float64], *, lowest: float, highest: float) -> tuple[float, float] | None:
+    """Value furthest outside and the limit it passes, or None."""
+    if values.size == 0:
+        return None
+    above, below = float(values.max()), float(values.min())
+    if above <= highest and below >= lowest:
+        return None
+    return (above, highest) if above - highest >= lowest - below else (below, lowest)
+
+
+def _fitting_share(values: NDArray[np.float64], before: NDArray[np.float64], *, lowest: float, highest: float) -> float:
+    step = values - before
+    limit = np.where(step > 0.0, highest, lowest)
+    room = np.divide(limit - before, step, out=np.full_like(step, np.inf), where=step != 0.0)
+    return float(np.clip(room.min(), 0.0, 1.0))
+
+
+def _floor(value: float) -> float:
+    """Two decimals downwards: a gain that is said to fit does."""
+    return float(np.floor(value * 100.0) / 100.0)

@@ -1,0 +1,104 @@
+"""How far a campaign is and how long it still takes, from the durations of its steps so far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# Below this share of a step, its own duration says nothing about its end.
+_SMALLEST_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a campaign stands.
+
+    Parameters
+    ----------
+    fraction : float
+        Share of the whole campaign that is done, 0 to 1, by length of what is played.
+    remaining_seconds : float
+        Expected time to the end, s; -1 where unknown.
+    """
+
+    fraction: float
+    remaining_seconds: float
+
+
+class ProgressEstimate:
+    """Follows the identification and the iterations of one campaign; used by one thread.
+
+    An iteration is expected to last as long as those before it did; before the first, as long as the identification did
+    for each second played.
+
+    Parameters
+    ----------
+    identification_seconds, playback_seconds : float
+        Length of what is played in the identification and in each iteration, s, greater than 0.
+    iterations : int
+        Most playbacks of the target.
+    clock : callable
+        Seconds that only rise.
+    """
+
+    def __init__(
+        self,
+        *,
+        identification_seconds: float,
+        playback_seconds: float,
+        iterations: int,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._identification_seconds = identification_seconds
+        self._playback_seconds = playback_seconds
+        self._iterations = iterations
+        self._clock = clock
+        self._step_began = clock()
+        self._identification_lasted: float | None = None
+        self._iterations_lasted: list[float] = []
+
+    def step_done(self) -> None:
+        """Note that the identification, or after it an iteration, is done and the next begins."""
+        now = self._clock()
+        lasted, self._step_began = now - self._step_began, now
+        if self._identification_lasted is None:
+            self._identification_lasted = lasted
+        else:
+            self._iterations_lasted.append(lasted)
+
+    def at(self, share: float) -> Progress:
+        """Return where the campaign stands.
+
+        Parameters
+        ----------
+        share : float
+            Of the step that is under way, 0 to 1.
+
+        Returns
+        -------
+        Progress
+            Of the whole campaign.
+        """
+        done = len(self._iterations_lasted)
+        total = self._identification_seconds + self._iterations * self._playback_seconds
+        if self._identification_lasted is None:
+            played = share * self._identification_seconds
+        else:
+            played = self._identification_seconds + (done + share) * self._playback_seconds
+        return Progress(fraction=min(1.0, played / total), remaining_seconds=self._remaining(share))
+
+    def _remaining(self, share: float) -> float:
+        elapsed = self._clock() - self._step_began
+        by_share = elapsed / share if share >= _SMALLEST_SHARE else None
+        ratio = self._playback_seconds / self._identification_seconds
+        done = len(self._iterations_lasted)
+        if self._identification_lasted is None:
+            if by_share is None:
+                return -1.0
+            return by_share - elapsed + self._iterations * by_share * ratio
+        if self._iterations_lasted:
+            expected = sum(self._iterations_lasted) / done
+        else:
+            expected = self._identification_lasted * ratio if by_share is None else by_share
+        return max(0.0, expected - elapsed) + max(0, self._iterations - done - 1) * expected

@@ -1,0 +1,90 @@
+"""A campaign's steps on their way to the recorder: numbered, and each acknowledged before the next."""
+
+from __future__ import annotations
+
+import hashlib
+
+from google.protobuf.message import Message
+
+from duralab_proto.v1 import query_pb2, recorder_pb2
+from labbus import Bus, FaultError
+
+
+class RecordingLog:
+    """Commits the steps of one recording; used by one thread.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recording : str
+        Its id, which is the campaign's.
+    """
+
+    def __init__(self, bus: Bus, recording: str) -> None:
+        self._bus = bus
+        self._recording = recording
+        self._next_step = 0
+
+    @property
+    def begun(self) -> bool:
+        """Whether the recorder holds a step."""
+        return self._next_step > 0
+
+    def commit(self, message: Message) -> None:
+        """Store a step durably; return when the recorder has acknowledged what it holds on disk.
+
+        Parameters
+        ----------
+        message : Message
+            One of the contract's steps.
+
+        Raises
+        ------
+        FaultError
+            The recorder refuses or is gone, or acknowledges something else than was sent.
+        """
+        # The same message must be the same bytes: a step that is sent again is told from another by its hash.
+        payload = message.SerializeToString(deterministic=True)
+        acknowledged = self._bus.query(
+            self._bus.keys.commit(),
+            recorder_pb2.CommitRequest(
+                recording=self._recording,
+                step=self._next_step,
+                message_type=message.DESCRIPTOR.full_name,
+                payload=payload,
+            ),
+            recorder_pb2.CommitAck,
+        )
+        if acknowledged.step != self._next_step or acknowledged.payload_hash != hashlib.sha256(payload).hexdigest():
+            raise FaultError(
+                query_pb2.FAULT_CODE_DATA_LOSS,
+                f"The recorder acknowledged step {acknowledged.step} of recording {self._recording!r} with a content "
+                f"that differs from step {self._next_step} as it was sent.",
+            )
+        self._next_step += 1
+
+    def close(self, last: Message, *, reason: str) -> None:
+        """Store the last message and close the recording.
+
+        Parameters
+        ----------
+        last : Message
+            The campaign's final status.
+        reason : str
+            Why, in words.
+
+        Raises
+        ------
+        FaultError
+            As `commit` does.
+        """
+        try:
+            self.commit(last)
+        except FaultError as fault:
+            if fault.code != query_pb2.FAULT_CODE_ALREADY_EXISTS:
+                raise
+            # The step before failed without an answer, but the recorder holds it.
+            self._next_step += 1
+            self.commit(last)
+        self.commit(recorder_pb2.RecordingClosed(reason=reason))

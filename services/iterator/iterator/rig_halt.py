@@ -1,0 +1,49 @@
+"""Making sure that a rig rests after a playback was broken off."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+import structlog
+
+from duralab_proto.v1 import rig_pb2
+from labbus import Bus, FaultError
+
+_MOVING: Final = frozenset({rig_pb2.RIG_MODE_SETTLING, rig_pb2.RIG_MODE_PLAYING})
+# A cancelled playback reaches the rig through the identifier too; it needs this long to be let go and ramp down.
+_PATIENCE_SECONDS: Final = 2.0
+_POLL_SECONDS: Final = 0.1
+_SILENCE_SECONDS: Final = 2.0
+
+
+def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> None:
+    """Wait until a rig whose playback was cancelled rests; stop it, which latches it, where it plays on.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the rig is; nothing is done where it has left.
+    rig : str
+        Its name.
+    run : str
+        The playback that was cancelled; what others play is left alone.
+    reason : str
+        Why, in words; kept as the latch's reason.
+    """
+    log = structlog.get_logger("iterator").bind(rig=rig)
+    until = time.monotonic() + _PATIENCE_SECONDS
+    try:
+        while bus.live("rig_sim", rig):
+            state = bus.query(
+                bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
+            )
+            if state.mode not in _MOVING or state.run != run:
+                return
+            if time.monotonic() >= until:
+                log.warning("The rig went on after its playback was cancelled; it is stopped.", run=state.run)
+                bus.query(bus.keys.rig_stop(rig), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
+                return
+            time.sleep(_POLL_SECONDS)
+    except FaultError as fault:
+        log.warning("It is not known whether the rig rests.", why=fault.message)

@@ -1,0 +1,47 @@
+"""Every seed of a campaign comes from the one in its specification."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+EXCITATION: Final = 0
+"""Index of the identification's excitation."""
+
+IDENTIFICATION_PLAYBACK: Final = 1
+"""Index of what is random in the rig while the identification plays."""
+
+
+def playback(iteration: int) -> int:
+    """Return the index of what is random in the rig in an iteration's playback: 2 for the first, 3 for the second.
+
+    Parameters
+    ----------
+    iteration : int
+        From 1.
+
+    Returns
+    -------
+    int
+        Index for `derived_seed`.
+    """
+    return IDENTIFICATION_PLAYBACK + iteration
+
+
+def derived_seed(campaign_seed: int, index: int) -> int:
+    """Return the seed of one part of a campaign: the first 64 bits of `numpy.random.SeedSequence([seed, index])`.
+
+    Parameters
+    ----------
+    campaign_seed : int
+        From the specification, 0 to 2^64 - 1.
+    index : int
+        `EXCITATION`, `IDENTIFICATION_PLAYBACK` or `playback(iteration)`.
+
+    Returns
+    -------
+    int
+        0 to 2^64 - 1; the same on every machine.
+    """
+    return int(np.random.SeedSequence([campaign_seed, index]).generate_state(1, np.uint64)[0])

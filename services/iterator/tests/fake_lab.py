@@ -1,0 +1,100 @@
+"""Recorder and identifier as fakes on the bus, and a lab that asks the iterator."""
+
+import hashlib
+import time
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from labbus import FaultError
+
+from .linear_rig import exact_model
+
+FINAL = {
+    iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+    iterator_pb2.CAMPAIGN_PHASE_FAULTED,
+    iterator_pb2.CAMPAIGN_PHASE_STOPPED,
+}
+
+
+class Recorder:
+    """Keeps what is committed; refuses the steps of the types it is told to."""
+
+    def __init__(self, bus):
+        self.steps = {}
+        self.refused = {}
+        bus.serve(bus.keys.commit(), recorder_pb2.CommitRequest, self.commit)
+        bus.serve(bus.keys.recording("*"), recorder_pb2.RecordingRequest, self.recording)
+        bus.declare_live("recorder", "main")
+
+    def commit(self, request, _call):
+        kind = request.message_type.removeprefix("duralab.v1.")
+        if self.refused.get(request.recording) == kind:
+            raise FaultError(query_pb2.FAULT_CODE_INTERNAL, "The disk is full.")
+        steps = self.steps.setdefault(request.recording, [])
+        assert request.step == len(steps)
+        steps.append((kind, request.payload))
+        return recorder_pb2.CommitAck(
+            recording=request.recording, step=request.step, payload_hash=hashlib.sha256(request.payload).hexdigest()
+        )
+
+    def recording(self, _request, call):
+        name = call.key.rpartition("/")[2]
+        if name not in self.steps and name != "old":
+            raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, f"No recording {name!r}.")
+        return recorder_pb2.RecordingInfo(recording=name)
+
+    def kinds(self, recording):
+        return [kind for kind, _ in self.steps[recording]]
+
+    def read(self, recording, message_type):
+        name = message_type.DESCRIPTOR.name
+        return [message_type.FromString(payload) for kind, payload in self.steps[recording] if kind == name]
+
+
+class Identifier:
+    """Knows the model without an experiment."""
+
+    def __init__(self, bus):
+        self.requests = {}
+        self.refused = set()
+        bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
+        bus.declare_live("identifier", "main")
+
+    def identify(self, request, call):
+        self.requests[request.run] = request
+        call.progress("playing", 0.5)
+        if request.run in self.refused:
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, "The drives are dependent.")
+        return exact_model(request)
+
+
+class Lab:
+    def __init__(self, bus, recorder, identifier):
+        self.bus, self.recorder, self.identifier = bus, recorder, identifier
+
+    def start(self, spec):
+        return self.bus.query(self.bus.keys.campaign_start(), spec, iterator_pb2.CampaignStatus)
+
+    def status(self, id):
+        return self.bus.query(self.bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+
+    def stop(self, id, reason="enough"):
+        return self.bus.query(
+            self.bus.keys.campaign_stop(id),
+            iterator_pb2.StopCampaignRequest(reason=reason),
+            iterator_pb2.CampaignStatus,
+        )
+
+    def rig_mode(self, rig):
+        return self.bus.query(self.bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState).mode
+
+    def wait(self, id, done, *, seconds=20.0):
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            status = self.status(id)
+            if done(status):
+                return status
+            time.sleep(0.02)
+        raise AssertionError(f"not reached: {status}")
+
+    def end_of(self, id, *, seconds=20.0):
+        return self.wait(id, lambda status: status.phase in FINAL, seconds=seconds)

@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from iterator import control_band
+
+FREQUENCY = np.linspace(0.0, 100.0, 4001)
+
+
+def test_drive_mask_is_exactly_one_wherever_the_target_has_energy():
+    band = control_band(2.0, 60.0, sample_rate=200.0)
+    drive, target = band.drive_mask(FREQUENCY), band.target_mask(FREQUENCY)
+    assert np.all(drive[target > 0.0] == 1.0)
+    assert np.all(drive[(FREQUENCY <= 2.0) | (FREQUENCY >= 60.0)] == 0.0)
+    assert np.all(target[(FREQUENCY >= 3.0) & (FREQUENCY <= 54.0)] == 1.0)
+
+
+def test_a_tone_inside_keeps_its_waveform_and_one_outside_vanishes():
+    band = control_band(2.0, 60.0, sample_rate=200.0)
+    time = np.arange(4001) / 200.0
+    envelope = np.exp(-0.5 * ((time - 10.0) / 2.0) ** 2)
+    inside = envelope * np.sin(2.0 * np.pi * 10.0 * time)
+    outside = envelope * np.sin(2.0 * np.pi * 80.0 * time)
+    limited = band.limit_target(np.array([3600.0 + inside + outside, outside]))
+    assert np.max(np.abs(limited[0] - inside)) < 1e-5
+    assert np.max(np.abs(limited[1])) < 1e-6
+
+
+def test_a_record_at_rest_on_any_level_has_no_dynamic_part():
+    band = control_band(2.0, 60.0, sample_rate=200.0)
+    level = np.linspace(3600.0, 3580.0, 3001)
+    assert np.max(np.abs(band.limit_response(np.array([level, -level])))) < 0.05
+
+
+@pytest.mark.parametrize("samples", [1, 7, 1001, 4096])
+def test_any_length_comes_back_with_its_length(samples):
+    band = control_band(2.0, 60.0, sample_rate=200.0)
+    assert band.limit_response(np.ones((3, samples))).shape == (3, samples)
+
+
+def test_a_pulse_at_the_start_leaves_nothing_at_the_end():
+    band = control_band(2.0, 60.0, sample_rate=200.0)
+    pulse = np.zeros((1, 4001))
+    pulse[0, 5] = 1.0
+    limited = band.limit_response(pulse)
+    # Without padding the ringing before the pulse would stand at the end of the record.
+    assert np.max(np.abs(limited[0, -200:])) < 1e-3 * np.max(np.abs(limited))
+
+
+@pytest.mark.parametrize(("lowest", "highest"), [(0.0, 40.0), (5.0, 120.0), (40.0, 5.0), (5.0, 6.0), (np.nan, 40.0)])
+def test_an_impossible_band_is_refused(lowest, highest):
+    with pytest.raises(ValueError, match="band"):
+        control_band(lowest, highest, sample_rate=200.0)

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from iterator import apply_inverse, control_band, predict, rig_model
+
+from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
+
+BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
+
+
+def model_of(h):
+    return rig_model(*frequency_response(h), identified_band=(1.0, 70.0))
+
+
+def test_prediction_is_what_the_plant_plays():
+    h = impulse_responses()
+    drive = BAND.limit_target(noise_target(4001, level=(0.01, 0.02)))
+    played = BAND.limit_response(play(h, drive))
+    error = predict(model_of(h), drive, band=BAND) - played
+    assert np.sqrt(np.mean(error**2) / np.mean(played**2)) < 1e-4
+
+
+@pytest.mark.parametrize("samples", [8000, 8001, 5999])
+def test_the_inverse_of_any_length_undoes_the_plant_without_wrapping_around(samples):
+    h = impulse_responses()
+    wanted = BAND.limit_target(noise_target(samples))
+    drive = apply_inverse(model_of(h), wanted, band=BAND)
+    assert drive.shape == (2, samples)
+    error = play(h, drive) - wanted
+    assert np.max(np.sqrt(np.mean(error**2, axis=1) / np.mean(wanted**2, axis=1))) < 3e-4
+    # The target rests at both ends: what wraps around would show there.
+    assert np.max(np.abs(drive[:, : samples // 50])) < 1e-3 * np.max(np.abs(drive))
+
+
+def test_a_pure_delay_is_inverted_by_playing_earlier():
+    delay = np.zeros((1, 1, 8))
+    delay[0, 0, 5] = 2.0
+    wanted = BAND.limit_target(noise_target(8001, level=(1.0,)))
+    drive = apply_inverse(model_of(delay), wanted, band=BAND)
+    assert np.max(np.abs(2.0 * drive[0, :-5] - wanted[0, 5:])) < 1e-5 * np.max(np.abs(wanted))
+
+
+def test_garbage_outside_the_identified_band_does_not_reach_the_drive():
+    h = impulse_responses()
+    frequency, frf = frequency_response(h)
+    wanted = BAND.limit_target(noise_target(4001))
+    clean = apply_inverse(model_of(h), wanted, band=BAND)
+    garbage = frf.copy()
+    garbage[(frequency < 1.0) | (frequency > 70.0)] = np.random.default_rng(3).normal(0.0, 1e9, (2, 2))
+    garbage[0] = np.nan
+    np.testing.assert_array_equal(
+        apply_inverse(rig_model(frequency, garbage, identified_band=(1.0, 70.0)), wanted, band=BAND), clean
+    )
+
+
+def test_more_responses_than_drives_are_fitted_in_the_weighted_least_squares_sense():
+    h = impulse_responses()
+    frequency, frf = frequency_response(h)
+    weight = np.array([1e-3, 1.0])
+    model = rig_model(frequency, frf[:, :, :1], identified_band=(1.0, 70.0), response_weight=weight)
+    for line in (20, 90):
+        expected = np.linalg.lstsq(weight[:, None] * frf[line, :, :1], np.diag(weight), rcond=None)[0]
+        np.testing.assert_allclose(model.inverse_frf[line], expected, rtol=1e-10)
+
+
+def test_a_singular_line_is_refused_with_its_frequency():
+    frequency, frf = frequency_response(impulse_responses())
+    frf[40, 1] = frf[40, 0]
+    with pytest.raises(ValueError, match=f"{frequency[40]:g} Hz"):
+        rig_model(frequency, frf, identified_band=(1.0, 70.0))
+
+
+def test_a_control_band_beyond_the_identified_one_is_refused():
+    h = impulse_responses()
+    model = rig_model(*frequency_response(h), identified_band=(5.0, 50.0))
+    with pytest.raises(ValueError, match="control band of 2 to 60 Hz"):
+        predict(model, np.zeros((2, 100)), band=BAND)

@@ -1,0 +1,294 @@
+import re
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from iterator import seeds
+from iterator.service import IteratorService
+from labbus import BusConfig, Continuity, FaultError, open_bus
+
+from .fake_lab import FINAL, Identifier, Lab, Recorder
+from .linear_rig import description, exact_model, specification
+
+LAB = "iterator_test"
+RIG_PROCESS = Path(__file__).with_name("rig_process.py")
+
+
+@contextmanager
+def process(bus, folder, *command, **config):
+    file = folder / f"{Path(command[-1]).stem}.yaml"
+    settings = {"bus": {"lab": LAB, "connect": list(bus.listening)}, "exit_with_parent": True, **config}
+    file.write_text(yaml.safe_dump(settings))
+    with subprocess.Popen([sys.executable, *command, "--config", str(file)], stdin=subprocess.PIPE) as running:
+        try:
+            yield running
+        finally:
+            running.terminate()
+            try:
+                running.wait(5.0)
+            except subprocess.TimeoutExpired:
+                running.kill()
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab")
+    with open_bus(BusConfig(lab=LAB), service="test") as hub:
+        joined = BusConfig(lab=LAB, connect=hub.listening)
+        with (
+            open_bus(joined, service="recorder") as recorder,
+            open_bus(joined, service="identifier") as identifier,
+            process(hub, folder, "-m", "iterator"),
+            process(hub, folder, str(RIG_PROCESS), rigs={"front": 0.0, "slow": 2.5}),
+        ):
+            lab = Lab(hub, Recorder(recorder), Identifier(identifier))
+            wanted = {("iterator", "main"), ("rig_sim", "front"), ("rig_sim", "slow")}
+            hub.wait_for_live(wanted | {("recorder", "main"), ("identifier", "main")}, 20.0)
+            yield lab
+
+
+@contextmanager
+def events_of(lab, id):
+    received, ended = [], threading.Event()
+
+    def on_event(item):
+        received.append((time.monotonic(), item))
+        if item.message.status.phase in FINAL:
+            ended.set()
+
+    subscription = lab.bus.subscribe(lab.bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, on_event)
+    try:
+        yield received, ended
+    finally:
+        subscription.close()
+
+
+def test_a_campaign_stores_every_step_and_converges(lab):
+    with events_of(lab, "whole") as (events, ended):
+        accepted = lab.start(specification("whole", iterations=4))
+        assert accepted.phase == iterator_pb2.CAMPAIGN_PHASE_CHECKING
+        assert ended.wait(20.0)
+    final = lab.status("whole")
+    assert final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    assert final.outcome == iterator_pb2.OUTCOME_ITERATIONS_USED
+    assert final.best_iteration == 4
+    assert final.fraction == 1.0
+    for iteration in final.iterations:
+        for channel in iteration.channels:
+            assert channel.relative_rms_error == pytest.approx(0.5**iteration.iteration, rel=0.01)
+
+    playback = ["RunPlanned", "RunPlayed", "IterationStep"]
+    assert lab.recorder.kinds("whole") == [
+        *("CampaignSpec", "RigDescription", "TargetInBand", "RunPlanned", "RunPlayed", "Model"),
+        *(4 * playback),
+        *("CampaignStatus", "RecordingClosed"),
+    ]
+    planned = lab.recorder.read("whole", recorder_pb2.RunPlanned)
+    assert [run.run for run in planned] == ["whole.identify", "whole.i01", "whole.i02", "whole.i03", "whole.i04"]
+    played = lab.recorder.read("whole", recorder_pb2.RunPlayed)
+    # The linear rig answers the seed it was given as its epoch.
+    assert [run.epoch for run in played] == [7, *(seeds.derived_seed(11, seeds.playback(k)) for k in (1, 2, 3, 4))]
+    assert [run.blocks for run in played] == [3, 80, 80, 80, 80]
+    request = lab.identifier.requests["whole.identify"]
+    assert request.excitation.seed == seeds.derived_seed(11, seeds.EXCITATION)
+    assert request.rig_seed == seeds.derived_seed(11, seeds.IDENTIFICATION_PLAYBACK)
+    step = lab.recorder.read("whole", iterator_pb2.IterationStep)[-1]
+    assert list(step.inverse_frf.shape) == [257, 2, 2]
+    assert list(step.response_in_band.shape) == list(step.drive.samples.shape) == [2, 8000]
+    assert step.actuators[0].peak_command_ratio == 0.5
+    stored = lab.recorder.read("whole", iterator_pb2.CampaignStatus)[0]
+    assert stored == final
+
+    statuses = [item.message.status for _, item in events]
+    continuity = Continuity()
+    assert [continuity.accept(item.seq) for _, item in events] == [[] for _ in events]
+    assert [status.phase for status in statuses] == sorted(status.phase for status in statuses)
+    assert np.all(np.diff([status.fraction for status in statuses]) >= 0.0)
+    activities = {status.activity for status in statuses}
+    assert {f"playing iteration {k} of 4 on front" for k in (1, 2, 3, 4)} <= activities
+    assert "identifying front" in activities
+    assert [len(status.iterations) for status in statuses][-1] == 4
+
+
+def test_a_stopped_campaign_leaves_the_rig_at_rest_and_the_recording_closed(lab):
+    with events_of(lab, "halted") as (events, ended):
+        lab.start(specification("halted", rig="slow"))
+        lab.wait("halted", lambda status: status.activity.startswith("playing iteration 1"))
+        time.sleep(1.3)
+        with pytest.raises(FaultError, match="in use by campaign 'halted'") as caught:
+            lab.start(specification("second", rig="slow"))
+        assert caught.value.code == query_pb2.FAULT_CODE_BUSY
+        status = lab.stop("halted", reason="the shaft is loose")
+        assert ended.wait(5.0)
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
+    assert "playing iteration 1 of 3 on slow" in status.fault.message
+    assert "the shaft is loose" in status.fault.message
+    assert lab.rig_mode("slow") == rig_pb2.RIG_MODE_IDLE
+    assert lab.recorder.kinds("halted")[-2:] == ["CampaignStatus", "RecordingClosed"]
+    assert "the shaft is loose" in lab.recorder.read("halted", recorder_pb2.RecordingClosed)[0].reason
+    playing = [at for at, item in events if item.message.status.activity.startswith("playing")]
+    assert np.max(np.diff(playing)) < 1.0
+    fractions = [item.message.status.fraction for _, item in events]
+    assert 0.25 < max(fractions) < 0.6
+    # Stopping again changes nothing.
+    assert lab.stop("halted", reason="again") == status
+
+
+def test_a_rig_killed_in_mid_playback_ends_the_campaign_with_a_clear_sentence(lab, tmp_path):
+    with process(lab.bus, tmp_path, str(RIG_PROCESS), rigs={"mortal": 30.0}) as rig:
+        lab.bus.wait_for_live({("rig_sim", "mortal")}, 20.0)
+        lab.start(specification("orphan", rig="mortal"))
+        lab.wait("orphan", lambda status: status.activity.startswith("playing iteration 1"))
+        time.sleep(0.3)
+        killed = time.monotonic()
+        rig.kill()
+        status = lab.end_of("orphan", seconds=5.0)
+        assert time.monotonic() - killed < 3.0
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert status.fault.code == query_pb2.FAULT_CODE_UNAVAILABLE
+    assert status.fault.message.startswith(
+        "The campaign failed while playing iteration 1 of 3 on mortal: The rig 'mortal' left the bus"
+    )
+    assert lab.recorder.kinds("orphan")[-2:] == ["CampaignStatus", "RecordingClosed"]
+    assert lab.recorder.kinds("orphan").count("RunPlanned") == 2
+
+
+def test_an_identifier_that_refuses_ends_the_campaign(lab):
+    lab.identifier.refused.add("dependent.identify")
+    lab.start(specification("dependent"))
+    status = lab.end_of("dependent")
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert status.fault.service == "identifier"
+    assert status.fault.message == "The campaign failed while identifying front: The drives are dependent."
+    assert lab.recorder.kinds("dependent")[-1] == "RecordingClosed"
+
+
+def test_a_recorder_that_refuses_ends_the_campaign_before_the_next_playback(lab):
+    lab.recorder.refused["full"] = "IterationStep"
+    lab.start(specification("full"))
+    status = lab.end_of("full")
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert status.fault.service == "recorder"
+    assert "storing iteration 1 of 3: The disk is full." in status.fault.message
+    assert lab.recorder.kinds("full").count("RunPlayed") == 2
+    # The rig is free again.
+    lab.start(specification("after-full", iterations=1))
+    assert lab.end_of("after-full").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+
+
+def test_a_drive_beyond_the_limits_is_not_played_and_the_fault_says_what_would_fit(lab):
+    lab.start(specification("large", level=(9e4, 40.0)))
+    status = lab.end_of("large")
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert status.fault.field == "update.iteration_gain"
+    assert "The next drive of left would reach a slew of" in status.fault.message
+    assert "past the rig's limit of 100 m/s; it would fit with" in status.fault.message
+    assert lab.recorder.kinds("large").count("RunPlanned") == 1
+
+
+def nan_target(spec):
+    spec.target.samples.data = b"\xff" * len(spec.target.samples.data)
+
+
+INVALID, NOT_FOUND, EXISTS = (
+    query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+    query_pb2.FAULT_CODE_NOT_FOUND,
+    query_pb2.FAULT_CODE_ALREADY_EXISTS,
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field", "sentence"),
+    [
+        (lambda s: setattr(s, "rig", "rear"), NOT_FOUND, "rig", "No rig 'rear' is on the bus"),
+        (lambda s: setattr(s, "rig", "Rear!"), INVALID, "rig", "'Rear!'"),
+        (lambda s: setattr(s, "id", "../up"), INVALID, "id", "'../up'"),
+        (lambda s: setattr(s, "id", "whole"), EXISTS, "id", "'whole' exists already"),
+        (lambda s: setattr(s, "id", "old"), EXISTS, "id", "'old' exists already"),
+        (nan_target, INVALID, "target.samples", "nan"),
+        (lambda s: setattr(s, "highest_frequency", 200.0), INVALID, "highest_frequency", "100"),
+    ],
+)
+def test_a_start_that_cannot_be_is_refused_at_once_and_leaves_nothing(lab, change, code, field, sentence):
+    spec = specification("refused")
+    change(spec)
+    stored = {recording: len(steps) for recording, steps in lab.recorder.steps.items()}
+    with pytest.raises(FaultError) as caught:
+        lab.start(spec)
+    assert (caught.value.code, caught.value.field) == (code, field)
+    assert sentence in caught.value.message
+    assert {recording: len(steps) for recording, steps in lab.recorder.steps.items()} == stored
+    with pytest.raises(FaultError, match="No campaign 'refused'"):
+        lab.status("refused")
+
+
+def test_resume_is_not_offered_yet(lab):
+    with pytest.raises(FaultError) as caught:
+        lab.bus.query(
+            lab.bus.keys.campaign_resume("whole"), iterator_pb2.ResumeCampaignRequest(), iterator_pb2.CampaignStatus
+        )
+    assert caught.value.code == query_pb2.FAULT_CODE_UNIMPLEMENTED
+
+
+@contextmanager
+def lab_in_this_process(name, identify):
+    """A lab without processes, whose rig can be asked but does not play."""
+    with open_bus(BusConfig(lab=name), service="test") as hub:
+        joined = BusConfig(lab=name, connect=hub.listening)
+        with (
+            open_bus(joined, service="rig_sim") as rig,
+            open_bus(joined, service="identifier") as identifier,
+            open_bus(joined, service="recorder") as recorder,
+            open_bus(joined, service="iterator") as iterator,
+        ):
+            keys = hub.keys
+            rig.serve(keys.rig_description("front"), rig_pb2.DescriptionRequest, lambda *_: description())
+            idle = rig_pb2.RigState(mode=rig_pb2.RIG_MODE_IDLE)
+            rig.serve(keys.rig_state("front"), rig_pb2.StateRequest, lambda *_: idle)
+            rig.declare_live("rig_sim", "front")
+            identifier.serve(keys.identify(), identifier_pb2.IdentifyRequest, lambda *a: identify(recorder, *a))
+            identifier.declare_live("identifier", "main")
+            lab = Lab(hub, Recorder(recorder), None)
+            with IteratorService(iterator) as service:
+                iterator.declare_live("iterator", "main")
+                yield lab, service
+
+
+def test_a_recorder_that_vanishes_ends_the_campaign():
+    def identify(recorder, request, _call):
+        recorder.close()
+        return exact_model(request)
+
+    with lab_in_this_process("iterator_vanishing", identify) as (lab, _):
+        lab.start(specification("lost"))
+        status = lab.end_of("lost", seconds=10.0)
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert status.fault.code == query_pb2.FAULT_CODE_UNAVAILABLE
+    assert re.search(r"while storing the model: (No recorder is on|The recorder left) the bus", status.fault.message)
+
+
+def test_the_end_of_the_service_stops_its_campaigns():
+    identifying = threading.Event()
+
+    def identify(_recorder, request, call):
+        identifying.set()
+        while not call.cancelled:
+            time.sleep(0.02)
+        return exact_model(request)
+
+    with lab_in_this_process("iterator_ending", identify) as (lab, service):
+        lab.start(specification("cut"))
+        assert identifying.wait(5.0)
+        service.__exit__(None, None, None)
+        status = lab.status("cut")
+    assert status.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
+    assert status.fault.message.endswith("stopped while identifying front: the iterator was told to end")
+    assert lab.recorder.kinds("cut")[-1] == "RecordingClosed"

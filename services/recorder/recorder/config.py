@@ -1,0 +1,31 @@
+"""How a recorder is configured."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import AfterValidator
+
+from labbus import ServiceConfig
+
+_VIEWER = re.compile(r"rerun(\+http|\+https)?://[A-Za-z0-9.\-\[\]:]+/proxy")
+VIEWER_EXAMPLE: Final = "rerun+http://127.0.0.1:9876/proxy"
+
+
+def _check_viewer(viewer: str | None) -> str | None:
+    if viewer is not None and _VIEWER.fullmatch(viewer) is None:
+        raise ValueError(f"the viewer {viewer!r} is not the address of a Rerun server, e.g. '{VIEWER_EXAMPLE}'")
+    return viewer
+
+
+class RecorderConfig(ServiceConfig):
+    """Configuration of a recorder."""
+
+    # Where the recordings go; made if it is not there.
+    folder: Path = Path("recordings")
+    # Address of a Rerun viewer that shows everything live; the recorder itself opens no port.
+    viewer: Annotated[str | None, AfterValidator(_check_viewer)] = None
+    # Whether <recording>.rrd is written beside <recording>.mcap: what the viewer showed.
+    live_file: bool = True

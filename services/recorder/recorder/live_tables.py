@@ -1,0 +1,84 @@
+"""The text of the live view: what the campaign does now, and its error table, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from duralab_proto.v1 import iterator_pb2
+
+_PHASES = {
+    iterator_pb2.CAMPAIGN_PHASE_CHECKING: "checking",
+    iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING: "identifying",
+    iterator_pb2.CAMPAIGN_PHASE_ITERATING: "iterating",
+    iterator_pb2.CAMPAIGN_PHASE_FINISHED: "finished",
+    iterator_pb2.CAMPAIGN_PHASE_FAULTED: "ended by a fault",
+    iterator_pb2.CAMPAIGN_PHASE_STOPPED: "stopped",
+}
+_OUTCOMES = {
+    iterator_pb2.OUTCOME_REACHED: "every channel is at or below the asked error",
+    iterator_pb2.OUTCOME_ITERATIONS_USED: "all playbacks were used",
+    iterator_pb2.OUTCOME_DIVERGED: "the error grew: diverged",
+}
+
+COLUMNS_SHOWN = 7
+"""Most iterations in the table, so that it fits beside the plots: the first and the last ones."""
+
+
+def best_iteration(iterations: Sequence[iterator_pb2.IterationMetrics]) -> int:
+    """Return the number of the iteration with the smallest overall error; 0 where there is none."""
+    if not iterations:
+        return 0
+    return min(iterations, key=lambda metrics: metrics.overall_relative_rms_error).iteration
+
+
+def error_table(iterations: Sequence[iterator_pb2.IterationMetrics]) -> str:
+    """Return the relative RMS error in percent, a row for each channel, a column for each iteration, the best bold."""
+    if not iterations:
+        return ""
+    best = best_iteration(iterations)
+    shown = list(iterations)
+    if len(shown) > COLUMNS_SHOWN:
+        shown = [shown[0], *shown[1 - COLUMNS_SHOWN :]]
+
+    def cell(value: float, iteration: int) -> str:
+        text = f"{100 * value:.1f}"
+        return f"**{text}**" if iteration == best else text
+
+    lines = [
+        "| error [%] | " + " | ".join(f"it. {metrics.iteration}" for metrics in shown) + " |",
+        "|---|" + "---:|" * len(shown),
+    ]
+    for row, channel in enumerate(shown[0].channels):
+        cells = (
+            cell(metrics.channels[row].relative_rms_error, metrics.iteration) if row < len(metrics.channels) else "–"
+            for metrics in shown
+        )
+        lines.append(f"| {channel.channel} | " + " | ".join(cells) + " |")
+    overall = (cell(metrics.overall_relative_rms_error, metrics.iteration) for metrics in shown)
+    lines.append("| all | " + " | ".join(overall) + " |")
+    return "\n".join(lines)
+
+
+def status_line(status: iterator_pb2.CampaignStatus) -> str:
+    """Return the phase and what is done now, or the fault, in one line."""
+    what = status.fault.message if status.HasField("fault") else status.activity
+    return ": ".join(part for part in (_PHASES.get(status.phase, "starting"), what) if part)
+
+
+def status_document(
+    status: iterator_pb2.CampaignStatus | None, iterations: Sequence[iterator_pb2.IterationMetrics]
+) -> str:
+    """Return the phase in a sentence, what it does now, and the error table."""
+    lines = []
+    if status is not None:
+        phase = _PHASES.get(status.phase, "starting")
+        outcome = _OUTCOMES.get(status.outcome)
+        lines.append(f"**{status.id}**: {phase}" + (f" – {outcome}" if outcome else ""))
+        if status.activity:
+            lines.append(f"{status.activity} ({100 * status.fraction:.0f} % done)")
+        if status.HasField("fault"):
+            lines.append(f"**Fault**: {status.fault.message}")
+    if iterations:
+        lines.append(error_table(iterations))
+        lines.append(f"Best iteration: {best_iteration(iterations)}")
+    return "\n\n".join(lines) or "Waiting for the campaign."

@@ -1,0 +1,43 @@
+"""Fewer points for the live view, every peak kept. The log keeps every sample; the view only has to look right."""
+
+from __future__ import annotations
+
+import numpy as np
+
+BUCKETS_PER_PERIOD = 3
+"""Stretches in the shortest period of interest, each drawn with its two extremes: six points a period."""
+
+
+def bucket_samples(sample_rate: float, highest_frequency: float) -> int:
+    """Return how many samples may share two points; 2, that is all of them, where nothing can be left out."""
+    if highest_frequency <= 0:
+        return 2
+    return max(2, int(sample_rate / (BUCKETS_PER_PERIOD * highest_frequency)))
+
+
+def keep_extremes(samples: np.ndarray, bucket: int) -> np.ndarray:
+    """Choose the samples that are drawn: the smallest and the largest of each bucket.
+
+    Parameters
+    ----------
+    samples : np.ndarray, shape (samples,)
+        One channel.
+    bucket : int
+        Samples in a bucket, 2 or more; what is left over at the end is a bucket too.
+
+    Returns
+    -------
+    np.ndarray of int
+        Ascending indices, among them the first and the last sample, so that neighbouring pieces join without a gap.
+    """
+    count = samples.size
+    if bucket <= 2 or count <= bucket:
+        return np.arange(count)
+    whole = count // bucket * bucket
+    table = samples[:whole].reshape(-1, bucket)
+    starts = np.arange(0, whole, bucket)
+    extremes = [starts + table.argmin(axis=1), starts + table.argmax(axis=1)]
+    if whole < count:
+        rest = samples[whole:]
+        extremes.append(whole + np.array([rest.argmin(), rest.argmax()]))
+    return np.unique(np.concatenate([*extremes, np.array([0, count - 1])]))

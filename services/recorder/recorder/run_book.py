@@ -1,0 +1,106 @@
+"""Which recording each playback belongs to, and which of its signal blocks are stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from duralab_proto.v1 import query_pb2, recorder_pb2
+from labbus import Continuity
+from recorder.refused import RefusedError, invalid
+
+MOST_BLOCKS: Final = 2**32
+"""Of one playback: the log keeps 32 bits of a sequence number."""
+
+
+@dataclass
+class PlannedRun:
+    """A playback that was announced.
+
+    Parameters
+    ----------
+    recording : str
+        Where its blocks go.
+    """
+
+    recording: str
+    played: recorder_pb2.RunPlayed | None = None
+    # One count for each publisher: a playback that is repeated after a fault has a new epoch.
+    epochs: dict[int, Continuity] = field(default_factory=dict)
+
+    @property
+    def stored(self) -> int:
+        """Number of different blocks stored."""
+        return sum(continuity.received for continuity in self.epochs.values())
+
+    @property
+    def missing(self) -> int:
+        """Number of blocks known to be missing: of all that were announced, or else the gaps seen so far."""
+        if self.played is not None:
+            return self.missing_of(self.played.epoch, self.played.blocks)
+        return sum(continuity.next_seq - continuity.received for continuity in self.epochs.values())
+
+    def missing_of(self, epoch: int, blocks: int) -> int:
+        """Count which of the first `blocks` blocks of an epoch are not stored."""
+        continuity = self.epochs.get(epoch)
+        return blocks if continuity is None else sum(len(gap) for gap in continuity.missing(blocks))
+
+
+class RunBook:
+    """The playbacks of all open recordings, by rig and run."""
+
+    def __init__(self) -> None:
+        self._runs: dict[tuple[str, str], PlannedRun] = {}
+
+    def find(self, rig: str, run: str) -> PlannedRun | None:
+        """Return a playback that was announced, or None."""
+        return self._runs.get((rig, run))
+
+    def check(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
+        """Raise a RefusedError where the announcement does not fit to what was announced before."""
+        known = self.find(message.rig, message.run)
+        if isinstance(message, recorder_pb2.RunPlanned):
+            if known is not None and known.recording != recording:
+                raise RefusedError(
+                    query_pb2.FAULT_CODE_ALREADY_EXISTS,
+                    f"The run {message.run!r} on rig {message.rig!r} belongs to recording {known.recording!r}; "
+                    "choose another name for it.",
+                    field="payload.run",
+                )
+            return
+        if known is None or known.recording != recording:
+            raise RefusedError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"The run {message.run!r} on rig {message.rig!r} was not announced to recording {recording!r}; "
+                "commit RunPlanned before it is played.",
+                field="payload.run",
+            )
+        if message.blocks > MOST_BLOCKS:
+            raise invalid(f"blocks is {message.blocks}; at most {MOST_BLOCKS} are allowed.", field="payload.blocks")
+
+    def note(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
+        """Note an announcement that was checked and stored."""
+        run = self._runs.setdefault((message.rig, message.run), PlannedRun(recording))
+        if isinstance(message, recorder_pb2.RunPlayed):
+            run.played = message
+
+    def is_new(self, run: PlannedRun, epoch: int, seq: int) -> bool:
+        """Tell whether a block is to be stored: it was not before, and its number is a possible one."""
+        return seq < MOST_BLOCKS and (epoch not in run.epochs or seq not in run.epochs[epoch])
+
+    def accept(self, run: PlannedRun, epoch: int, seq: int) -> None:
+        """Note a block that was stored."""
+        run.epochs.setdefault(epoch, Continuity()).accept(seq)
+
+    def of_recording(self, recording: str) -> dict[tuple[str, str], PlannedRun]:
+        """Return the playbacks of a recording, by rig and run."""
+        return {key: run for key, run in self._runs.items() if run.recording == recording}
+
+    def recordings_of_rig(self, rig: str) -> set[str]:
+        """Return the recordings that announced a playback on a rig."""
+        return {run.recording for (of, _), run in self._runs.items() if of == rig}
+
+    def forget(self, recording: str) -> None:
+        """Drop the playbacks of a recording that is closed."""
+        for key in self.of_recording(recording):
+            del self._runs[key]

@@ -1,0 +1,52 @@
+"""The compiled player: trace a model, generate straight-line code for it, integrate it.
+
+Write a model once with operators and the functions of :mod:`rig_sim.compile.numeric`; run it plain on floats to check
+it, and compiled to play it.
+"""
+
+from rig_sim.compile.compiled_model import CompiledModel, Playback
+from rig_sim.compile.integrate import Interpolation
+from rig_sim.compile.model import ModelFunction, TracedModel, compile_model, trace_model
+from rig_sim.compile.numeric import (
+    absolute,
+    asin,
+    atan2,
+    clamp,
+    cos,
+    exp,
+    maximum,
+    minimum,
+    select_positive,
+    sin,
+    sqrt,
+    tanh,
+)
+from rig_sim.compile.python_backend import interpret
+from rig_sim.compile.tracing import Expression, Graph, Scalar, constant_value
+
+__all__ = [
+    "CompiledModel",
+    "Expression",
+    "Graph",
+    "Interpolation",
+    "ModelFunction",
+    "Playback",
+    "Scalar",
+    "TracedModel",
+    "absolute",
+    "asin",
+    "atan2",
+    "clamp",
+    "compile_model",
+    "constant_value",
+    "cos",
+    "exp",
+    "interpret",
+    "maximum",
+    "minimum",
+    "select_positive",
+    "sin",
+    "sqrt",
+    "tanh",
+    "trace_model",
+]

@@ -1,0 +1,195 @@
+"""A model as machine code: evaluate it, play it."""
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Interpolation
+from rig_sim.compile.llvm_backend import CompiledModule
+
+_DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3)
+_OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+
+
+@dataclass(frozen=True)
+class Playback:
+    """What a model did.
+
+    Attributes
+    ----------
+    outputs : ndarray, (outputs, samples)
+        At the sample instants; ends before the sample at which the model diverged.
+    state : ndarray, (states,)
+        At the instant after the last sample, or where the model diverged: the start of the next chunk.
+    diverged_at : int or None
+        The sample whose state was not finite or out of bounds, 0 to samples; None when there is none.
+    diverged_states : tuple of str
+        Which states these were.
+    """
+
+    outputs: np.ndarray
+    state: np.ndarray
+    diverged_at: int | None
+    diverged_states: tuple[str, ...]
+
+
+class CompiledModel:
+    """A model as machine code. Made by :func:`compile_model`; may be called from several threads at once.
+
+    Attributes
+    ----------
+    state_names, input_names, output_names : tuple of str
+    operation_count : int
+        Operations of one evaluation of the derivative.
+    """
+
+    def __init__(
+        self,
+        module: CompiledModule,
+        *,
+        state_names: tuple[str, ...],
+        input_names: tuple[str, ...],
+        output_names: tuple[str, ...],
+        operation_count: int,
+    ) -> None:
+        self._module = module  # keeps the code alive
+        self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
+        self._observe = _OBSERVE_SIGNATURE(module.address("observe"))
+        self._play = PLAY_SIGNATURE(module.address("play"))
+        self.state_names = state_names
+        self.input_names = input_names
+        self.output_names = output_names
+        self.operation_count = operation_count
+
+    def derivative(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
+        """Evaluate the time derivative of the state.
+
+        Parameters
+        ----------
+        state : array_like, (states,)
+        inputs : array_like, (inputs,)
+
+        Returns
+        -------
+        ndarray, (states,)
+        """
+        values = self._vector(state, self.state_names, "state")
+        given = self._vector(inputs, self.input_names, "inputs")
+        derivative = np.empty(len(self.state_names))
+        self._derivative(values.ctypes.data, given.ctypes.data, derivative.ctypes.data)
+        return derivative
+
+    def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
+        """Evaluate the outputs.
+
+        Parameters
+        ----------
+        state : array_like, (states,)
+        inputs : array_like, (inputs,)
+
+        Returns
+        -------
+        ndarray, (outputs,)
+        """
+        values = self._vector(state, self.state_names, "state")
+        given = self._vector(inputs, self.input_names, "inputs")
+        derivative = np.empty(len(self.state_names))
+        outputs = np.empty(len(self.output_names))
+        self._observe(values.ctypes.data, given.ctypes.data, derivative.ctypes.data, outputs.ctypes.data)
+        return outputs
+
+    def play(
+        self,
+        state: ArrayLike,
+        commands: ArrayLike,
+        *,
+        sample_interval: float,
+        substeps: int,
+        interpolation: Interpolation = Interpolation.LINEAR,
+        bounds: ArrayLike | None = None,
+    ) -> Playback:
+        """Integrate over a record of commands by Runge-Kutta of order 4 with a fixed step.
+
+        Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call.
+
+        Parameters
+        ----------
+        state : array_like, (states,)
+            At the first sample.
+        commands : array_like, (inputs, samples + 1)
+            The extra sample is the one after the record, which the last interval is interpolated towards: the first
+            of the next chunk, or the last once more. It is needed, and unused, for a zero-order hold too.
+        sample_interval : float
+            [s], > 0.
+        substeps : int
+            Steps per sample interval, ≥ 1.
+        interpolation : Interpolation
+            What the command is between two samples.
+        bounds : array_like, (states,), optional
+            The largest magnitude of each state, checked at the sample instants; any finite one by default.
+
+        Returns
+        -------
+        Playback
+
+        Raises
+        ------
+        ValueError
+            When an array has the wrong shape, a command is not finite, or a number is out of its range.
+        """
+        final = self._vector(state, self.state_names, "state").copy()
+        command = np.ascontiguousarray(commands, dtype=np.float64)
+        if command.ndim != 2 or command.shape[0] != len(self.input_names) or command.shape[1] < 1:
+            raise ValueError(
+                f"The commands have the shape {command.shape}; give ({len(self.input_names)}, samples + 1), one row "
+                "per input."
+            )
+        if not np.isfinite(command).all():
+            input_index, sample = np.argwhere(~np.isfinite(command))[0]
+            raise ValueError(
+                f"The command {self.input_names[input_index]!r} is {command[input_index, sample]} at sample {sample}; "
+                "give finite numbers."
+            )
+        if not (np.isfinite(sample_interval) and sample_interval > 0.0):
+            raise ValueError(f"The sample interval is {sample_interval} s; give a finite one above 0.")
+        if substeps < 1 or substeps != int(substeps):
+            raise ValueError(f"The number of substeps is {substeps}; give a whole number of at least 1.")
+        limits = self._limits(bounds)
+        samples = command.shape[1] - 1
+        outputs = np.empty((len(self.output_names), samples))
+        status = self._play(
+            final.ctypes.data,
+            command.ctypes.data,
+            command.shape[1],
+            outputs.ctypes.data,
+            samples,
+            samples,
+            int(substeps),
+            sample_interval / substeps,
+            interpolation.ahead,
+            limits.ctypes.data,
+        )
+        if status == COMPLETED:
+            return Playback(outputs, final, None, ())
+        outside = ~(np.abs(final) <= limits)
+        names = tuple(name for name, out in zip(self.state_names, outside, strict=True) if out)
+        return Playback(np.ascontiguousarray(outputs[:, :status]), final, int(status), names)
+
+    def _limits(self, bounds: ArrayLike | None) -> np.ndarray:
+        largest = np.finfo(np.float64).max  # any finite state
+        if bounds is None:
+            return np.full(len(self.state_names), largest)
+        limits = self._vector(bounds, self.state_names, "bounds")
+        for name, limit in zip(self.state_names, limits, strict=True):
+            if not limit > 0.0:
+                raise ValueError(f"The bound of the state {name!r} is {limit}; give a magnitude above 0.")
+        return np.minimum(limits, largest)
+
+    @staticmethod
+    def _vector(values: ArrayLike, names: tuple[str, ...], what: str) -> np.ndarray:
+        vector = np.ascontiguousarray(values, dtype=np.float64)
+        if vector.shape != (len(names),):
+            raise ValueError(f"The {what} has the shape {vector.shape}; give ({len(names)},).")
+        return vector

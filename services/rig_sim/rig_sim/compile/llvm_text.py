@@ -1,0 +1,151 @@
+"""Write traced functions as LLVM IR: loads, straight-line operations, stores.
+
+The text knows one scalar type and one way to write a constant, so that lanes of isomorphic components later replace
+``double`` by a vector and a constant by one number per lane.
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rig_sim.compile.operations import LEAVES, Operation
+from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.tracing import Expression
+
+SCALAR = "double"
+
+_INFIX = {
+    Operation.ADD: "fadd",
+    Operation.SUBTRACT: "fsub",
+    Operation.MULTIPLY: "fmul",
+    Operation.DIVIDE: "fdiv",
+}
+_INTRINSICS = {
+    Operation.ABS: "fabs",
+    Operation.SQRT: "sqrt",
+    Operation.SIN: "sin",
+    Operation.COS: "cos",
+    Operation.TANH: "tanh",
+    Operation.EXP: "exp",
+    Operation.ASIN: "asin",
+    Operation.ATAN2: "atan2",
+    Operation.MINIMUM: "minimum",
+    Operation.MAXIMUM: "maximum",
+}
+_BINARY = frozenset({Operation.ATAN2, Operation.MINIMUM, Operation.MAXIMUM})
+
+
+@dataclass(frozen=True)
+class TracedFunction:
+    """A function of arrays: ``void name(const double *argument…, double *result…)``.
+
+    Attributes
+    ----------
+    name : str
+        Its symbol.
+    arguments : tuple of tuple of Expression
+        For every argument array the inputs that its elements are.
+    results : tuple of tuple of Expression
+        For every result array the expressions of its elements.
+    """
+
+    name: str
+    arguments: tuple[tuple[Expression, ...], ...]
+    results: tuple[tuple[Expression, ...], ...]
+
+
+def literal(value: float) -> str:
+    """Write a number as LLVM reads it back bit by bit."""
+    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+def declarations() -> str:
+    """Return the declarations of all intrinsics that :func:`function_text` may call."""
+    return "\n".join(
+        f"declare {SCALAR} @llvm.{name}.f64({SCALAR}{f', {SCALAR}' if operation in _BINARY else ''})"
+        for operation, name in _INTRINSICS.items()
+    )
+
+
+def function_text(function: TracedFunction, *, contract: bool) -> str:
+    """Write one function.
+
+    Parameters
+    ----------
+    function : TracedFunction
+    contract : bool
+        Whether a product and a sum may become one fused operation with one rounding. No other freedom is ever given:
+        without reassociation and approximations the same IR gives the same bits on one machine, and a NaN stays one.
+
+    Raises
+    ------
+    ValueError
+        When a result depends on an input that is in no argument array.
+    """
+    flags = " contract" if contract else ""
+    places = {
+        expression.index: (array, position)
+        for array, inputs in enumerate(function.arguments)
+        for position, expression in enumerate(inputs)
+    }
+    flat_results = [result for results in function.results for result in results]
+    stores = _stores_by_expression(function)
+    lines: list[str] = []
+    loaded: set[int] = set()
+
+    def operand(expression: Expression) -> str:
+        if expression.value is not None:
+            return literal(expression.value)
+        if expression.operation is Operation.INPUT and expression.index not in loaded:
+            if expression.index not in places:
+                raise ValueError(f"The input {expression.name!r} is in no argument of {function.name}; add it to one.")
+            array, position = places[expression.index]
+            loaded.add(expression.index)
+            lines.append(f"%p{expression.index} = getelementptr {SCALAR}, ptr %argument{array}, i64 {position}")
+            lines.append(f"%v{expression.index} = load {SCALAR}, ptr %p{expression.index}, align 8")
+        return f"%v{expression.index}"
+
+    def store(expression: Expression) -> None:
+        value = operand(expression)
+        for array, position in stores.pop(expression.index, ()):
+            lines.append(f"%r{array}.{position} = getelementptr {SCALAR}, ptr %result{array}, i64 {position}")
+            lines.append(f"store {SCALAR} {value}, ptr %r{array}.{position}, align 8")
+
+    for expression in creation_order(flat_results):
+        if expression.operation in LEAVES:
+            continue  # where they are used
+        lines.extend(_operation_lines(expression, [operand(part) for part in expression.operands], flags))
+        if expression.index in stores:
+            store(expression)
+    for result in flat_results:  # constants and inputs that are results themselves
+        if result.index in stores:
+            store(result)
+    parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(function.arguments))]
+    parameters += [f"ptr noalias %result{array}" for array in range(len(function.results))]
+    # noinline: the loop that calls it four times must not hold four copies of it
+    head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind {{"
+    return "\n".join([head, *lines, "ret void", "}"])
+
+
+def _stores_by_expression(function: TracedFunction) -> dict[int, list[tuple[int, int]]]:
+    stores: dict[int, list[tuple[int, int]]] = {}
+    for array, results in enumerate(function.results):
+        for position, result in enumerate(results):
+            stores.setdefault(result.index, []).append((array, position))
+    return stores
+
+
+def _operation_lines(expression: Expression, operands: Sequence[str], flags: str) -> list[str]:
+    name = f"%v{expression.index}"
+    operation = expression.operation
+    if operation in _INFIX:
+        return [f"{name} = {_INFIX[operation]}{flags} {SCALAR} {operands[0]}, {operands[1]}"]
+    if operation is Operation.NEGATE:
+        return [f"{name} = fneg{flags} {SCALAR} {operands[0]}"]
+    if operation is Operation.SELECT_POSITIVE:
+        return [
+            f"%c{expression.index} = fcmp oge {SCALAR} {operands[0]}, {literal(0.0)}",
+            f"{name} = select i1 %c{expression.index}, {SCALAR} {operands[1]}, {SCALAR} {operands[2]}",
+        ]
+    arguments = ", ".join(f"{SCALAR} {operand}" for operand in operands)
+    return [f"{name} = call{flags} {SCALAR} @llvm.{_INTRINSICS[operation]}.f64({arguments})"]

@@ -1,0 +1,132 @@
+"""Trace and compile a model that is written as one Python function of its state and inputs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rig_sim.compile.compiled_model import CompiledModel
+from rig_sim.compile.integrate import play_text
+from rig_sim.compile.llvm_backend import compile_module
+from rig_sim.compile.llvm_text import TracedFunction, declarations, function_text
+from rig_sim.compile.operations import LEAVES
+from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.tracing import Expression, Graph, Scalar
+
+ModelFunction = Callable[[np.ndarray, np.ndarray], tuple[Sequence[Scalar], Sequence[Scalar]]]
+
+
+@dataclass(frozen=True)
+class TracedModel:
+    """A model as expressions.
+
+    Attributes
+    ----------
+    state, inputs : tuple of Expression
+        The arguments.
+    derivative, outputs : tuple of Expression
+        The results.
+    """
+
+    state: tuple[Expression, ...]
+    inputs: tuple[Expression, ...]
+    derivative: tuple[Expression, ...]
+    outputs: tuple[Expression, ...]
+
+
+def trace_model(function: ModelFunction, *, state_names: Sequence[str], input_names: Sequence[str]) -> TracedModel:
+    """Run a model once on expressions.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(state, inputs) -> (derivative, outputs)``: takes object arrays (states,) and (inputs,), returns
+        sequences of scalars. It uses operators and :mod:`rig_sim.compile.numeric`, and never branches on a value.
+    state_names, input_names : sequence of str
+        Their order is the order of the arrays.
+
+    Raises
+    ------
+    ValueError
+        When a name is given twice, or there is not one derivative per state.
+    """
+    for kind, names in (("state", state_names), ("input", input_names)):
+        twice = sorted({name for name in names if list(names).count(name) > 1})
+        if twice:
+            raise ValueError(f"The {kind} name {twice[0]!r} is given twice; name every {kind} differently.")
+    graph = Graph()
+    state = tuple(graph.input(f"state.{name}") for name in state_names)
+    inputs = tuple(graph.input(f"input.{name}") for name in input_names)
+    derivative, outputs = function(_objects(state), _objects(inputs))
+    traced = TracedModel(
+        state=state,
+        inputs=inputs,
+        derivative=tuple(graph.expression(value) for value in derivative),
+        outputs=tuple(graph.expression(value) for value in outputs),
+    )
+    if len(traced.derivative) != len(state) or not state:
+        raise ValueError(
+            f"The model returns {len(traced.derivative)} derivatives for {len(state)} states; return one for each of "
+            "at least one state."
+        )
+    return traced
+
+
+def compile_model(
+    function: ModelFunction,
+    *,
+    state_names: Sequence[str],
+    input_names: Sequence[str],
+    output_names: Sequence[str] | None = None,
+    contract: bool = True,
+) -> CompiledModel:
+    """Compile a model.
+
+    Parameters
+    ----------
+    function : callable
+        See :func:`trace_model`.
+    state_names, input_names : sequence of str
+        Their order is the order of the arrays.
+    output_names : sequence of str, optional
+        One per output; ``output_0``, … by default.
+    contract : bool
+        Whether products and sums may be fused into one operation with one rounding; faster, and as exact.
+
+    Raises
+    ------
+    ValueError
+        When names and results do not fit together.
+    """
+    traced = trace_model(function, state_names=state_names, input_names=input_names)
+    names = (
+        tuple(output_names) if output_names is not None else tuple(f"output_{i}" for i in range(len(traced.outputs)))
+    )
+    if len(names) != len(traced.outputs):
+        raise ValueError(f"The model returns {len(traced.outputs)} outputs for {len(names)} names; name each of them.")
+    arguments = (traced.state, traced.inputs)
+    functions = (
+        TracedFunction("derivative", arguments, (traced.derivative,)),
+        TracedFunction("observe", arguments, (traced.derivative, traced.outputs)),
+    )
+    text = "\n".join(
+        [
+            declarations(),
+            *(function_text(function, contract=contract) for function in functions),
+            play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs)),
+        ]
+    )
+    return CompiledModel(
+        compile_module(text),
+        state_names=tuple(state_names),
+        input_names=tuple(input_names),
+        output_names=names,
+        operation_count=sum(node.operation not in LEAVES for node in creation_order(traced.derivative)),
+    )
+
+
+def _objects(expressions: tuple[Expression, ...]) -> np.ndarray:
+    array: np.ndarray[Any, Any] = np.empty(len(expressions), dtype=object)
+    array[:] = expressions
+    return array

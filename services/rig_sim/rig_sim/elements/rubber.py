@@ -1,0 +1,69 @@
+"""What a linear bushing lacks: rubber stiffens with travel and sticks before it slips.
+
+The element acts along one axis of a frame, in parallel with the linear bushing of the SDF. Friction follows Bouc and
+Wen (Wen, *Method for random vibration of hysteretic systems*, 1976) with exponent 1: at small travel it is an extra
+spring, at large travel a constant force against the motion. A rig identified at small amplitude is therefore stiffer
+than the one that plays the road.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic.dataclasses import dataclass as parameters
+
+from rig_sim.compile.numeric import absolute
+from rig_sim.effect import Effect, Input
+from rig_sim.multibody.kinematics import Motion
+from rig_sim.multibody.spatial import Array, cross, dot, wrench_at
+from rig_sim.multibody.tree import Pose
+from rig_sim.parameters import STRICT, NotNegative, Positive
+
+
+@parameters(config=STRICT)
+class RubberLaw:
+    """Parameters of rubber along one axis."""
+
+    #: Growth of the restoring force with the cube of travel, in N/m^3.
+    progression: NotNegative
+    #: Largest friction force, in N.
+    friction: NotNegative
+    #: Travel over which friction builds up, in m.
+    slip_travel: Positive
+
+
+def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
+    """Return the rate, 1/s, of the friction level (-1 to 1) at a speed [m/s]."""
+    return (speed - absolute(speed) * level) * (1.0 / law.slip_travel)
+
+
+@dataclass(frozen=True)
+class Rubber:
+    """Rubber between frame A on one body and the origin of frame C on another, along an axis of A."""
+
+    name: str
+    body_a: int
+    frame_a: Pose
+    body_c: int
+    point_c: np.ndarray
+    axis: np.ndarray
+    law: RubberLaw
+
+    settles: bool = False
+    initial_state: tuple[float, ...] = (0.0,)
+    inputs: tuple[Input, ...] = ()
+
+    def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
+        """Hold frame C back along the axis."""
+        pose_a = motion.poses[self.body_a] @ self.frame_a
+        axis = pose_a.rotation @ self.axis
+        point, velocity = motion.point(self.body_c, self.point_c)
+        offset = point - pose_a.origin
+        spin = motion.velocities[self.body_a]
+        speed = dot(axis, velocity - spin.at(pose_a.origin) - cross(spin.angular, offset))
+        travel = dot(axis, offset)
+        force = -(self.law.progression * travel * travel * travel + self.law.friction * state[0])
+        effect.between(self.body_a, self.body_c, wrench_at(point, axis * force))
+        return [friction_rate(self.law, state[0], speed)]

@@ -1,0 +1,1 @@
+"""Servo-hydraulic actuators: servovalve, cylinder and the control loop in front of them."""

@@ -1,0 +1,123 @@
+"""May the rig play: what it does, the latch of a stop, and the names that were played. Safe for threads."""
+
+from __future__ import annotations
+
+import threading
+
+from duralab_proto.v1 import query_pb2, rig_pb2
+from labbus import FaultError
+
+#: Longest reason that is kept; it travels with every state.
+LONGEST_REASON = 300
+#: A stop of a playback takes the rest of a block and a ramp, less than a second in real time.
+REST_SECONDS = 5.0
+#: Names of so many playbacks are remembered. A name guards against playing a query twice, which would come within
+#: seconds; so old ones may be forgotten, and a rig that runs for months does not grow.
+REMEMBERED_RUNS = 10_000
+
+
+class Interlock:
+    """Mode, latch and runs of one rig."""
+
+    def __init__(self, rig: str) -> None:
+        self._rig = rig
+        self._changed = threading.Condition()
+        self._latched = False
+        self._reason = ""
+        self._run = ""
+        self._fraction = 0.0
+        self._stop = threading.Event()
+        # A dict keeps the order in which the names came.
+        self._runs: dict[str, None] = {}
+
+    def state(self) -> rig_pb2.RigState:
+        """Return the state as the contract puts it; latched while still on the way down."""
+        with self._changed:
+            mode = rig_pb2.RIG_MODE_PLAYING if self._run else rig_pb2.RIG_MODE_IDLE
+            return rig_pb2.RigState(
+                rig=self._rig,
+                mode=rig_pb2.RIG_MODE_INTERLOCKED if self._latched else mode,
+                reason=self._reason,
+                run=self._run,
+                fraction=self._fraction,
+            )
+
+    @property
+    def fraction(self) -> float:
+        """Share of the run that is played, 0 to 1."""
+        return self._fraction
+
+    @fraction.setter
+    def fraction(self, value: float) -> None:
+        with self._changed:
+            self._fraction = value
+
+    def begin(self, run: str) -> None:
+        """Take the rig for a playback; `end` must follow.
+
+        Raises
+        ------
+        FaultError
+            FAILED_PRECONDITION where the rig is latched, BUSY where it plays, ALREADY_EXISTS where it has played a run
+            of that name.
+        """
+        with self._changed:
+            if self._latched:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                    f"{self._rig} is interlocked ({self._reason}); reset it before it plays.",
+                )
+            if self._run:
+                raise FaultError(query_pb2.FAULT_CODE_BUSY, f"{self._rig} plays run {self._run!r}; wait until it ends.")
+            if run in self._runs:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_ALREADY_EXISTS,
+                    f"run {run!r} was played on {self._rig} before; give every playback a name of its own.",
+                    field="run",
+                )
+            self._runs[run] = None
+            if len(self._runs) > REMEMBERED_RUNS:
+                del self._runs[next(iter(self._runs))]
+            self._run, self._fraction = run, 0.0
+
+    def end(self) -> None:
+        """Give the rig back, at rest."""
+        with self._changed:
+            self._run, self._fraction = "", 0.0
+            self._changed.notify_all()
+
+    def trip(self, reason: str) -> None:
+        """Latch, and tell the playback that may be under way to ramp down. The first reason is the one that is kept."""
+        reason = reason or "stopped on request"
+        with self._changed:
+            if not self._latched:
+                self._latched = True
+                self._reason = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON] + "…"
+            self._stop.set()
+
+    def wait_for_stop(self, seconds: float) -> bool:
+        """Wait for at most so long; return whether the playback has to ramp down."""
+        return self._stop.wait(seconds) if seconds > 0.0 else self._stop.is_set()
+
+    def wait_for_rest(self) -> rig_pb2.RigState:
+        """Wait until nothing plays; return the state then.
+
+        Raises
+        ------
+        FaultError
+            DEADLINE_EXCEEDED where it takes longer than a ramp ever does.
+        """
+        with self._changed:
+            if not self._changed.wait_for(lambda: not self._run, REST_SECONDS):
+                raise FaultError(
+                    query_pb2.FAULT_CODE_DEADLINE_EXCEEDED,
+                    f"{self._rig} is told to stop but run {self._run!r} has not come to rest in {REST_SECONDS:g} s; "
+                    "look at the rig.",
+                )
+            return self.state()
+
+    def reset(self) -> None:
+        """Clear the latch; a rig that is not latched stays as it is."""
+        with self._changed:
+            self._latched, self._reason = False, ""
+            self._stop.clear()

@@ -1,0 +1,188 @@
+"""Proof at load: the compiled player's derivative and spindle forces at random states, or no start.
+
+Drake judges the mechanics: it gets the same positions and velocities, and as external forces what the elements of the
+YAML do; tree, gravity and the linear elements of the SDF it works out by itself. The rates of the elements' own states
+(hydraulics, rubber, tyres), which Drake knows nothing of, are held against plain numpy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from pydrake.common import value as drake_value
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context
+
+from rig_sim.compile.model import CompiledModel
+from rig_sim.multibody.tree import JointKind
+from rig_sim.rig_model import Evaluation, RigModel
+
+LARGEST_ERROR = 1.0e-9
+STATES = 24
+
+# The stubs do not know the template of values.
+_AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]
+
+
+class ProofError(RuntimeError):
+    """The player disagrees with Drake, in one sentence."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Largest differences over all random states, relative to the largest value of each kind at its state."""
+
+    position_rate_error: float
+    acceleration_error: float
+    force_error: float
+    #: Of the elements' own states, against plain numpy.
+    element_rate_error: float
+    states: int
+
+
+@dataclass(frozen=True)
+class DrakeAnswers:
+    """What Drake says of one state: position rates (n_q,), accelerations (n_v,), spindle forces (responses,) in N."""
+
+    position_rates: np.ndarray
+    accelerations: np.ndarray
+    spindle_forces: np.ndarray
+
+
+def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
+    """Compare the compiled player with Drake at random states around the design position.
+
+    Returns
+    -------
+    Proof
+        The largest differences.
+
+    Raises
+    ------
+    ProofError
+        Where one is above 1e-9; names the freedom or channel and both values.
+    """
+    rng = np.random.default_rng(seed)
+    n_q, n_v = model.position_count, model.assembly.tree.velocity_count
+    names = model.state_names
+    worst = np.zeros(4)
+    for _ in range(STATES):
+        state, inputs = random_state(model, rng), _random_inputs(model, rng)
+        evaluation = model.evaluate(state, inputs)
+        drake = drake_answers(model, plant, state, evaluation)
+        rates = compiled.derivative(state, inputs)
+        forces = compiled.outputs(state, inputs)[: len(model.response_names)]
+        elements = np.array(evaluation.derivative[n_q + n_v :], dtype=float)
+        errors = (
+            _compare(rates[:n_q], drake.position_rates, names[:n_q]),
+            _compare(rates[n_q : n_q + n_v], drake.accelerations, names[n_q : n_q + n_v]),
+            _compare(forces, drake.spindle_forces, model.response_names),
+            _compare(rates[n_q + n_v :], elements, names[n_q + n_v :], judge="plain numpy"),
+        )
+        worst = np.maximum(worst, errors)
+    return Proof(*(float(error) for error in worst), states=STATES)
+
+
+def _compare(own: np.ndarray, right: np.ndarray, names: tuple[str, ...], *, judge: str = "Drake") -> float:
+    if not names:
+        return 0.0
+    error = np.abs(own - right) / np.max(np.abs(right))
+    worst = int(np.argmax(error))
+    if not error[worst] <= LARGEST_ERROR:
+        raise ProofError(
+            f"the player disagrees with {judge} at {names[worst]!r}: {own[worst]:.12g} against {right[worst]:.12g}; "
+            f"{LARGEST_ERROR:g} of the largest value is allowed, so this rig must not play."
+        )
+    return float(error[worst])
+
+
+def random_state(model: RigModel, rng: np.random.Generator) -> np.ndarray:
+    """Return a state near the design position: centimetres, degrees, metres per second, bars.
+
+    Returns
+    -------
+    ndarray, (states,)
+        With quaternions of length one.
+    """
+    n_q, n_v = model.position_count, model.assembly.tree.velocity_count
+    state = model.design_state.copy()
+    state[:n_q] += 0.02 * rng.standard_normal(n_q)
+    state[n_q : n_q + n_v] = 0.5 * rng.standard_normal(n_v)
+    state[n_q + n_v :] += 0.3 * rng.standard_normal(len(state) - n_q - n_v)
+    for joint in model.assembly.tree.joints:
+        if joint.kind is JointKind.FLOATING:
+            where = slice(joint.position_start, joint.position_start + 4)
+            state[where] /= np.linalg.norm(state[where])
+    return state
+
+
+def _random_inputs(model: RigModel, rng: np.random.Generator) -> np.ndarray:
+    return np.array([0.05 * channel.maximum * rng.standard_normal() for channel in model.assembly.specimen.drives])
+
+
+def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, evaluation: Evaluation) -> DrakeAnswers:
+    """Ask Drake about a state in which the elements of the YAML do what `evaluation` says.
+
+    Parameters
+    ----------
+    model : RigModel
+        Says where positions and velocities are in the state, and what is measured.
+    plant : MultibodyPlant
+        Finalised; the one whose tree the model has.
+    state : (states,)
+        Of the model.
+    evaluation : Evaluation
+        The model at this state and the inputs in question.
+
+    Returns
+    -------
+    DrakeAnswers
+        In Drake's order of positions and velocities, and the model's order of responses.
+    """
+    # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
+    drake = cast(Any, plant)
+    context = plant.CreateDefaultContext()
+    n_q, n_v = model.position_count, model.assembly.tree.velocity_count
+    drake.SetPositions(context, state[:n_q])
+    drake.SetVelocities(context, state[n_q : n_q + n_v])
+    apply_own_effect(plant, context, evaluation)
+    accelerations = plant.EvalTimeDerivatives(context).get_generalized_velocity().CopyToVector()
+    reactions = cast(Any, plant.get_reaction_forces_output_port().Eval(context))
+    forces = []
+    for channel in model.assembly.specimen.responses:
+        joint = plant.GetJointByName(channel.transducer)
+        # The port gives the force on the child (the wheel); the spindle feels the opposite.
+        forces.append(-reactions[int(joint.index())].translational()["xyz".index(channel.axis)])
+    return DrakeAnswers(
+        position_rates=np.array(drake.MapVelocityToQDot(context, state[n_q : n_q + n_v]), dtype=float),
+        accelerations=np.array(accelerations, dtype=float),
+        spindle_forces=np.array(forces, dtype=float),
+    )
+
+
+def apply_own_effect(plant: MultibodyPlant, context: Context, evaluation: Evaluation) -> None:
+    """Fix Drake's force inputs to what the elements of the YAML do."""
+    plant.get_applied_spatial_force_input_port().FixValue(context, _AppliedForces(applied_forces(evaluation)))
+    joint_forces = np.array(evaluation.own_effect.joint_forces, dtype=float)
+    plant.get_applied_generalized_force_input_port().FixValue(context, joint_forces)
+
+
+def applied_forces(evaluation: Evaluation) -> list[ExternallyAppliedSpatialForce]:
+    """Return the wrenches of the elements of the YAML as Drake takes them: about each body's origin, world axes."""
+    forces = []
+    for index, wrench in enumerate(evaluation.own_effect.wrenches):
+        if index == 0:
+            continue
+        origin = np.array(evaluation.motion.poses[index].origin, dtype=float)
+        force = np.array(wrench.linear, dtype=float)
+        moment = np.array(wrench.angular, dtype=float) - np.cross(origin, force)
+        applied = cast(Any, ExternallyAppliedSpatialForce())
+        applied.body_index = BodyIndex(index)
+        applied.p_BoBq_B = np.zeros(3)
+        applied.F_Bq_W = cast(Any, SpatialForce)(moment, force)
+        forces.append(applied)
+    return forces

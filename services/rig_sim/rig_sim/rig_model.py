@@ -1,0 +1,128 @@
+"""The whole rig as one function of state and inputs, over generic scalars: traced and compiled, or run in numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rig_sim.assembly import Assembly
+from rig_sim.effect import Effect
+from rig_sim.multibody.dynamics import Accelerations, accelerate
+from rig_sim.multibody.forces import add_linear_elements
+from rig_sim.multibody.kinematics import Motion, move
+from rig_sim.multibody.spatial import ZERO, Array, Spatial, cross
+from rig_sim.multibody.tree import position_count, velocity_count
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The rig at one instant."""
+
+    motion: Motion
+    #: What the elements of the YAML do, the linear elements of the SDF left out.
+    own_effect: Effect
+    accelerations: Accelerations
+    #: Rates of all states.
+    derivative: list[Any]
+    #: The measured responses, in N.
+    responses: list[Any]
+
+
+class RigModel:
+    """State layout and equations of an assembled rig.
+
+    The state is Drake's positions and velocities, then the states of each element in the order of the assembly.
+    """
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        tree = assembly.tree
+        names = [f"position {index}" for index in range(len(tree.default_positions))]
+        names += [f"velocity {index}" for index in range(tree.velocity_count)]
+        for joint in tree.joints:
+            for index in range(position_count(joint.kind)):
+                names[joint.position_start + index] = f"{joint.name} position {index}"
+            for index in range(velocity_count(joint.kind)):
+                names[len(tree.default_positions) + joint.velocity_start + index] = f"{joint.name} velocity {index}"
+        initial = [*tree.default_positions, *np.zeros(tree.velocity_count)]
+        self._slices: list[slice] = []
+        for element in assembly.elements:
+            self._slices.append(slice(len(initial), len(initial) + len(element.initial_state)))
+            initial += element.initial_state
+            names += [f"{element.name} state {index}" for index in range(len(element.initial_state))]
+        self.state_names = tuple(names)
+        #: Design position at rest, valves shut: the start of the search for equilibrium.
+        self.design_state = np.array(initial)
+        self.input_names = tuple(channel.name for channel in assembly.specimen.drives)
+        self.response_names = tuple(channel.name for channel in assembly.specimen.responses)
+        at_design = self.evaluate(self.design_state, np.zeros(len(self.input_names)))
+        #: Responses, then the monitored values of the elements, e.g. "left_vertical.stroke".
+        self.output_names = (
+            *(f"response.{name}" for name in self.response_names),
+            *at_design.own_effect.monitored,
+        )
+
+    @property
+    def position_count(self) -> int:
+        """Number of Drake's positions."""
+        return len(self.assembly.tree.default_positions)
+
+    def element_slice(self, name: str) -> slice:
+        """Return where the states of an element lie in the state."""
+        index = [element.name for element in self.assembly.elements].index(name)
+        return self._slices[index]
+
+    def evaluate(self, state: Array, inputs: Array) -> Evaluation:
+        """Evaluate the rig.
+
+        Parameters
+        ----------
+        state : (states,) generic scalars
+        inputs : (drives,) generic scalars, each in its channel's unit
+
+        Returns
+        -------
+        Evaluation
+            Motion, effects, accelerations, derivative and responses.
+        """
+        tree = self.assembly.tree
+        positions = state[: self.position_count]
+        velocities = state[self.position_count : self.position_count + tree.velocity_count]
+        motion = move(tree, positions, velocities)
+        own = Effect([ZERO] * len(tree.bodies), [0.0] * tree.velocity_count)
+        rates: list[Any] = []
+        first_input = 0
+        for element, where in zip(self.assembly.elements, self._slices, strict=True):
+            values = inputs[first_input : first_input + len(element.inputs)]
+            rates += element.apply(motion, state[where], values, own)
+            first_input += len(element.inputs)
+        wrenches = list(own.wrenches)
+        add_linear_elements(tree, motion, wrenches)
+        accelerations = accelerate(tree, motion, wrenches, own.joint_forces)
+        return Evaluation(
+            motion=motion,
+            own_effect=own,
+            accelerations=accelerations,
+            derivative=[*motion.position_rates, *accelerations.joint, *rates],
+            responses=self._spindle_forces(motion, wrenches, accelerations),
+        )
+
+    def traced(self, state: Array, inputs: Array) -> tuple[list[Any], list[Any]]:
+        """Return the derivative, and responses followed by the monitored values: the form the compiler takes."""
+        evaluation = self.evaluate(state, inputs)
+        return evaluation.derivative, [*evaluation.responses, *evaluation.own_effect.monitored.values()]
+
+    def _spindle_forces(self, motion: Motion, wrenches: list[Spatial], accelerations: Accelerations) -> list[Any]:
+        """Force of the wheel on the knuckle, in the transducer's axes: what the wheel gets, less what moves it."""
+        responses: list[Any] = []
+        for transducer in self.assembly.transducers:
+            wheel = transducer.wheel
+            body, pose = self.assembly.tree.bodies[wheel], motion.poses[wheel]
+            centre = pose.rotation @ body.centre + pose.origin
+            velocity, proper = motion.velocities[wheel], accelerations.proper[wheel]
+            acceleration = proper.at(centre) + cross(velocity.angular, velocity.at(centre))
+            force = wrenches[wheel].linear - acceleration * body.mass
+            responses.append(((pose.rotation @ transducer.axes).T @ force)[transducer.row])
+        return responses

@@ -1,0 +1,102 @@
+"""Whatever is wrong with a drive is said in one sentence with the value and what is allowed."""
+
+import numpy as np
+import pytest
+
+from rig_sim.drive_check import DriveError, check_drive
+
+NAMES = ["left_vertical", "left_lateral", "left_longitudinal", "right_vertical", "right_lateral", "right_longitudinal"]
+UNITS = ["m"] * 6
+
+
+def drive(samples=500):
+    return np.zeros((6, samples))
+
+
+def spoiled(row, sample, value):
+    given = drive()
+    given[row, sample] = value
+    return given
+
+
+def ramp(row, share, specimen):
+    """Return a drive in which one channel moves at a share of its slew limit."""
+    given = drive()
+    given[row] = np.minimum(np.arange(500) * share * specimen.drives[row].slew_limit / 1000.0, 0.05)
+    return given
+
+
+def check(specimen, **changes):
+    given = {"names": NAMES, "units": UNITS, "sample_rate": 1000.0, "drive": drive()} | changes
+    check_drive(specimen, given["names"], given["units"], given["sample_rate"], given["drive"])
+
+
+def test_a_good_drive_passes(front_axle):
+    check(front_axle.specimen)
+    limits = np.array([[c.minimum, c.maximum] for c in front_axle.specimen.drives])
+    both = np.outer(limits[:, 1], np.sin(2 * np.pi * np.arange(4000) / 4000))
+    check(front_axle.specimen, drive=np.where(both > 0, both, -both / limits[:, 1:] * limits[:, :1]))
+    check(front_axle.specimen, drive=ramp(0, 0.999, front_axle.specimen))
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "said"),
+    [
+        ({"sample_rate": 512.0}, "drive.sample_rate", ["512 Hz", "front_axle plays 1000 Hz only", "resample"]),
+        ({"names": NAMES[:3]}, "drive.channels", ["3 channels (left_vertical, ", "takes 6 in this order"]),
+        ({"names": []}, "drive.channels", ["0 channels (none)"]),
+        ({"names": NAMES[::-1]}, "drive.channels", ["in this order: left_vertical, left_lateral"]),
+        (
+            {"units": ["m", "mm", "m", "m", "in", "m"]},
+            "drive.channels",
+            ["left_lateral is in 'mm' instead of 'm'", "right_lateral is in 'in' instead of 'm'"],
+        ),
+        ({"drive": np.zeros((5, 10))}, "drive.samples", ["shape (5, 10)", "takes (6, samples)"]),
+        ({"drive": np.zeros(10)}, "drive.samples", ["shape (10,)", "takes (6, samples)"]),
+        ({"drive": drive(0)}, "drive.samples", ["0 samples", "1 to 3600000 (3600 s)"]),
+        ({"drive": np.zeros((6, 3_600_001))}, "drive.samples", ["3600001 samples", "1 to 3600000 (3600 s)"]),
+        ({"drive": spoiled(3, 17, np.nan)}, "drive.samples", ["right_vertical is nan at sample 17", "finite"]),
+        ({"drive": spoiled(1, 0, -np.inf)}, "drive.samples", ["left_lateral is -inf at sample 0"]),
+        (
+            {"drive": spoiled(0, 250, 0.1151)},
+            "drive.samples",
+            ["left_vertical is 0.1151 m at 0.250 s", "allowed -0.115 to 0.115"],
+        ),
+        ({"drive": spoiled(4, 499, -0.0651)}, "drive.samples", ["right_lateral is -0.0651 m at 0.499 s"]),
+    ],
+)
+def test_a_bad_drive_is_refused_with_value_and_limit(front_axle, changes, field, said):
+    with pytest.raises(DriveError) as caught:
+        check(front_axle.specimen, **changes)
+    assert caught.value.field == field
+    message = str(caught.value)
+    assert message.endswith(".")
+    assert "\n" not in message
+    for part in said:
+        assert part in message
+
+
+def test_a_drive_that_is_too_fast_is_refused(front_axle):
+    limit = front_axle.specimen.drives[4].slew_limit
+    with pytest.raises(DriveError) as caught:
+        check(front_axle.specimen, drive=ramp(4, 1.01, front_axle.specimen))
+    assert f"right_lateral moves at {1.01 * limit:.3g} m/s" in str(caught.value)
+    assert str(caught.value).endswith(f"allowed {limit:g}.")
+
+
+def test_the_first_sample_is_a_step_from_zero(front_axle):
+    with pytest.raises(DriveError, match=r"left_lateral moves at 3 m/s at 0\.000 s"):
+        check(front_axle.specimen, drive=np.full((6, 100), 0.003))
+
+
+def test_all_channels_beyond_their_limits_are_named_at_once(front_axle):
+    given = spoiled(0, 5, 1.0)
+    given[3, 7] = -2.0
+    with pytest.raises(DriveError, match=r"left_vertical is 1 m at 0\.005 s.*; right_vertical is -2 m at 0\.007 s"):
+        check(front_axle.specimen, drive=given)
+
+
+def test_a_channel_without_slew_limit_may_step(predecessor):
+    specimen = predecessor.specimen
+    names, units = [c.name for c in specimen.drives], [c.unit for c in specimen.drives]
+    check_drive(specimen, names, units, 1000.0, np.full((8, 100), 0.05))

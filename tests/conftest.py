@@ -1,0 +1,51 @@
+"""Real labs for tests across services: four processes on loopback, started once per module."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import duralab
+
+
+@pytest.fixture(scope="session")
+def short_document() -> dict[str, Any]:
+    """The shipped demo campaign, cut down to a few seconds of everything."""
+    shipped = Path(duralab.__file__).with_name("campaigns") / "front_axle_demo.yaml"
+    document = yaml.safe_load(shipped.read_text())
+    document["target"]["road"].update(duration=12.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
+    document["excitation"]["duration"] = 40.0
+    document["estimator"]["block_samples"] = 2048
+    document["stop"]["iterations"] = 3
+    return document
+
+
+@pytest.fixture
+def campaign(tmp_path: Path, short_document: dict[str, Any]) -> Callable[..., Path]:
+    """Write a short campaign with changes, `__` between the levels of a key, and return its path."""
+
+    def write(**changes: Any) -> Path:
+        document = deepcopy(short_document)
+        for keys, value in changes.items():
+            *parents, key = keys.split("__")
+            part = document
+            for parent in parents:
+                part = part[parent]
+            part[key] = value
+        path = tmp_path / "campaign.yaml"
+        path.write_text(yaml.safe_dump(document))
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[duralab.Lab]:
+    """A lab of four service processes for one module."""
+    with duralab.start(tmp_path_factory.mktemp("lab")) as started:
+        yield started

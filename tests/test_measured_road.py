@@ -1,0 +1,19 @@
+"""A measured road as the target's source: the Belgian block, where its file is at hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROAD = Path(__file__).resolve().parents[2] / "shared" / "data" / "belgian_block.crg"
+
+
+@pytest.mark.skipif(not ROAD.exists(), reason="the measured road lies beside the project, not in it; it is not here")
+def test_a_measured_belgian_block_is_replicated(lab, campaign, tmp_path: Path):
+    target = {"opencrg": {"path": str(ROAD), "duration": 12.0}, "vehicle": "predecessor", "speed": 5.0}
+    result = lab.run(campaign(target=target), out=tmp_path / "out")
+    errors = result.iterations.relative_rms_error
+    assert np.all(np.isfinite(errors))
+    assert np.all(errors[-1] < errors[0])
