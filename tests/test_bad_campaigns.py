@@ -43,6 +43,8 @@ def write_target(path: Path, samples: np.ndarray, *, names: list[str] = RESPONSE
         ({"control_band__lowest_frequency": 0.1}, ["0.1", "0.4"]),
         ({"excitation__rms": 0.2}, ["left_vertical", "0.115"]),
         ({"excitation__rms": float("nan")}, ["rms", "nan"]),
+        ({"excitation__rms": 0.02}, ["left_vertical", "4 m/s", "fits"]),
+        ({"excitation__duration": 12.0}, ["12", "averages"]),
         ({"excitation__duration": 3.0}, ["2048", "lasts only 1 s"]),
         ({"update__gain": 1.5}, ["gain", "1.5"]),
         ({"update__gian": 0.5}, ["gian", "gain"]),

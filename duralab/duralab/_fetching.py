@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Final
 
 from duralab._outputs import replace_when_complete
+from duralab.campaign_result import CampaignResult
 from duralab.errors import LabError
-from duralab_proto.v1 import recorder_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Bus
 
 PART_BYTES: Final = 4 * 1024 * 1024
@@ -95,3 +96,43 @@ def fetch(
             raise LabError(
                 f"The recording {id!r} came with the SHA-256 {digest.hexdigest()}; the recorder says {file_hash}."
             )
+
+
+def fetch_result(
+    bus: Bus, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
+) -> CampaignResult:
+    """Fetch the files of a finished campaign into a folder.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    specification : CampaignSpec
+        What was asked for.
+    status : CampaignStatus
+        How it ended.
+    folder : Path
+        Where `recording.mcap` and `live.rrd` go.
+
+    Raises
+    ------
+    LabError
+        Signal blocks were lost on the bus: a recording with holes proves nothing.
+    FaultError
+        The recorder refused, or is gone.
+    """
+    information = wait_until_closed(bus, specification.id)
+    if information.missing_blocks:
+        raise LabError(
+            f"The recording {specification.id!r} lacks {information.missing_blocks} signal blocks that the bus "
+            "lost; it stays with the recorder, run the campaign again."
+        )
+    result = CampaignResult(
+        specification=specification,
+        status=status,
+        recording_path=folder / "recording.mcap",
+        live_path=folder / "live.rrd",
+    )
+    fetch(bus, specification.id, part=Part.RECORDING, path=result.recording_path, file_hash=information.file_hash)
+    fetch(bus, specification.id, part=Part.LIVE, path=result.live_path)
+    return result

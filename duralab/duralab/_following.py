@@ -97,7 +97,7 @@ def follow_campaign(
     def put(item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
         events.put(item.message.status)
 
-    subscription = bus.subscribe(bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, put)
+    subscription = bus.subscribe(bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, put, repair=True)
     try:
         status = begin()
         while True:

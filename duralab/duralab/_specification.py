@@ -124,6 +124,7 @@ def build_specification(
             smallest_correction=update.smallest_correction,
             largest_correction=update.largest_correction,
             weigh_by_coherence=update.weigh_by_coherence,
+            lowest_coherence=update.lowest_coherence,
         ),
         stop=iterator_pb2.StopCriteria(
             largest_iterations=stop.iterations,

@@ -41,8 +41,8 @@ PlayRoad = Callable[[Signals], Signals]
 class Tyre:
     """Geometry of the axle that rolls over the road, all in metres."""
 
-    track_width: float = 1.5
-    radius: float = 0.31
+    track_width: float = 1.51
+    radius: float = 0.3265
     contact_length: float = 0.12
     contact_width: float = 0.19
 

@@ -163,7 +163,15 @@ class UpdateSection(_Section):
     )
     smallest_correction: float = Field(default=0.5, gt=0, le=1, description="Least factor on the inverse model.")
     largest_correction: float = Field(default=2.0, ge=1, le=100, description="Greatest factor on the inverse model.")
-    weigh_by_coherence: bool = Field(default=True, description="Correct less where the response is mostly noise.")
+    weigh_by_coherence: bool = Field(
+        default=True, description="Correct less where the response is not what the model foresees."
+    )
+    lowest_coherence: float = Field(
+        default=0.7,
+        ge=0,
+        lt=1,
+        description="Coherence of measured with foreseen response below which nothing is corrected.",
+    )
 
 
 class StopSection(_Section):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import numpy as np
 from google.protobuf.message import Message
 
-from duralab._fetching import Part, fetch, wait_until_closed
+from duralab._fetching import fetch_result
 from duralab._following import RunProgress, Stage, follow_campaign, progress_of
 from duralab._specification import build_specification, check_against_rig
 from duralab._supervisor import Supervisor
@@ -114,7 +114,12 @@ class Lab:
         key = self._key("rig", self._bus.keys.rig_description, rig)
         known = sorted(instance for _, instance in self._bus.live("rig_sim"))
         if rig not in known and self.failure() is None:
-            raise InputError(f"There is no rig {rig!r}; there are {', '.join(known) or 'none'}.", field="rig")
+            there = (
+                f"there are {', '.join(known)}"
+                if known
+                else "no rig is on the bus, or not yet: see whether rig_sim runs"
+            )
+            raise InputError(f"There is no rig {rig!r}; {there}.", field="rig")
         return Rig.from_message(self._query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
 
     def play(
@@ -212,11 +217,19 @@ class Lab:
         rig = self.describe(plan.rig)
         check_against_rig(plan, rig)
         vehicle = self.describe(plan.target.vehicle) if plan.target.vehicle is not None else None
-        target = make_target(
-            plan, rig=rig, vehicle=vehicle, play=lambda inputs: self._drive_road(plan, id, inputs, tell)
-        )
+        driven: list[Signals] = []
+
+        def drive_road(inputs: Signals) -> Signals:
+            driven.append(inputs)
+            return self._drive_road(plan, id, inputs, tell)
+
+        target = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
         tell(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
         specification = build_specification(plan, id=id, rig=rig, target=target, source=describe_target(plan.target))
+        for inputs in driven:
+            # With these the target can be made again, sample by sample.
+            specification.target_drive.CopyFrom(inputs.to_message())
+            specification.target_rig, specification.target_seed = plan.target.vehicle or "", plan.seed
         status = self._campaign(specification, tell)
         return self._collect(specification, status, folder=Path(out) if out is not None else self.out / id)
 
@@ -270,30 +283,20 @@ class Lab:
         if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
             if (ended := self.failure()) is not None:
                 raise ended
+            sentence = status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}."
+            if status.iterations:
+                with suppress(FaultError, LabError):
+                    kept = fetch_result(self._bus, specification, status, folder=folder).recording_path
+                    sentence += f" What was played until then is in {kept}; `duralab report` shows it."
             raise CampaignFaultError(
-                status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}.",
+                sentence,
                 field=status.fault.field,
                 service=status.fault.service,
             )
-        result = CampaignResult(
-            specification=specification,
-            status=status,
-            recording_path=folder / "recording.mcap",
-            live_path=folder / "live.rrd",
-        )
         try:
-            information = wait_until_closed(self._bus, specification.id)
-            fetch(
-                self._bus,
-                specification.id,
-                part=Part.RECORDING,
-                path=result.recording_path,
-                file_hash=information.file_hash,
-            )
-            fetch(self._bus, specification.id, part=Part.LIVE, path=result.live_path)
+            return fetch_result(self._bus, specification, status, folder=folder)
         except FaultError as fault:
             raise self._explained(fault) from fault
-        return result
 
     def _key(self, what: str, make: Callable[[str], str], name: str) -> str:
         try:

@@ -186,6 +186,7 @@ def specification(target: np.ndarray, *, iterations: int = 4, scenario: str = ""
             smallest_correction=0.5,
             largest_correction=2.0,
             weigh_by_coherence=True,
+            lowest_coherence=0.7,
         ),
         stop=iterator_pb2.StopCriteria(largest_iterations=iterations),
         lowest_frequency=BAND[0],

@@ -176,10 +176,18 @@ def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
 
 def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
     wrong = recorder_pb2.RecordingInfo(closed=True, file_hash="0" * 64)
-    monkeypatch.setattr("duralab.lab.wait_until_closed", lambda *_: wrong)
+    monkeypatch.setattr("duralab._fetching.wait_until_closed", lambda *_: wrong)
     with pytest.raises(LabError, match="SHA-256"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_recording_with_holes_is_no_result(lab, tmp_path, monkeypatch):
+    holes = recorder_pb2.RecordingInfo(closed=True, missing_blocks=3)
+    monkeypatch.setattr("duralab._fetching.wait_until_closed", lambda *_: holes)
+    with pytest.raises(LabError, match="lacks 3 signal blocks"):
+        lab.run(short_campaign(tmp_path), out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_service_killed_while_it_plays_gives_an_error_and_no_hang(fake_services, monkeypatch, tmp_path):

@@ -9,7 +9,8 @@ from labbus._faults import BusError, FaultError
 from labbus._liveliness import LiveWatch
 from labbus._server import Served
 from labbus._service import ServiceConfig, run_service, service_main
-from labbus._streams import StreamItem, StreamPublisher, Subscription
+from labbus._stream_item import StreamItem
+from labbus._streams import StreamPublisher, Subscription
 from labbus._yaml import ConfigError, explain_validation, load_config
 
 __all__ = [

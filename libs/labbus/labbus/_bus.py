@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import structlog
 import zenoh
@@ -19,9 +19,12 @@ from labbus._config import BusConfig
 from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
+from labbus._replay import ReplayClient, ReplayServer
 from labbus._server import QueryServer, Served
 from labbus._session import open_session
-from labbus._streams import StreamItem, StreamPublisher, Subscription
+from labbus._spool import SPOOL_BYTES
+from labbus._stream_item import StreamItem
+from labbus._streams import StreamPublisher, Subscription
 
 _CLOSE_SECONDS: Final = 1.0
 
@@ -29,8 +32,9 @@ _CLOSE_SECONDS: Final = 1.0
 class LiveToken:
     """Says that an instance of a service is there, until `close` or the end of the process."""
 
-    def __init__(self, token: zenoh.LivelinessToken) -> None:
+    def __init__(self, token: zenoh.LivelinessToken, *, on_close: Callable[[LiveToken], None]) -> None:
         self._token = token
+        self._on_close = on_close
         self._closed = False
 
     def close(self) -> None:
@@ -38,6 +42,7 @@ class LiveToken:
         if not self._closed:
             self._closed = True
             self._token.undeclare()
+            self._on_close(self)
 
 
 class Bus:
@@ -56,9 +61,12 @@ class Bus:
         self._tracker = LivelinessTracker(session, self.keys)
         self._client = QueryClient(session, self.keys, self._tracker, largest_bytes=self._limit)
         self._server = QueryServer(session, self.keys, service=service, workers=workers, largest_bytes=self._limit)
-        self._tokens: list[LiveToken] = []
-        self._subscriptions: list[Subscription] = []
-        self._watches: list[LiveWatch] = []
+        self._replays = ReplayServer(session)
+        self._replay_client = ReplayClient(session, largest_bytes=self._limit)
+        # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
+        self._tokens: set[LiveToken] = set()
+        self._subscriptions: set[Subscription[Any]] = set()
+        self._watches: set[LiveWatch] = set()
         self._closing = threading.Lock()
         self._closed = False
 
@@ -84,6 +92,7 @@ class Bus:
             anything else is logged and becomes INTERNAL. While it runs the client is told once a second.
         workers : int, optional
             Threads kept for this key alone: for what must be answered while all others are taken, such as a stop.
+            Queries on it wait for one of them as long as it takes and are never refused as BUSY.
         """
         return self._server.serve(key_expression, request_type, handler, workers=workers)
 
@@ -135,9 +144,50 @@ class Bus:
         except zenoh.ZError as error:
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
-    def publisher(self, key: str) -> StreamPublisher:
-        """Return a publisher on one key, with an epoch of its own."""
-        return StreamPublisher(self._session, key, largest_bytes=self._limit)
+    def publisher(self, key: str, *, spool_bytes: int = SPOOL_BYTES) -> StreamPublisher:
+        """Return a publisher on one key, with an epoch of its own.
+
+        Parameters
+        ----------
+        key : str
+            Without wildcards.
+        spool_bytes : int
+            How much of the stream it keeps in memory for replay, 64 MiB where not said; the oldest gives way.
+        """
+        return StreamPublisher(
+            self._session, key, replays=self._replays, spool_bytes=spool_bytes, largest_bytes=self._limit
+        )
+
+    def replay(
+        self, key: str, message_type: type[MessageT], *, epoch: int, ranges: Iterable[range]
+    ) -> list[StreamItem[MessageT]]:
+        """Ask a publisher for messages of its stream again.
+
+        Parameters
+        ----------
+        key : str
+            Of the stream, without wildcards.
+        message_type : type
+            The message that is expected.
+        epoch : int
+            Of the publisher.
+        ranges : iterable of range
+            Sequence numbers wanted, as from `Continuity.missing`.
+
+        Returns
+        -------
+        list of StreamItem
+            Those it still has, in the order asked for; empty where it or its spool is gone. What is not among them
+            after a second question is lost.
+
+        Raises
+        ------
+        FaultError
+            The publisher answers something that is not the message expected.
+        BusError
+            This bus is closed.
+        """
+        return self._replay_client.replay(key, message_type, epoch=epoch, ranges=ranges)
 
     def subscribe(
         self,
@@ -145,6 +195,8 @@ class Bus:
         message_type: type[MessageT],
         callback: Callable[[StreamItem[MessageT]], None],
         on_problem: Callable[[FaultError], None] | None = None,
+        *,
+        repair: bool = False,
     ) -> Subscription[MessageT]:
         """Receive what is published on a key expression.
 
@@ -158,7 +210,14 @@ class Bus:
             Called with each StreamItem, in order, on a thread of this subscription. The queue has no bound.
         on_problem : callable, optional
             Called on the same thread with the FaultError of a message that is not what is expected; logged otherwise.
+        repair : bool
+            Whether to ask the publisher for what is missing before each message, from number 0 on, and deliver that
+            first. Messages may be lost otherwise. The end of a stream is only proved by its count: see `replay`.
         """
+
+        def replay(key: str, epoch: int, ranges: list[range]) -> list[StreamItem[MessageT]]:
+            return self.replay(key, message_type, epoch=epoch, ranges=ranges)
+
         subscription = Subscription(
             self._session,
             key_expression,
@@ -166,16 +225,19 @@ class Bus:
             callback,
             on_problem=on_problem,
             largest_bytes=self._limit,
+            replay=replay if repair else None,
+            on_close=self._subscriptions.discard,
         )
-        self._subscriptions.append(subscription)
+        self._subscriptions.add(subscription)
         return subscription
 
     def declare_live(self, service: str, instance: str) -> LiveToken:
         """Say that an instance of a service is there; do it last, when it answers."""
         if self._tracker.live(service, instance):
             structlog.get_logger("labbus").warning("Another one is on the bus.", service=service, instance=instance)
-        token = LiveToken(self._session.liveliness().declare_token(self.keys.live(service, instance)))
-        self._tokens.append(token)
+        declared = self._session.liveliness().declare_token(self.keys.live(service, instance))
+        token = LiveToken(declared, on_close=self._tokens.discard)
+        self._tokens.add(token)
         return token
 
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
@@ -184,8 +246,8 @@ class Bus:
 
     def watch_live(self, callback: LiveCallback) -> LiveWatch:
         """Call back with (service, instance, alive) for everyone who is there and at every change, on an own thread."""
-        watch = LiveWatch(self._tracker, callback)
-        self._watches.append(watch)
+        watch = LiveWatch(self._tracker, callback, on_close=self._watches.discard)
+        self._watches.add(watch)
         return watch
 
     def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
@@ -214,9 +276,8 @@ class Bus:
 
         Asking and publishing go on, so that a service can still bring its own work to an end.
         """
-        for token in self._tokens:
+        for token in list(self._tokens):
             token.close()
-        self._tokens.clear()
         self._server.close()
 
     def close(self) -> None:
@@ -226,10 +287,11 @@ class Bus:
                 return
             self._closed = True
         self.stop_serving()
-        for watch in self._watches:
+        for watch in list(self._watches):
             watch.close()
-        for subscription in self._subscriptions:
+        for subscription in list(self._subscriptions):
             subscription.close()
+        self._replays.close()
         self._tracker.close()
         # Closing waits for Zenoh's own threads; a stuck link must not keep the process from ending.
         closing = threading.Thread(target=self._session.close, name="labbus-close", daemon=True)

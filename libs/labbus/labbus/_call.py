@@ -90,7 +90,6 @@ class QueryJob(Generic[MessageT]):
         self._lock = threading.Lock()
         self._progress = query_pb2.Progress(remaining_seconds=-1.0)
         self._sent_at = time.monotonic()
-        self._started = False
         self._answered = False
         self._cancelled = threading.Event()
         self._log = structlog.get_logger("labbus").bind(key=self.key)
@@ -101,7 +100,6 @@ class QueryJob(Generic[MessageT]):
 
     def run(self) -> None:
         """Decode, call the handler, answer."""
-        self._started = True
         try:
             if self._cancelled.is_set():
                 raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The client gave up before the query began.")
@@ -142,7 +140,7 @@ class QueryJob(Generic[MessageT]):
     def keep_alive(self) -> None:
         """Send the last progress again when the client has heard nothing for a while."""
         # Not to wait for a reply that is being sent just now: that is a sign of life as well.
-        if not self._started or not self._lock.acquire(blocking=False):
+        if not self._lock.acquire(blocking=False):
             return
         try:
             if time.monotonic() - self._sent_at >= KEEP_ALIVE_SECONDS:

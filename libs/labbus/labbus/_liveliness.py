@@ -25,8 +25,11 @@ LiveCallback = Callable[[str, str, bool], None]
 class LiveWatch:
     """A running `watch_live`; `close` ends it."""
 
-    def __init__(self, tracker: LivelinessTracker, callback: LiveCallback) -> None:
+    def __init__(
+        self, tracker: LivelinessTracker, callback: LiveCallback, *, on_close: Callable[[LiveWatch], None]
+    ) -> None:
         self._tracker = tracker
+        self._on_close = on_close
         self._closed = False
         self._delivery = Delivery[tuple[str, str, bool]](lambda event: callback(*event), name="labbus-watch-live")
         tracker.subscribe(self._put)
@@ -40,6 +43,7 @@ class LiveWatch:
             self._closed = True
             self._tracker.unsubscribe(self._put)
             self._delivery.close()
+            self._on_close(self)
 
 
 class LivelinessTracker:

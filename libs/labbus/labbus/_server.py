@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -42,11 +43,14 @@ class Served:
         self._server = server
         self._route = route
         self._queryable = queryable
+        self._closed = False
 
     def close(self) -> None:
         """Take no more queries; those that run go on."""
-        self._queryable.undeclare()
-        self._server.forget(self._route)
+        if not self._closed:
+            self._closed = True
+            self._queryable.undeclare()
+            self._server.forget(self, self._route)
 
 
 class QueryServer:
@@ -60,7 +64,7 @@ class QueryServer:
         self._pool: WorkerPool[QueryJob[Any]] = WorkerPool(workers, name="labbus-worker")
         self._pools = [self._pool]
         self._routes: list[_Route] = []
-        self._served: list[Served] = []
+        self._served: set[Served] = set()
         self._changed = threading.Condition()
         self._jobs: set[QueryJob[Any]] = set()
         self._departures: dict[str, float] = {}
@@ -80,8 +84,10 @@ class QueryServer:
             threading.Thread(target=self._tick, name="labbus-keep-alive", daemon=True).start()
         pool = self._pool
         if workers is not None:
-            pool = WorkerPool(workers, name=f"labbus-{request_type.DESCRIPTOR.name}")
-            self._pools.append(pool)
+            # Not to be refused: whoever asks a second time for a stop has the same right to it.
+            pool = WorkerPool(workers, name=f"labbus-{request_type.DESCRIPTOR.name}", patience_seconds=math.inf)
+            with self._changed:
+                self._pools.append(pool)
         route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
         with self._changed:
             self._routes.append(route)
@@ -96,14 +102,19 @@ class QueryServer:
             complete=True,
         )
         served = Served(self, route, queryable)
-        self._served.append(served)
+        with self._changed:
+            self._served.add(served)
         return served
 
-    def forget(self, route: _Route) -> None:
-        """Take a route out of the choice of the most specific one."""
+    def forget(self, served: Served, route: _Route) -> None:
+        """Let go of what is served no more; the jobs of its own pool that wait are still done."""
         with self._changed:
+            self._served.discard(served)
             if route in self._routes:
                 self._routes.remove(route)
+            if route.pool is not self._pool and route.pool in self._pools:
+                self._pools.remove(route.pool)
+                route.pool.finish()
 
     def close(self) -> None:
         """Take no more queries, tell the running handlers, wait a moment for them, answer for those that are stuck."""
@@ -112,7 +123,9 @@ class QueryServer:
                 return
             self._closed = True
             self._changed.notify_all()
-        for served in self._served:
+        with self._changed:
+            all_served = list(self._served)
+        for served in all_served:
             served.close()
         if self._askers is not None:
             self._askers.undeclare()
@@ -176,6 +189,9 @@ class QueryServer:
         with self._changed:
             if sample.kind == zenoh.SampleKind.PUT:
                 self._departures.pop(asker, None)
+                # It flapped before its query arrived: it is here, and its query must not be cancelled then.
+                if asker in self._departed:
+                    self._departed.remove(asker)
             elif any(job.asker == asker for job in self._jobs):
                 # Links flap: not cancelled before the token stayed away for a moment.
                 self._departures[asker] = time.monotonic() + DEBOUNCE_SECONDS
@@ -196,9 +212,10 @@ class QueryServer:
                         if job.asker == asker:
                             job.cancel()
                 jobs = list(self._jobs)
+                pools = list(self._pools)
             for job in jobs:
                 job.keep_alive()
-            for pool in self._pools:
+            for pool in pools:
                 for overdue in pool.take_overdue():
                     overdue.refuse(
                         FaultError(

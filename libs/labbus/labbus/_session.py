@@ -15,9 +15,9 @@ from labbus._faults import BusError
 # A free port is found by asking the system and giving it back; another process may take it in between.
 _PORT_ATTEMPTS: Final = 5
 _PROBE_SECONDS: Final = 0.5
-# Zenoh closes a link, and loses what was queued on it, when a receiver does not read for this long. Its default of 5 s
-# is less than a busy interpreter may need; a receiver that is frozen altogether is given up after the lease of 10 s.
-_BLOCKED_LINK_MICROSECONDS: Final = 30_000_000
+# Zenoh closes a link when a receiver does not read an answer for this long. Streams never wait (they are dropped and
+# replayed); a handler whose asker is frozen should not for longer than needed. It is Zenoh's own default.
+_BLOCKED_LINK_MICROSECONDS: Final = 5_000_000
 
 
 def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:

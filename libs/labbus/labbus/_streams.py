@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, Generic
 
 import structlog
 import zenoh
 from google.protobuf.message import Message
 
-from duralab_proto.v1 import query_pb2
 from labbus._delivery import Delivery
-from labbus._encoding import MessageT, decode, encode, encoding_of
+from labbus._encoding import MessageT, encode, encoding_of
 from labbus._faults import BusError, FaultError
+from labbus._gap_repair import GapRepair, Replay
+from labbus._replay import ReplayServer
+from labbus._spool import Spool
+from labbus._stream_item import POSITION, StreamItem, read_item
 
-_POSITION: Final = struct.Struct("<QQ")
-"""The attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
+# Above the queries: an answer that waits for a receiver holds its queue, and nothing of a stream must wait behind it.
+_PRIORITY: Final = zenoh.Priority.INTERACTIVE_LOW
 
 _epoch_lock = threading.Lock()
 _last_epoch = 0
@@ -33,21 +34,17 @@ def _new_epoch() -> int:
         return _last_epoch
 
 
-@dataclass(frozen=True)
-class StreamItem(Generic[MessageT]):
-    """One message of a stream."""
-
-    key: str
-    epoch: int
-    """Of the publisher: a new one starts again at sequence number 0."""
-    seq: int
-    message: MessageT
-
-
 class StreamPublisher:
-    """Publishes on one key; made by `Bus.publisher`. May be used from several threads."""
+    """Publishes on one key; made by `Bus.publisher`. May be used from several threads.
 
-    def __init__(self, session: zenoh.Session, key: str, *, largest_bytes: int) -> None:
+    No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool
+    in memory, the latest `spool_bytes` of the stream, from where receivers ask for it on `<key>/@replay`. The spool
+    outlives `close` by a minute, but no more than three publishers closed later; it does not outlive the process.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, key: str, *, replays: ReplayServer, spool_bytes: int, largest_bytes: int
+    ) -> None:
         self.key = key
         self.epoch = _new_epoch()
         self._next_seq = 0
@@ -55,16 +52,22 @@ class StreamPublisher:
         self._lock = threading.Lock()
         self._closed = False
         self._publisher = session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.BLOCK, reliability=zenoh.Reliability.RELIABLE
+            key,
+            # Not BLOCK: one receiver that is frozen would stop its publisher, and the rig with it.
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.RELIABLE,
+            priority=_PRIORITY,
         )
+        self._spool = Spool(spool_bytes)
+        self._offer = replays.offer(key=key, epoch=self.epoch, spool=self._spool)
 
     def put(self, message: Message) -> int:
-        """Publish a message; blocks while a receiver's link is full.
+        """Publish a message; waits for no receiver.
 
         Returns
         -------
         int
-            Its sequence number, from 0. That it was sent does not prove that it arrived.
+            Its sequence number, from 0. That it was published does not prove that it arrived.
 
         Raises
         ------
@@ -74,24 +77,28 @@ class StreamPublisher:
             The publisher or its bus is closed.
         """
         payload = encode(message, largest_bytes=self._largest_bytes)
+        encoding = encoding_of(message)
         # One lock around number and sending, so that the order on the wire is the order of the numbers.
         with self._lock:
             if self._closed:
                 raise BusError(f"The publisher of {self.key} is closed.")
             seq = self._next_seq
             try:
-                self._publisher.put(payload, encoding=encoding_of(message), attachment=_POSITION.pack(self.epoch, seq))
+                self._publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
             except zenoh.ZError as error:
                 raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
+            self._spool.append(payload, encoding)
             self._next_seq = seq + 1
             return seq
 
     def close(self) -> None:
-        """Publish no more. What was put is still sent."""
+        """Publish no more. What was put is still sent, and replayed for a while."""
         with self._lock:
-            if not self._closed:
-                self._closed = True
-                self._publisher.undeclare()
+            if self._closed:
+                return
+            self._closed = True
+            self._publisher.undeclare()
+        self._offer.retire()
 
 
 class Subscription(Generic[MessageT]):
@@ -106,11 +113,15 @@ class Subscription(Generic[MessageT]):
         *,
         on_problem: Callable[[FaultError], None] | None,
         largest_bytes: int,
+        replay: Replay[MessageT] | None,
+        on_close: Callable[[Subscription[MessageT]], None],
     ) -> None:
         self._type = message_type
         self._callback = callback
         self._on_problem = on_problem or self._log_problem
         self._largest_bytes = largest_bytes
+        self._repair = None if replay is None else GapRepair(replay)
+        self._on_close = on_close
         self._closed = False
         self._delivery = Delivery[zenoh.Sample](self._deliver, name=f"labbus-{message_type.DESCRIPTOR.name}")
         # Not the default handler: it keeps 256 messages and then stalls the session.
@@ -124,30 +135,21 @@ class Subscription(Generic[MessageT]):
             self._closed = True
             self._subscriber.undeclare()
             self._delivery.close()
+            self._on_close(self)
 
     def _deliver(self, sample: zenoh.Sample) -> None:
         try:
-            item = self._item(sample)
+            item = read_item(
+                sample, key=str(sample.key_expr), message_type=self._type, largest_bytes=self._largest_bytes
+            )
         except FaultError as fault:
             self._on_problem(fault)
             return
-        self._callback(item)
-
-    def _item(self, sample: zenoh.Sample) -> StreamItem[MessageT]:
-        key = str(sample.key_expr)
-        try:
-            position = b"" if sample.attachment is None else sample.attachment.to_bytes()
-            if len(position) != _POSITION.size:
-                raise FaultError(
-                    query_pb2.FAULT_CODE_DATA_LOSS,
-                    f"The message has {len(position)} bytes of epoch and sequence number attached; expected are "
-                    f"{_POSITION.size}.",
-                )
-            message = decode(sample.payload, sample.encoding, self._type, largest_bytes=self._largest_bytes)
-        except FaultError as fault:
-            raise FaultError(fault.code, f"On {key}: {fault.message}") from fault
-        epoch, seq = _POSITION.unpack(position)
-        return StreamItem(key=key, epoch=epoch, seq=seq, message=message)
+        if self._repair is None:
+            self._callback(item)
+            return
+        for each in self._repair.complete(item):
+            self._callback(each)
 
     @staticmethod
     def _log_problem(fault: FaultError) -> None:

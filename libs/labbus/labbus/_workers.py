@@ -23,13 +23,24 @@ JobT = TypeVar("JobT", bound=Job)
 
 
 class WorkerPool(Generic[JobT]):
-    """Up to `workers` threads, started when needed; daemons, so that a stuck job does not keep the process alive."""
+    """Up to `workers` threads, started when needed; daemons, so that a stuck job does not keep the process alive.
 
-    def __init__(self, workers: int, *, name: str) -> None:
+    Parameters
+    ----------
+    workers : int
+        1 or more.
+    name : str
+        Of the threads.
+    patience_seconds : float
+        How long a job waits for a worker before `take_overdue` returns it; infinite where none is to be refused.
+    """
+
+    def __init__(self, workers: int, *, name: str, patience_seconds: float = PATIENCE_SECONDS) -> None:
         if workers < 1:
             raise ValueError(f"A pool of {workers} workers does nothing; it needs 1 or more.")
         self.workers = workers
         self._name = name
+        self._patience_seconds = patience_seconds
         self._changed = threading.Condition()
         self._waiting: deque[tuple[float, JobT]] = deque()
         self._started = 0
@@ -41,7 +52,7 @@ class WorkerPool(Generic[JobT]):
         with self._changed:
             if self._closed:
                 return False
-            self._waiting.append((time.monotonic() + PATIENCE_SECONDS, job))
+            self._waiting.append((time.monotonic() + self._patience_seconds, job))
             if self._idle < len(self._waiting) and self._started < self.workers:
                 self._started += 1
                 threading.Thread(target=self._run, name=f"{self._name}-{self._started}", daemon=True).start()
@@ -56,6 +67,12 @@ class WorkerPool(Generic[JobT]):
             while self._waiting and self._waiting[0][0] <= now:
                 overdue.append(self._waiting.popleft()[1])
         return overdue
+
+    def finish(self) -> None:
+        """Take nothing more; what waits is still done, then the threads end."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
 
     def close(self) -> list[JobT]:
         """Start nothing more; return the jobs that were still waiting. Running jobs are not interrupted."""

@@ -30,10 +30,15 @@ class Rig:
         self.states = bus.publisher(bus.keys.rig_state(RIG))
         bus.serve(bus.keys.rig_play(RIG), rig_pb2.PlayRequest, self.play)
         bus.serve(bus.keys.rig_state(RIG), rig_pb2.StateRequest, self.state)
-        bus.serve(bus.keys.rig_stop(RIG), rig_pb2.StopRequest, self.state, workers=1)
+        bus.serve(bus.keys.rig_stop(RIG), rig_pb2.StopRequest, self.stop, workers=4)
 
     def state(self, _request, call):
         return rig_pb2.RigState(rig=rig_of(call.key), reason=str(dict(self.calls)))
+
+    def stop(self, request, call):
+        # As long as a ramp takes; not for an empty reason.
+        time.sleep(0.6 if request.reason else 0.0)
+        return self.state(request, call)
 
     def play(self, request, call):
         name = request.run.partition(".")[0]

@@ -25,17 +25,17 @@ _sym_db = _symbol_database.Default()
 from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1b\x64uralab/v1/identifier.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x7f\n\x11WhitePinkSpectrum\x12\x18\n\x10lowest_frequency\x18\x01 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x02 \x01(\x01\x12\x18\n\x10\x63orner_frequency\x18\x03 \x01(\x01\x12\x1b\n\x13\x64\x65\x63ibels_per_octave\x18\x04 \x01(\x01\"\xc5\x01\n\nExcitation\x12(\n\x04kind\x18\x01 \x01(\x0e\x32\x1a.duralab.v1.ExcitationKind\x12/\n\x08spectrum\x18\x02 \x01(\x0b\x32\x1d.duralab.v1.WhitePinkSpectrum\x12\x1e\n\x03rms\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10\x64uration_seconds\x18\x04 \x01(\x01\x12\x14\n\x0c\x66\x61\x64\x65_seconds\x18\x05 \x01(\x01\x12\x0c\n\x04seed\x18\x06 \x01(\x04\"\\\n\tEstimator\x12\'\n\x04kind\x18\x01 \x01(\x0e\x32\x19.duralab.v1.EstimatorKind\x12\x15\n\rblock_samples\x18\x02 \x01(\r\x12\x0f\n\x07overlap\x18\x03 \x01(\x01\"\x93\x01\n\x0fIdentifyRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12*\n\nexcitation\x18\x02 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x03 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08rig_seed\x18\x05 \x01(\x04\"\x0e\n\x0cModelRequest\"\xc2\x04\n\x05Model\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12#\n\x06\x64rives\x18\x03 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x04 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12$\n\tfrequency\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tcoherence\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10\x63ondition_number\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tdrive_psd\x18\n \x01(\x0b\x32\x11.duralab.v1.Array\x12\'\n\x0cresponse_psd\x18\x0b \x01(\x0b\x32\x11.duralab.v1.Array\x12*\n\nexcitation\x18\x0c \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\r \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0e\n\x06\x62locks\x18\x0e \x01(\r\x12\x1c\n\x14independent_averages\x18\x0f \x01(\x01\x12\x18\n\x10rig_content_hash\x18\x10 \x01(\t\x12\x0b\n\x03run\x18\x11 \x01(\t\x12\x14\n\x0csignal_epoch\x18\x12 \x01(\x04\x12\x15\n\rsignal_blocks\x18\x13 \x01(\x04*R\n\x0e\x45xcitationKind\x12\x1f\n\x1b\x45XCITATION_KIND_UNSPECIFIED\x10\x00\x12\x1f\n\x1b\x45XCITATION_KIND_PURE_RANDOM\x10\x01*F\n\rEstimatorKind\x12\x1e\n\x1a\x45STIMATOR_KIND_UNSPECIFIED\x10\x00\x12\x15\n\x11\x45STIMATOR_KIND_H1\x10\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1b\x64uralab/v1/identifier.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x7f\n\x11WhitePinkSpectrum\x12\x18\n\x10lowest_frequency\x18\x01 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x02 \x01(\x01\x12\x18\n\x10\x63orner_frequency\x18\x03 \x01(\x01\x12\x1b\n\x13\x64\x65\x63ibels_per_octave\x18\x04 \x01(\x01\"\xc5\x01\n\nExcitation\x12(\n\x04kind\x18\x01 \x01(\x0e\x32\x1a.duralab.v1.ExcitationKind\x12/\n\x08spectrum\x18\x02 \x01(\x0b\x32\x1d.duralab.v1.WhitePinkSpectrum\x12\x1e\n\x03rms\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10\x64uration_seconds\x18\x04 \x01(\x01\x12\x14\n\x0c\x66\x61\x64\x65_seconds\x18\x05 \x01(\x01\x12\x0c\n\x04seed\x18\x06 \x01(\x04\"\\\n\tEstimator\x12\'\n\x04kind\x18\x01 \x01(\x0e\x32\x19.duralab.v1.EstimatorKind\x12\x15\n\rblock_samples\x18\x02 \x01(\r\x12\x0f\n\x07overlap\x18\x03 \x01(\x01\"\xa7\x01\n\x0fIdentifyRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12*\n\nexcitation\x18\x02 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x03 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08rig_seed\x18\x05 \x01(\x04\x12\x12\n\ncheck_only\x18\x06 \x01(\x08\"\x0e\n\x0cModelRequest\"\xeb\x04\n\x05Model\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12#\n\x06\x64rives\x18\x03 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x04 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12$\n\tfrequency\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tcoherence\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10\x63ondition_number\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tdrive_psd\x18\n \x01(\x0b\x32\x11.duralab.v1.Array\x12\'\n\x0cresponse_psd\x18\x0b \x01(\x0b\x32\x11.duralab.v1.Array\x12*\n\nexcitation\x18\x0c \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\r \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0e\n\x06\x62locks\x18\x0e \x01(\r\x12\x1c\n\x14independent_averages\x18\x0f \x01(\x01\x12\x18\n\x10rig_content_hash\x18\x10 \x01(\t\x12\x0b\n\x03run\x18\x11 \x01(\t\x12\x14\n\x0csignal_epoch\x18\x12 \x01(\x04\x12\x15\n\rsignal_blocks\x18\x13 \x01(\x04\x12\'\n\x0c\x66rf_variance\x18\x14 \x01(\x0b\x32\x11.duralab.v1.Array*R\n\x0e\x45xcitationKind\x12\x1f\n\x1b\x45XCITATION_KIND_UNSPECIFIED\x10\x00\x12\x1f\n\x1b\x45XCITATION_KIND_PURE_RANDOM\x10\x01*F\n\rEstimatorKind\x12\x1e\n\x1a\x45STIMATOR_KIND_UNSPECIFIED\x10\x00\x12\x15\n\x11\x45STIMATOR_KIND_H1\x10\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.identifier_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_EXCITATIONKIND']._serialized_start=1237
-  _globals['_EXCITATIONKIND']._serialized_end=1319
-  _globals['_ESTIMATORKIND']._serialized_start=1321
-  _globals['_ESTIMATORKIND']._serialized_end=1391
+  _globals['_EXCITATIONKIND']._serialized_start=1298
+  _globals['_EXCITATIONKIND']._serialized_end=1380
+  _globals['_ESTIMATORKIND']._serialized_start=1382
+  _globals['_ESTIMATORKIND']._serialized_end=1452
   _globals['_WHITEPINKSPECTRUM']._serialized_start=67
   _globals['_WHITEPINKSPECTRUM']._serialized_end=194
   _globals['_EXCITATION']._serialized_start=197
@@ -43,9 +43,9 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_ESTIMATOR']._serialized_start=396
   _globals['_ESTIMATOR']._serialized_end=488
   _globals['_IDENTIFYREQUEST']._serialized_start=491
-  _globals['_IDENTIFYREQUEST']._serialized_end=638
-  _globals['_MODELREQUEST']._serialized_start=640
-  _globals['_MODELREQUEST']._serialized_end=654
-  _globals['_MODEL']._serialized_start=657
-  _globals['_MODEL']._serialized_end=1235
+  _globals['_IDENTIFYREQUEST']._serialized_end=658
+  _globals['_MODELREQUEST']._serialized_start=660
+  _globals['_MODELREQUEST']._serialized_end=674
+  _globals['_MODEL']._serialized_start=677
+  _globals['_MODEL']._serialized_end=1296
 # @@protoc_insertion_point(module_scope)

@@ -28,41 +28,41 @@ from duralab_proto.v1 import query_pb2 as duralab_dot_v1_dot_query__pb2
 from duralab_proto.v1 import rig_pb2 as duralab_dot_v1_dot_rig__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/iterator.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x1b\x64uralab/v1/identifier.proto\x1a\x16\x64uralab/v1/query.proto\x1a\x14\x64uralab/v1/rig.proto\"\xb6\x01\n\x0eUpdateSettings\x12$\n\x04kind\x18\x01 \x01(\x0e\x32\x16.duralab.v1.UpdateKind\x12)\n\x0eiteration_gain\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1b\n\x13smallest_correction\x18\x03 \x01(\x01\x12\x1a\n\x12largest_correction\x18\x04 \x01(\x01\x12\x1a\n\x12weigh_by_coherence\x18\x05 \x01(\x08\"`\n\x0cStopCriteria\x12\x1a\n\x12largest_iterations\x18\x01 \x01(\r\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x18\n\x10\x64ivergence_ratio\x18\x03 \x01(\x01\"\xe1\x02\n\x0c\x43\x61mpaignSpec\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\"\n\x06target\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x15\n\rtarget_source\x18\x04 \x01(\t\x12*\n\nexcitation\x18\x05 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x06 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12*\n\x06update\x18\x07 \x01(\x0b\x32\x1a.duralab.v1.UpdateSettings\x12&\n\x04stop\x18\x08 \x01(\x0b\x32\x18.duralab.v1.StopCriteria\x12\x18\n\x10lowest_frequency\x18\t \x01(\x01\x12\x19\n\x11highest_frequency\x18\n \x01(\x01\x12\x0c\n\x04seed\x18\x0b \x01(\x04\x12\x10\n\x08scenario\x18\x0c \x01(\t\"\x11\n\x0f\x43\x61mpaignRequest\"%\n\x13StopCampaignRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x17\n\x15ResumeCampaignRequest\"\x97\x02\n\x0e\x43\x61mpaignStatus\x12\n\n\x02id\x18\x01 \x01(\t\x12(\n\x05phase\x18\x02 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12\x10\n\x08\x61\x63tivity\x18\x03 \x01(\t\x12\x10\n\x08\x66raction\x18\x04 \x01(\x01\x12\x19\n\x11remaining_seconds\x18\x05 \x01(\x01\x12\x30\n\niterations\x18\x06 \x03(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12$\n\x07outcome\x18\x07 \x01(\x0e\x32\x13.duralab.v1.Outcome\x12 \n\x05\x66\x61ult\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Fault\x12\x16\n\x0e\x62\x65st_iteration\x18\t \x01(\r\"g\n\x0e\x43hannelMetrics\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x14\n\x0crms_response\x18\x03 \x01(\x01\x12\x12\n\npeak_ratio\x18\x04 \x01(\x01\"w\n\x10IterationMetrics\x12\x11\n\titeration\x18\x01 \x01(\r\x12,\n\x08\x63hannels\x18\x02 \x03(\x0b\x32\x1a.duralab.v1.ChannelMetrics\x12\"\n\x1aoverall_relative_rms_error\x18\x03 \x01(\x01\";\n\rCampaignEvent\x12*\n\x06status\x18\x01 \x01(\x0b\x32\x1a.duralab.v1.CampaignStatus\"\xa8\x02\n\rIterationStep\x12\x11\n\titeration\x18\x01 \x01(\r\x12\x0b\n\x03run\x18\x02 \x01(\t\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\x12-\n\x07metrics\x18\x05 \x01(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12*\n\tactuators\x18\x06 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12&\n\x0binverse_frf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10response_in_band\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\"2\n\x0cTargetInBand\x12\"\n\x07samples\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array*h\n\nUpdateKind\x12\x1b\n\x17UPDATE_KIND_UNSPECIFIED\x10\x00\x12\x19\n\x15UPDATE_KIND_BASIC_TWR\x10\x01\x12\"\n\x1eUPDATE_KIND_ADAPTIVE_MODELLING\x10\x02*\xdf\x01\n\rCampaignPhase\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_CHECKING\x10\x01\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_IDENTIFYING\x10\x02\x12\x1c\n\x18\x43\x41MPAIGN_PHASE_ITERATING\x10\x03\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_FINISHED\x10\x04\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_FAULTED\x10\x05\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_STOPPED\x10\x06*j\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x13\n\x0fOUTCOME_REACHED\x10\x01\x12\x1b\n\x17OUTCOME_ITERATIONS_USED\x10\x02\x12\x14\n\x10OUTCOME_DIVERGED\x10\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/iterator.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x1b\x64uralab/v1/identifier.proto\x1a\x16\x64uralab/v1/query.proto\x1a\x14\x64uralab/v1/rig.proto\"\xd0\x01\n\x0eUpdateSettings\x12$\n\x04kind\x18\x01 \x01(\x0e\x32\x16.duralab.v1.UpdateKind\x12)\n\x0eiteration_gain\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1b\n\x13smallest_correction\x18\x03 \x01(\x01\x12\x1a\n\x12largest_correction\x18\x04 \x01(\x01\x12\x1a\n\x12weigh_by_coherence\x18\x05 \x01(\x08\x12\x18\n\x10lowest_coherence\x18\x06 \x01(\x01\"`\n\x0cStopCriteria\x12\x1a\n\x12largest_iterations\x18\x01 \x01(\r\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x18\n\x10\x64ivergence_ratio\x18\x03 \x01(\x01\"\xb4\x03\n\x0c\x43\x61mpaignSpec\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\"\n\x06target\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x15\n\rtarget_source\x18\x04 \x01(\t\x12*\n\nexcitation\x18\x05 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x06 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12*\n\x06update\x18\x07 \x01(\x0b\x32\x1a.duralab.v1.UpdateSettings\x12&\n\x04stop\x18\x08 \x01(\x0b\x32\x18.duralab.v1.StopCriteria\x12\x18\n\x10lowest_frequency\x18\t \x01(\x01\x12\x19\n\x11highest_frequency\x18\n \x01(\x01\x12\x0c\n\x04seed\x18\x0b \x01(\x04\x12\x10\n\x08scenario\x18\x0c \x01(\t\x12(\n\x0ctarget_drive\x18\r \x01(\x0b\x32\x12.duralab.v1.Record\x12\x12\n\ntarget_rig\x18\x0e \x01(\t\x12\x13\n\x0btarget_seed\x18\x0f \x01(\x04\"\x11\n\x0f\x43\x61mpaignRequest\"%\n\x13StopCampaignRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x17\n\x15ResumeCampaignRequest\"\x97\x02\n\x0e\x43\x61mpaignStatus\x12\n\n\x02id\x18\x01 \x01(\t\x12(\n\x05phase\x18\x02 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12\x10\n\x08\x61\x63tivity\x18\x03 \x01(\t\x12\x10\n\x08\x66raction\x18\x04 \x01(\x01\x12\x19\n\x11remaining_seconds\x18\x05 \x01(\x01\x12\x30\n\niterations\x18\x06 \x03(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12$\n\x07outcome\x18\x07 \x01(\x0e\x32\x13.duralab.v1.Outcome\x12 \n\x05\x66\x61ult\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Fault\x12\x16\n\x0e\x62\x65st_iteration\x18\t \x01(\r\"g\n\x0e\x43hannelMetrics\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x14\n\x0crms_response\x18\x03 \x01(\x01\x12\x12\n\npeak_ratio\x18\x04 \x01(\x01\"w\n\x10IterationMetrics\x12\x11\n\titeration\x18\x01 \x01(\r\x12,\n\x08\x63hannels\x18\x02 \x03(\x0b\x32\x1a.duralab.v1.ChannelMetrics\x12\"\n\x1aoverall_relative_rms_error\x18\x03 \x01(\x01\";\n\rCampaignEvent\x12*\n\x06status\x18\x01 \x01(\x0b\x32\x1a.duralab.v1.CampaignStatus\"\xa8\x02\n\rIterationStep\x12\x11\n\titeration\x18\x01 \x01(\r\x12\x0b\n\x03run\x18\x02 \x01(\t\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\x12-\n\x07metrics\x18\x05 \x01(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12*\n\tactuators\x18\x06 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12&\n\x0binverse_frf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10response_in_band\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\"2\n\x0cTargetInBand\x12\"\n\x07samples\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array*h\n\nUpdateKind\x12\x1b\n\x17UPDATE_KIND_UNSPECIFIED\x10\x00\x12\x19\n\x15UPDATE_KIND_BASIC_TWR\x10\x01\x12\"\n\x1eUPDATE_KIND_ADAPTIVE_MODELLING\x10\x02*\xdf\x01\n\rCampaignPhase\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_CHECKING\x10\x01\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_IDENTIFYING\x10\x02\x12\x1c\n\x18\x43\x41MPAIGN_PHASE_ITERATING\x10\x03\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_FINISHED\x10\x04\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_FAULTED\x10\x05\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_STOPPED\x10\x06*j\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x13\n\x0fOUTCOME_REACHED\x10\x01\x12\x1b\n\x17OUTCOME_ITERATIONS_USED\x10\x02\x12\x14\n\x10OUTCOME_DIVERGED\x10\x03\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.iterator_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_UPDATEKIND']._serialized_start=1782
-  _globals['_UPDATEKIND']._serialized_end=1886
-  _globals['_CAMPAIGNPHASE']._serialized_start=1889
-  _globals['_CAMPAIGNPHASE']._serialized_end=2112
-  _globals['_OUTCOME']._serialized_start=2114
-  _globals['_OUTCOME']._serialized_end=2220
+  _globals['_UPDATEKIND']._serialized_start=1891
+  _globals['_UPDATEKIND']._serialized_end=1995
+  _globals['_CAMPAIGNPHASE']._serialized_start=1998
+  _globals['_CAMPAIGNPHASE']._serialized_end=2221
+  _globals['_OUTCOME']._serialized_start=2223
+  _globals['_OUTCOME']._serialized_end=2329
   _globals['_UPDATESETTINGS']._serialized_start=141
-  _globals['_UPDATESETTINGS']._serialized_end=323
-  _globals['_STOPCRITERIA']._serialized_start=325
-  _globals['_STOPCRITERIA']._serialized_end=421
-  _globals['_CAMPAIGNSPEC']._serialized_start=424
-  _globals['_CAMPAIGNSPEC']._serialized_end=777
-  _globals['_CAMPAIGNREQUEST']._serialized_start=779
-  _globals['_CAMPAIGNREQUEST']._serialized_end=796
-  _globals['_STOPCAMPAIGNREQUEST']._serialized_start=798
-  _globals['_STOPCAMPAIGNREQUEST']._serialized_end=835
-  _globals['_RESUMECAMPAIGNREQUEST']._serialized_start=837
-  _globals['_RESUMECAMPAIGNREQUEST']._serialized_end=860
-  _globals['_CAMPAIGNSTATUS']._serialized_start=863
-  _globals['_CAMPAIGNSTATUS']._serialized_end=1142
-  _globals['_CHANNELMETRICS']._serialized_start=1144
-  _globals['_CHANNELMETRICS']._serialized_end=1247
-  _globals['_ITERATIONMETRICS']._serialized_start=1249
-  _globals['_ITERATIONMETRICS']._serialized_end=1368
-  _globals['_CAMPAIGNEVENT']._serialized_start=1370
-  _globals['_CAMPAIGNEVENT']._serialized_end=1429
-  _globals['_ITERATIONSTEP']._serialized_start=1432
-  _globals['_ITERATIONSTEP']._serialized_end=1728
-  _globals['_TARGETINBAND']._serialized_start=1730
-  _globals['_TARGETINBAND']._serialized_end=1780
+  _globals['_UPDATESETTINGS']._serialized_end=349
+  _globals['_STOPCRITERIA']._serialized_start=351
+  _globals['_STOPCRITERIA']._serialized_end=447
+  _globals['_CAMPAIGNSPEC']._serialized_start=450
+  _globals['_CAMPAIGNSPEC']._serialized_end=886
+  _globals['_CAMPAIGNREQUEST']._serialized_start=888
+  _globals['_CAMPAIGNREQUEST']._serialized_end=905
+  _globals['_STOPCAMPAIGNREQUEST']._serialized_start=907
+  _globals['_STOPCAMPAIGNREQUEST']._serialized_end=944
+  _globals['_RESUMECAMPAIGNREQUEST']._serialized_start=946
+  _globals['_RESUMECAMPAIGNREQUEST']._serialized_end=969
+  _globals['_CAMPAIGNSTATUS']._serialized_start=972
+  _globals['_CAMPAIGNSTATUS']._serialized_end=1251
+  _globals['_CHANNELMETRICS']._serialized_start=1253
+  _globals['_CHANNELMETRICS']._serialized_end=1356
+  _globals['_ITERATIONMETRICS']._serialized_start=1358
+  _globals['_ITERATIONMETRICS']._serialized_end=1477
+  _globals['_CAMPAIGNEVENT']._serialized_start=1479
+  _globals['_CAMPAIGNEVENT']._serialized_end=1538
+  _globals['_ITERATIONSTEP']._serialized_start=1541
+  _globals['_ITERATIONSTEP']._serialized_end=1837
+  _globals['_TARGETINBAND']._serialized_start=1839
+  _globals['_TARGETINBAND']._serialized_end=1889
 # @@protoc_insertion_point(module_scope)

@@ -49,18 +49,20 @@ OUTCOME_ITERATIONS_USED: Outcome
 OUTCOME_DIVERGED: Outcome
 
 class UpdateSettings(_message.Message):
-    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence")
+    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence")
     KIND_FIELD_NUMBER: _ClassVar[int]
     ITERATION_GAIN_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
     LARGEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
     WEIGH_BY_COHERENCE_FIELD_NUMBER: _ClassVar[int]
+    LOWEST_COHERENCE_FIELD_NUMBER: _ClassVar[int]
     kind: UpdateKind
     iteration_gain: _array_pb2.Array
     smallest_correction: float
     largest_correction: float
     weigh_by_coherence: bool
-    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ...) -> None: ...
+    lowest_coherence: float
+    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
     __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio")
@@ -73,7 +75,7 @@ class StopCriteria(_message.Message):
     def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ...) -> None: ...
 
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -86,6 +88,9 @@ class CampaignSpec(_message.Message):
     HIGHEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    TARGET_DRIVE_FIELD_NUMBER: _ClassVar[int]
+    TARGET_RIG_FIELD_NUMBER: _ClassVar[int]
+    TARGET_SEED_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     target: _array_pb2.Record
@@ -98,7 +103,10 @@ class CampaignSpec(_message.Message):
     highest_frequency: float
     seed: int
     scenario: str
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ...) -> None: ...
+    target_drive: _array_pb2.Record
+    target_rig: str
+    target_seed: int
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()

@@ -30,6 +30,8 @@ class IdentifiedModel:
         Shape (lines, responses), 0 to 1.
     condition_number
         Shape (lines), 1 or more in the band.
+    frf_variance
+        Shape (lines, responses, drives), unit of `frf` squared; 0 outside the band, see `frf_variance`.
     drive_psd
         Shape (lines, drives), unit squared per Hz.
     response_psd
@@ -58,6 +60,7 @@ class IdentifiedModel:
     frf: NDArray[np.complex128]
     coherence: NDArray[np.float64]
     condition_number: NDArray[np.float64]
+    frf_variance: NDArray[np.float64]
     drive_psd: NDArray[np.float64]
     response_psd: NDArray[np.float64]
     excitation: identifier_pb2.Excitation
@@ -129,6 +132,7 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         frf=to_array(model.frf),
         coherence=to_array(model.coherence),
         condition_number=to_array(model.condition_number),
+        frf_variance=to_array(model.frf_variance),
         drive_psd=to_array(model.drive_psd),
         response_psd=to_array(model.response_psd),
         excitation=model.excitation,
@@ -180,6 +184,7 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         condition_number=from_array(
             message.condition_number, field="condition_number", shape=(lines,), dtype=np.float64
         ),
+        frf_variance=from_array(message.frf_variance, field="frf_variance", shape=(lines, n_y, n_u), dtype=np.float64),
         drive_psd=from_array(message.drive_psd, field="drive_psd", shape=(lines, n_u), dtype=np.float64),
         response_psd=from_array(message.response_psd, field="response_psd", shape=(lines, n_y), dtype=np.float64),
         excitation=message.excitation,

@@ -9,6 +9,7 @@ from identifier.h1 import FrfEstimate
 from identifier.model import IdentifiedModel, with_id
 from identifier.rig_under_test import RigUnderTest
 from identifier.settings import ExperimentSettings, SettingError, WhitePink
+from identifier.uncertainty import frf_variance
 
 
 def settings_of(request: identifier_pb2.IdentifyRequest) -> ExperimentSettings:
@@ -95,6 +96,7 @@ def model_of(
             frf=estimate.frf,
             coherence=estimate.coherence,
             condition_number=estimate.condition_number,
+            frf_variance=frf_variance(estimate),
             drive_psd=estimate.drive_psd,
             response_psd=estimate.response_psd,
             excitation=request.excitation,

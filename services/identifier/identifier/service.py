@@ -62,7 +62,7 @@ class IdentifierService:
         Returns
         -------
         identifier_pb2.Model
-            Also held for identifier/model/<id>.
+            Also held for identifier/model/<id>; empty where the request was only to be checked.
 
         Raises
         ------
@@ -78,6 +78,8 @@ class IdentifierService:
             drive = make_drive(settings, rig)
         except SettingError as error:
             raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field) from error
+        if request.check_only:
+            return identifier_pb2.Model()
         log.info("playing", seconds=settings.duration_seconds, drives=len(rig.drives))
         played = self._play(request, rig, drive, call)
         response = _response_of(played, rig, drive.shape[1])
@@ -133,6 +135,10 @@ class IdentifierService:
         self, request: identifier_pb2.IdentifyRequest, rig: RigUnderTest, drive: np.ndarray, call: Call
     ) -> rig_pb2.PlayResult:
         given_up = threading.Event()
+        if call.cancelled:
+            raise FaultError(
+                query_pb2.FAULT_CODE_CANCELLED, f"Run {request.run!r} was given up before it was played; nothing moved."
+            )
 
         def pass_on(progress: query_pb2.Progress) -> None:
             # The rig keeps sending progress, so this also notices a client that is gone, within a second.

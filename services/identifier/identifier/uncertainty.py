@@ -49,16 +49,29 @@ def frf_variance(estimate: FrfEstimate) -> NDArray[np.float64]:
     Returns
     -------
     numpy.ndarray
-        Shape (lines, responses, drives), response unit squared per drive unit squared: ``S_ee,i [S_uu^-1]_jj / N``;
-        0 outside the band. For one drive and a magnitude it is twice Eq. 11.
+        Shape (lines, responses, drives), response unit squared per drive unit squared; 0 outside the band:
+        ``S_ee,i [S_uu^-1]_jj / (N - n_u)``. The residual of `N` averages through which `n_u` drives were fitted has
+        `N - n_u` degrees of freedom. For one drive, a magnitude and many averages it is twice Eq. 11.
+
+    Raises
+    ------
+    ValueError
+        Where there are no more independent averages than drives.
 
     Notes
     -----
     Source: Bendat & Piersol, *Random Data*, chapter 9; Pintelon & Schoukens, *System Identification*, chapter 2.
     """
+    drives = estimate.s_uu.shape[-1]
+    freedom = estimate.independent_averages - drives
+    if not freedom > 0.0:
+        raise ValueError(
+            f"{estimate.independent_averages:.3g} independent averages of {drives} drives leave nothing to estimate "
+            "the variance from; take a longer experiment or shorter blocks."
+        )
     band = np.flatnonzero(estimate.condition_number > 0.0)
     residual = estimate.response_psd[band] * (1.0 - estimate.coherence[band])
     inverse = np.einsum("fjj->fj", np.linalg.inv(estimate.s_uu[band])).real
     variance = np.zeros(estimate.frf.shape)
-    variance[band] = residual[:, :, None] * inverse[:, None, :] / estimate.independent_averages
+    variance[band] = residual[:, :, None] * inverse[:, None, :] / freedom
     return variance

@@ -41,6 +41,22 @@ def test_the_variance_of_a_matrix_follows_from_residual_and_drives():
     np.testing.assert_allclose(empirical / np.mean(predicted, axis=(0, 1)), 1.0, atol=0.08)
 
 
+def test_the_variance_holds_for_many_drives_and_few_averages():
+    # Six drives fitted through some fifteen averages leave nine degrees of freedom: bias would be 1.6.
+    generator = np.random.default_rng(29)
+    frfs, predicted = [], []
+    for _ in range(200):
+        drive = generator.standard_normal((6, 1100))
+        response = drive[:2] + 0.5 * generator.standard_normal((2, 1100))
+        estimate = estimate_h1(drive, response, **WELCH)
+        band = estimate.condition_number > 0
+        frfs.append(estimate.frf[band])
+        predicted.append(frf_variance(estimate)[band])
+    assert 10.0 < estimate.independent_averages < 20.0
+    empirical = np.mean(np.var(frfs, axis=0, ddof=1))
+    assert empirical / np.mean(predicted) == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize(("coherence", "averages"), [(0.0, 10.0), (1.1, 10.0), (0.5, 0.0), (np.nan, 1.0)])
 def test_impossible_values_are_refused(coherence, averages):
     with pytest.raises(ValueError, match="must"):

@@ -16,6 +16,7 @@ from iterator import seeds
 from iterator.campaign_messages import OUTCOMES, checked_model, checked_response, metrics_message, step_message
 from iterator.campaign_plan import CampaignPlan
 from iterator.drive_limits import DriveLimitError
+from iterator.identification import identification_request, identification_run
 from iterator.iteration_loop import Iteration, iterate
 from iterator.iteration_metrics import IterationMetrics, best_iteration
 from iterator.progress_estimate import ProgressEstimate
@@ -80,19 +81,28 @@ class Campaign:
             self._stop.set()
 
     def _run(self) -> None:
+        fault = FaultError(query_pb2.FAULT_CODE_INTERNAL, "The iterator ended in a way of its own; its log says more.")
+        final = self._final_fault(fault)
+        try:
+            final = self._performed()
+        except Exception:  # noqa: BLE001 - whatever it is, the campaign must not stay open for ever
+            self._journal.exception("The campaign could not be brought to its end.", step=self._step)
+        finally:
+            self._journal.info("campaign ended", how=final.activity)
+            self._on_end()
+            self._board.end(final)
+
+    def _performed(self) -> iterator_pb2.CampaignStatus:
+        """Do all steps, tidy up, and return the final status."""
         try:
             last = self._sequence()
         except FaultError as fault:
-            final = self._broken_off(fault)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the campaign must not stay open for ever
+            return self._broken_off(fault)
+        except Exception as error:  # noqa: BLE001 - the rig has to be brought to rest whatever went wrong
             self._journal.exception("The campaign failed by a defect.", step=self._step)
             defect = f"A defect of the iterator ({type(error).__name__}: {error}); its log says more."
-            final = self._broken_off(FaultError(query_pb2.FAULT_CODE_INTERNAL, defect))
-        else:
-            final = self._finished(last)
-        self._journal.info("campaign ended", how=final.activity)
-        self._on_end()
-        self._board.end(final)
+            return self._broken_off(FaultError(query_pb2.FAULT_CODE_INTERNAL, defect))
+        return self._finished(last)
 
     def _sequence(self) -> Iteration:
         """Do all steps; return the last iteration."""
@@ -123,23 +133,14 @@ class Campaign:
 
     def _identify(self) -> identifier_pb2.Model:
         plan, spec = self._plan, self._plan.spec
-        run = f"{self._id}.identify"
-        excitation = identifier_pb2.Excitation()
-        excitation.CopyFrom(spec.excitation)
-        excitation.seed = seeds.derived_seed(spec.seed, seeds.EXCITATION)
+        run = identification_run(spec)
         activity = f"identifying {self._rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
             self._log.commit(recorder_pb2.RunPlanned(run=run, rig=self._rig, purpose="identification"))
             with self._motion(run):
                 model = self._bus.query(
                     self._bus.keys.identify(),
-                    identifier_pb2.IdentifyRequest(
-                        rig=self._rig,
-                        excitation=excitation,
-                        estimator=spec.estimator,
-                        run=run,
-                        rig_seed=seeds.derived_seed(spec.seed, seeds.IDENTIFICATION_PLAYBACK),
-                    ),
+                    identification_request(spec, check_only=False),
                     identifier_pb2.Model,
                     on_progress=self._follower(activity),
                     cancel=self._stop,
@@ -241,6 +242,20 @@ class Campaign:
 
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
         """Bring the rig to rest, close the recording as far as that goes, and say why."""
+        final = self._final_fault(fault)
+        if self._moving_run:
+            sentence = final.fault.message
+            if not bring_to_rest(self._bus, self._rig, run=self._moving_run, reason=sentence):
+                final.fault.message = f"{sentence} It is not known whether the rig rests; look at it."
+        if self._log.begun:
+            try:
+                self._log.close(final, reason=final.fault.message)
+            except FaultError as error:
+                self._journal.warning("The recording stays open.", why=error.message)
+        return final
+
+    def _final_fault(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
+        """Return the final status of a campaign that was stopped or failed."""
         if self._stop.is_set():
             phase, code = iterator_pb2.CAMPAIGN_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
             activity = f"stopped while {self._step}"
@@ -249,18 +264,10 @@ class Campaign:
             phase, code = iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault.code
             activity = f"failed while {self._step}"
             sentence = f"The campaign failed while {self._step}: {fault.message}"
-        final = self._board.final_status(
+        return self._board.final_status(
             phase,
             activity,
             fault=query_pb2.Fault(
                 code=code, message=sentence, field=fault.field, service=fault.service or self._bus.service
             ),
         )
-        if self._moving_run:
-            bring_to_rest(self._bus, self._rig, run=self._moving_run, reason=sentence)
-        if self._log.begun:
-            try:
-                self._log.close(final, reason=sentence)
-            except FaultError as error:
-                self._journal.warning("The recording stays open.", why=error.message)
-        return final

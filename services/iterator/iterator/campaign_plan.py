@@ -193,6 +193,7 @@ def _checked_update(spec: iterator_pb2.CampaignSpec, band: ControlBand, *, respo
                 smallest=update.smallest_correction,
                 largest=update.largest_correction,
                 weigh_by_coherence=update.weigh_by_coherence,
+                lowest_coherence=update.lowest_coherence,
             )
     except ValueError as error:
         raise invalid(str(error), field="update.smallest_correction") from error

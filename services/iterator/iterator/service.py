@@ -12,9 +12,10 @@ from typing import Final, Self
 import structlog
 
 from duralab_proto.keys import ANY, MAIN_INSTANCE, check_id, check_rig, id_of
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign import Campaign
 from iterator.campaign_plan import plan_campaign
+from iterator.identification import identification_request
 from iterator.status_board import StatusBoard, is_final
 from labbus import Bus, BusError, Call, FaultError, ServiceConfig
 
@@ -24,6 +25,8 @@ SERVICE: Final = "iterator"
 _DISCOVERY_SECONDS: Final = 1.5
 # A stop waits so long for the campaign to end before it answers how far it got.
 _STOP_SECONDS: Final = 8.0
+# Ended campaigns whose status can still be asked for; the recorder knows the older ones.
+_KEPT_STATUSES: Final = 100
 # The process ends within 3 s of being told to, with or without its campaigns.
 _CLOSE_SECONDS: Final = 1.5
 
@@ -34,9 +37,9 @@ class IteratorConfig(ServiceConfig):
 
 @dataclass(frozen=True)
 class _Entry:
-    """A campaign of this process."""
+    """A campaign of this process; one that has ended keeps its status only."""
 
-    campaign: Campaign
+    campaign: Campaign | None
     board: StatusBoard
 
 
@@ -59,7 +62,7 @@ class IteratorService:
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
         # A worker of its own: a stop must get through whatever else is asked.
-        bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=1)
+        bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=4)
         bus.serve(keys.campaign_resume(ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
 
     def __enter__(self) -> Self:
@@ -71,7 +74,8 @@ class IteratorService:
         with self._lock:
             running = [entry for entry in self._entries.values() if not entry.board.ended]
         for entry in running:
-            entry.campaign.stop("the iterator was told to end")
+            if entry.campaign is not None:
+                entry.campaign.stop("the iterator was told to end")
         until = time.monotonic() + _CLOSE_SECONDS
         for entry in running:
             entry.board.wait_ended(max(0.0, until - time.monotonic()))
@@ -106,8 +110,11 @@ class IteratorService:
             call.progress("checking", 0.0, detail=f"campaign {spec.id}")
             plan = plan_campaign(spec, self._described_rig(spec.rig))
             self._expect_free(spec)
+            # The identifier makes the very drive and checks it, before anything is stored or moves.
+            request = identification_request(spec, check_only=True)
+            self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model)
             board = StatusBoard(spec.id, publish=self._publishing(spec.id))
-            campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._release(spec.rig))
+            campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._ended(spec))
         except BaseException:
             self._release(spec.rig)
             raise
@@ -164,7 +171,8 @@ class IteratorService:
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
             call.progress("stopping", 0.0)
-            entry.campaign.stop(request.reason or "no reason was given")
+            if entry.campaign is not None:
+                entry.campaign.stop(request.reason or "no reason was given")
             entry.board.wait_ended(_STOP_SECONDS)
         return entry.board.snapshot()
 
@@ -211,6 +219,15 @@ class IteratorService:
                     field="rig",
                 )
             self._taken_rigs[spec.rig] = spec.id
+
+    def _ended(self, spec: iterator_pb2.CampaignSpec) -> None:
+        """Free the rig, and let go of everything about a campaign but its status."""
+        with self._lock:
+            self._entries[spec.id] = _Entry(campaign=None, board=self._entries[spec.id].board)
+            ended = [id for id, entry in self._entries.items() if entry.campaign is None]
+            for id in ended[:-_KEPT_STATUSES]:
+                del self._entries[id]
+        self._release(spec.rig)
 
     def _release(self, rig: str) -> None:
         with self._lock:

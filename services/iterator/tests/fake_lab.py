@@ -56,10 +56,17 @@ class Identifier:
     def __init__(self, bus):
         self.requests = {}
         self.refused = set()
+        self.unplayable = set()
         bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
         bus.declare_live("identifier", "main")
 
     def identify(self, request, call):
+        if request.check_only:
+            if request.run in self.unplayable:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_INVALID_ARGUMENT, "The drive passes a limit.", field="excitation.rms"
+                )
+            return identifier_pb2.Model()
         self.requests[request.run] = request
         call.progress("playing", 0.5)
         if request.run in self.refused:

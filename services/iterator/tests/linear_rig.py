@@ -77,6 +77,7 @@ def specification(id="try", *, rig="front", samples=8000, iterations=3, gain=(0.
             smallest_correction=0.5,
             largest_correction=2.0,
             weigh_by_coherence=True,
+            lowest_coherence=0.7,
         ),
         stop=iterator_pb2.StopCriteria(largest_iterations=iterations),
         lowest_frequency=2.0,

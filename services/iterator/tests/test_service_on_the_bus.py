@@ -64,7 +64,7 @@ def events_of(lab, id):
         if item.message.status.phase in FINAL:
             ended.set()
 
-    subscription = lab.bus.subscribe(lab.bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, on_event)
+    subscription = lab.bus.subscribe(lab.bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, on_event, repair=True)
     try:
         yield received, ended
     finally:
@@ -230,12 +230,27 @@ def test_a_start_that_cannot_be_is_refused_at_once_and_leaves_nothing(lab, chang
         lab.status("refused")
 
 
+def test_an_experiment_that_cannot_be_played_is_refused_before_anything_is_stored(lab):
+    lab.identifier.unplayable.add("unplayable.identify")
+    with pytest.raises(FaultError) as caught:
+        lab.start(specification("unplayable"))
+    assert (caught.value.code, caught.value.field) == (INVALID, "excitation.rms")
+    assert "unplayable" not in lab.recorder.steps
+    lab.identifier.unplayable.clear()
+    lab.start(specification("unplayable"))
+    assert lab.end_of("unplayable").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+
+
 def test_resume_is_not_offered_yet(lab):
     with pytest.raises(FaultError) as caught:
         lab.bus.query(
             lab.bus.keys.campaign_resume("whole"), iterator_pb2.ResumeCampaignRequest(), iterator_pb2.CampaignStatus
         )
     assert caught.value.code == query_pb2.FAULT_CODE_UNIMPLEMENTED
+
+
+def checked_or(identify, recorder):
+    return lambda request, call: identifier_pb2.Model() if request.check_only else identify(recorder, request, call)
 
 
 @contextmanager
@@ -254,7 +269,7 @@ def lab_in_this_process(name, identify):
             idle = rig_pb2.RigState(mode=rig_pb2.RIG_MODE_IDLE)
             rig.serve(keys.rig_state("front"), rig_pb2.StateRequest, lambda *_: idle)
             rig.declare_live("rig_sim", "front")
-            identifier.serve(keys.identify(), identifier_pb2.IdentifyRequest, lambda *a: identify(recorder, *a))
+            identifier.serve(keys.identify(), identifier_pb2.IdentifyRequest, checked_or(identify, recorder))
             identifier.declare_live("identifier", "main")
             lab = Lab(hub, Recorder(recorder), None)
             with IteratorService(iterator) as service:

@@ -116,10 +116,14 @@ class Archive:
 
     def missing_blocks(self, name: str, played: recorder_pb2.RunPlayed) -> int:
         """Count which blocks of a playback are not stored; 0 where it was not announced to this recording."""
+        return sum(len(gap) for gap in self.gaps(name, played))
+
+    def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
+        """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
         run = self._runs.find(played.rig, played.run)
         if run is None or run.recording != name:
-            return 0
-        return run.missing_of(played.epoch, played.blocks)
+            return []
+        return run.gaps_of(played.epoch, played.blocks)
 
     def take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> str | None:
         """Write a signal block; return the recording it went to, or None where it belongs to none."""

@@ -42,8 +42,11 @@ class PlannedRun:
 
     def missing_of(self, epoch: int, blocks: int) -> int:
         """Count which of the first `blocks` blocks of an epoch are not stored."""
-        continuity = self.epochs.get(epoch)
-        return blocks if continuity is None else sum(len(gap) for gap in continuity.missing(blocks))
+        return sum(len(gap) for gap in self.gaps_of(epoch, blocks))
+
+    def gaps_of(self, epoch: int, blocks: int) -> list[range]:
+        """Return which of the first `blocks` blocks of an epoch are not stored."""
+        return self.epochs.get(epoch, Continuity()).missing(blocks)
 
 
 class RunBook:

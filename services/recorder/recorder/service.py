@@ -25,9 +25,13 @@ from recorder.work_thread import WorkThread
 
 NAME: Final = "recorder"
 BLOCKS_WAIT_SECONDS: Final = 5.0
-"""Longest wait for signal blocks that were published but are not here; on a sound bus they come within milliseconds."""
+"""Longest wait without a new one for signal blocks that were published but are not here, while they are asked for
+again; on a sound bus they come within milliseconds."""
 
 _POLL_SECONDS: Final = 0.01
+# What is on its way is not asked for; what was lost is there after a first question, unless the bus is disturbed.
+_REPLAY_AFTER_SECONDS: Final = 0.1
+_REPLAY_PERIOD_SECONDS: Final = 0.5
 # A service is given about 3 s to end.
 _END_SECONDS: Final = 1.0
 
@@ -55,10 +59,12 @@ class RecorderService:
     def attach(self, bus: Bus) -> None:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
-        bus.subscribe(keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._on_block)
-        bus.subscribe(keys.rig_state(ANY), rig_pb2.RigState, self._on_state)
-        bus.subscribe(keys.campaign_event(ANY), iterator_pb2.CampaignEvent, self._on_event)
-        bus.serve(keys.commit(), recorder_pb2.CommitRequest, _granting(self.commit))
+        bus.subscribe(keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._on_block, repair=True)
+        bus.subscribe(keys.rig_state(ANY), rig_pb2.RigState, self._on_state, repair=True)
+        bus.subscribe(keys.campaign_event(ANY), iterator_pb2.CampaignEvent, self._on_event, repair=True)
+        bus.serve(
+            keys.commit(), recorder_pb2.CommitRequest, _granting(lambda request, call: self.commit(bus, request, call))
+        )
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
         bus.serve(keys.recording_read(ANY), recorder_pb2.ReadRecordingRequest, _granting(self.read))
@@ -72,12 +78,12 @@ class RecorderService:
         if self._views is not None:
             self._views.close(_END_SECONDS)
 
-    def commit(self, request: recorder_pb2.CommitRequest, call: Call) -> recorder_pb2.CommitAck:
+    def commit(self, bus: Bus, request: recorder_pb2.CommitRequest, call: Call) -> recorder_pb2.CommitAck:
         """Store a step; the answer says that it is on the disk."""
         name = checked_name(request.recording, field="recording")
         step = decode_step(request)
         if isinstance(step.message, recorder_pb2.RunPlayed):
-            self._await_blocks(name, step.message, call)
+            self._await_blocks(bus, name, step.message, call)
         placement = self._on_writer(lambda: self._store(name, step))
         if placement is Placement.NEW and isinstance(step.message, recorder_pb2.RecordingClosed) and self._views:
             self._views.finish(name)
@@ -119,11 +125,18 @@ class RecorderService:
                 field="recording",
             )
 
-    def _await_blocks(self, name: str, played: recorder_pb2.RunPlayed, call: Call) -> None:
-        """Wait until every block of a playback is stored, or for the bounded time."""
-        deadline = time.monotonic() + BLOCKS_WAIT_SECONDS
-        while missing := self._on_writer(lambda: self._archive.missing_blocks(name, played)):
-            if time.monotonic() >= deadline or call.cancelled:
+    def _await_blocks(self, bus: Bus, name: str, played: recorder_pb2.RunPlayed, call: Call) -> None:
+        """Wait until every block of a playback is stored, and have replayed what does not come, for a bounded time."""
+        key = bus.keys.rig_signal(played.rig, played.run)
+        fewest = played.blocks + 1
+        deadline = 0.0
+        replay_at = time.monotonic() + _REPLAY_AFTER_SECONDS
+        while gaps := self._on_writer(lambda: self._archive.gaps(name, played)):
+            missing = sum(len(gap) for gap in gaps)
+            now = time.monotonic()
+            if missing < fewest:
+                fewest, deadline = missing, now + BLOCKS_WAIT_SECONDS
+            if now >= deadline or call.cancelled:
                 self._log.warning(
                     "signal blocks are missing",
                     recording=name,
@@ -134,7 +147,15 @@ class RecorderService:
                 )
                 return
             call.progress("waiting for signal blocks", max(0.0, 1.0 - missing / played.blocks))
-            time.sleep(_POLL_SECONDS)
+            if now >= replay_at:
+                try:
+                    for item in bus.replay(key, rig_pb2.SignalBlock, epoch=played.epoch, ranges=gaps):
+                        self._on_block(item)
+                except FaultError as fault:
+                    self._log.warning("a replay is refused", run=played.run, why=fault.message)
+                replay_at = time.monotonic() + _REPLAY_PERIOD_SECONDS
+            else:
+                time.sleep(_POLL_SECONDS)
 
     def _store(self, name: str, step: Step) -> Placement:
         """Store a step and pass it on to its view: on the writer's thread, so that the view sees the log's order."""

@@ -23,6 +23,23 @@ from labbus import BusConfig, FaultError, open_bus
 END_SECONDS = 10.0
 
 
+class LossyLink:
+    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages, as a full link does."""
+
+    def __init__(self, publisher, *, lost):
+        self._publisher = publisher
+        self._lost = lost
+        self._seq = 0
+
+    def put(self, *arguments, **options):
+        if self._seq not in self._lost:
+            self._publisher.put(*arguments, **options)
+        self._seq += 1
+
+    def undeclare(self):
+        self._publisher.undeclare()
+
+
 class Lab:
     """A bus and a recorder process on it."""
 
@@ -48,8 +65,9 @@ class Lab:
         assert answer.payload_hash == hashlib.sha256(request.payload).hexdigest()
         return answer
 
-    def play(self, campaign, run, *, blocks=None):
+    def play(self, campaign, run, *, blocks=None, lost=()):
         publisher = self.bus.publisher(self.bus.keys.rig_signal(campaign.rig, run))
+        publisher._publisher = LossyLink(publisher._publisher, lost=lost)
         for block in campaign.blocks(run) if blocks is None else blocks:
             publisher.put(block)
         publisher.close()
@@ -155,6 +173,21 @@ def test_refusals_come_as_faults(lab, campaign):
         lab.bus.query(lab.bus.keys.recording_read("demo"), request, recorder_pb2.RecordingPart)
     # The same step again, as after a lost answer.
     lab.commit(campaign.specification(), step=0)
+
+
+@pytest.mark.parametrize("lost", [{1}, {0, 2}, {2, 3}, {0, 1, 2, 3}])
+def test_blocks_lost_on_the_way_are_replayed_into_their_place(lab, campaign, lost):
+    lab.commit(campaign.specification())
+    lab.commit(campaign.planned("demo.i01"))
+    epoch = lab.play(campaign, "demo.i01", lost=lost)
+    lab.commit(campaign.played("demo.i01", epoch=epoch))
+    information = lab.information()
+    assert (information.signal_blocks, information.missing_blocks) == (4, 0)
+    lab.commit(recorder_pb2.RecordingClosed(reason="done"))
+    topic = lab.bus.keys.rig_signal(campaign.rig, "demo.i01")
+    with (lab.folder / "demo.mcap").open("rb") as stream:
+        messages = make_reader(stream).iter_messages(topics=[topic], log_time_order=False)
+        assert [message.sequence for _, _, message in messages] == [0, 1, 2, 3]
 
 
 def test_missing_blocks_delay_the_answer_for_a_bounded_time_and_are_told(lab, campaign):

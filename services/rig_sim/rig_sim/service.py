@@ -87,8 +87,8 @@ class RigServer:
         bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, self._describe)
         bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play)
         # Workers of their own: a stop must be heard while all others are taken.
-        bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=1)
-        bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=1)
+        bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=4)
+        bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=4)
         bus.serve(keys.rig_state(self._name), rig_pb2.StateRequest, lambda _request, _call: self._interlock.state())
 
     def close(self) -> None:

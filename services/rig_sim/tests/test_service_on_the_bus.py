@@ -34,8 +34,8 @@ class Lab:
         self.states = []
         self.blocks = []
         self.changed = threading.Condition()
-        bus.subscribe(bus.keys.rig_state("*"), rig_pb2.RigState, self._on_state)
-        bus.subscribe(bus.keys.rig_signal("*", "*"), rig_pb2.SignalBlock, self._on_block)
+        bus.subscribe(bus.keys.rig_state("*"), rig_pb2.RigState, self._on_state, repair=True)
+        bus.subscribe(bus.keys.rig_signal("*", "*"), rig_pb2.SignalBlock, self._on_block, repair=True)
         self.description = bus.query(
             bus.keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription
         )

@@ -1,0 +1,52 @@
+"""What a stream carries: a message with the epoch of its publisher and its sequence number."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final, Generic
+
+import zenoh
+
+from duralab_proto.v1 import query_pb2
+from labbus._encoding import MessageT, decode
+from labbus._faults import FaultError
+
+POSITION: Final = struct.Struct("<QQ")
+"""The attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
+
+
+@dataclass(frozen=True)
+class StreamItem(Generic[MessageT]):
+    """One message of a stream."""
+
+    key: str
+    epoch: int
+    """Of the publisher: a new one starts again at sequence number 0."""
+    seq: int
+    message: MessageT
+
+
+def read_item(
+    sample: zenoh.Sample, *, key: str, message_type: type[MessageT], largest_bytes: int
+) -> StreamItem[MessageT]:
+    """Check and parse a stream message, live or replayed.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS without epoch and sequence number, INVALID_ARGUMENT where it is not the message expected.
+    """
+    try:
+        position = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        if len(position) != POSITION.size:
+            raise FaultError(
+                query_pb2.FAULT_CODE_DATA_LOSS,
+                f"The message has {len(position)} bytes of epoch and sequence number attached; expected are "
+                f"{POSITION.size}.",
+            )
+        message = decode(sample.payload, sample.encoding, message_type, largest_bytes=largest_bytes)
+    except FaultError as fault:
+        raise FaultError(fault.code, f"On {key}: {fault.message}") from fault
+    epoch, seq = POSITION.unpack(position)
+    return StreamItem(key=key, epoch=epoch, seq=seq, message=message)
