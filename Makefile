@@ -11,7 +11,7 @@ export PYTHON
 CHECKS := format lint types imports generated contract determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench test check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -21,6 +21,9 @@ setup: ## make .venv, again only when the lock or a pyproject.toml changed
 
 demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
 	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view)
+
+bench: setup ## measure speed, error, start-up and memory of every rig into out/bench.json
+	@$(BIN)/python benchmarks/bench.py --out out/bench.json
 
 test: setup ## run all tests (ARGS="-k name" for some)
 	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile $(ARGS)

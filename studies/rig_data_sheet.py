@@ -1,12 +1,13 @@
 """The data sheets of the shipped rigs: numbers into docs/rigs/<rig>.md, one picture of each beside them.
 
-`python studies/rig_data_sheet.py` writes them again. Everything is computed from the rig that plays: its linearisation
-at rest (rubber sticks there, so this is the rig of small amplitudes; on a road, at 15 m/s) and short playbacks
-without noise.
+`python studies/rig_data_sheet.py [RIG…]` writes them again. Everything is computed from the rig that plays: its
+linearisation at rest (rubber sticks there, so this is the rig of small amplitudes; on a road, at 15 m/s) and short
+playbacks without noise.
 """
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +29,8 @@ SIDE = ("vertical", "lateral", "longitudinal")
 COLOURS = {"vertical": "#1b5e9b", "lateral": "#c0562a", "longitudinal": "#3d8b4f"}
 HIGHEST_MODE = 60.0
 SPEED = 15.0
+#: Digits after the point that a value at rest deserves, by its unit.
+DIGITS = {"N": 0, "N*m": 1, "m": 4, "m/s^2": 1}
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 BEGIN, END = "<!-- numbers: studies/rig_data_sheet.py -->", "<!-- end of numbers -->"
 
@@ -132,11 +135,13 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
     """Return the tables of a rig as Markdown."""
     drives = [
         [c.name, c.unit, f"{c.minimum:g} to {c.maximum:g}", f"{c.slew_limit:g} {c.unit}/s" if c.slew_limit else "none"]
-        for c in rig.specimen.drives[: len(rig.specimen.drives) // 2]
+        for c in rig.specimen.drives
+        if not c.name.startswith("right_")
     ]
     responses = [
-        [c.name, f"±{c.range / 1000:g} kN", f"{c.noise_rms:g} N", f"{force:.0f} N"]
-        for c, force in zip(rig.specimen.responses[:3], rig.static_response, strict=False)
+        [c.name, c.unit, f"±{c.range:g}", f"{c.noise_rms:g}", f"{value:.{DIGITS[c.unit]}f}"]
+        for c, value in zip(rig.specimen.responses, rig.static_response, strict=True)
+        if not c.name.startswith("right_")
     ]
     eigen = [[f"{f:.1f}", f"{damping:.2f}", moving, f"{count}"] for f, damping, moving, count in modes(rig, system)]
     speed = rig.specimen.sample_rate
@@ -144,13 +149,13 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
     return "\n\n".join(
         [
             table(["drive (left; right alike)", "unit", "limits", "slew limit"], drives),
-            table(["response (left; right mirrored)", "range", "noise, RMS", "at rest"], responses),
+            table(["response (left; right mirrored)", "unit", "range", "noise, RMS", "at rest"], responses),
             table(["mode at rest, Hz", "damping ratio", "most of the motion", "modes"], eigen),
             f"Sample rate {speed:g} Hz, {rig.specimen.substeps} Runge-Kutta steps a sample; the fastest eigenvalue\n"
             f"times the step is {stiffest / speed / rig.specimen.substeps:.2f} (2.8 is the limit of stability). "
             f"{len(rig.rest)} states, {rig.compiled.operation_count} operations a derivative.\n"
             f"Largest error against Drake: {rig.proof.acceleration_error:.0e} of the accelerations, "
-            f"{rig.proof.force_error:.0e} of the spindle forces.",
+            f"{rig.proof.force_error:.0e} of the responses.",
         ]
     )
 
@@ -176,7 +181,7 @@ def draw_front_axle(rig: Rig, system: Linearisation) -> Figure:
             )
         stroke = system.response(f"left_{name}.stroke", index, frequency)
         strokes.semilogx(frequency, 20 * np.log10(np.abs(stroke)), color=COLOURS[name], label=name)
-        drive = np.zeros((6, len(time)))
+        drive = np.zeros((len(rig.specimen.drives), len(time)))
         drive[index, 20:] = 2.0e-3
         row = rig.compiled.output_names.index(f"left_{name}.stroke")
         outputs = play(rig, drive)[row]
@@ -190,6 +195,59 @@ def draw_front_axle(rig: Rig, system: Linearisation) -> Figure:
     forces.legend(fontsize=7)
     strokes.legend(fontsize=7)
     steps.legend(fontsize=7, loc="center right")
+    return figure
+
+
+def draw_sensors(rig: Rig, system: Linearisation) -> Figure:
+    """Draw what the left vertical and longitudinal actuators do to accelerometers, strut displacement, load cells."""
+    figure, panels = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    frequency = np.geomspace(0.5, 100.0, 300)
+    kinds = ("acceleration", "strut displacement", "mount force")
+    names = [name for name in rig.model.response_names if name.startswith("left_")][len(SIDE) :]
+    units = {channel.name: channel.unit for channel in rig.specimen.responses}
+    for axes, unit, title in zip(panels, ("m/s^2", "m", "N"), kinds, strict=True):
+        for name in (name for name in names if units[name] == unit):
+            short = name.removeprefix("left_").replace("_", " ")
+            for drive, style in ((0, "-"), (2, ":")):
+                line = np.abs(system.response(f"response.{name}", drive, frequency)) * 1.0e-3
+                colour = next((COLOURS[way] for way in SIDE if way in name), "0.3")
+                axes.loglog(frequency, line, style, color=colour, label=short if style == "-" else None)
+        label(axes, f"{title} (dotted: by longitudinal)", "frequency, Hz", f"{unit} per mm")
+        axes.legend(fontsize=7)
+    return figure
+
+
+def draw_spindle_coupled(rig: Rig, system: Linearisation) -> Figure:
+    """Draw the diagonal of the FRF, what the force actuators do of their command, and their answer to a step."""
+    figure, (responses, loops, steps) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    frequency = np.geomspace(0.5, 100.0, 300)
+    time = np.arange(300) / rig.specimen.sample_rate
+    texts = {"vertical": "vertical, kN/mm", "brake": "brake, N*m/N"}
+    for index, channel in enumerate(rig.specimen.drives):
+        way = channel.name.removeprefix("left_")
+        if way == channel.name:
+            continue
+        colour = COLOURS.get(way, "#7a4b9d")
+        twin = "brake_moment" if way == "brake" else way
+        force = np.abs(system.response(f"response.left_{twin}", index, frequency))
+        text = texts.get(way, f"{way}, N/N")
+        responses.loglog(frequency, force / 1e6 if channel.unit == "m" else force, color=colour, label=text)
+        if channel.unit != "N":
+            continue
+        loop = system.response(f"left_{way}.force", index, frequency)
+        loops.semilogx(frequency, 20 * np.log10(np.abs(loop)), color=colour, label=way)
+        drive = np.zeros((len(rig.specimen.drives), len(time)))
+        drive[index, 20:] = 500.0
+        played = play(rig, drive)[rig.compiled.output_names.index(f"left_{way}.force")]
+        steps.plot(1000 * time, played - played[0], color=colour, label=way)
+    steps.step(1000 * time, np.where(time >= 0.0195, 500.0, 0.0), color="0.6", lw=0.8, where="post", label="command")
+    loops.axhline(-3.0, color="0.6", lw=0.8)
+    loops.set_ylim(-30, 6)
+    label(responses, "spindle force or moment per command", "frequency, Hz", "see legend")
+    label(loops, "load cell per force command", "frequency, Hz", "dB")
+    label(steps, "a step of 500 N", "time, ms", "load cell, N")
+    for axes in (responses, loops, steps):
+        axes.legend(fontsize=7)
     return figure
 
 
@@ -231,9 +289,20 @@ def label(axes: Axes, title: str, horizontal: str, upright: str) -> None:
     axes.grid(visible=True, which="major", color="0.9")
 
 
+PICTURES = {
+    "front_axle": draw_front_axle,
+    "front_axle_sensors": draw_sensors,
+    "macpherson": draw_front_axle,
+    "predecessor": draw_predecessor,
+    "spindle_coupled": draw_spindle_coupled,
+    "spindle_coupled_braking": draw_spindle_coupled,
+}
+
+
 def main() -> None:
-    """Write numbers and pictures of both rigs."""
-    for name, draw in (("front_axle", draw_front_axle), ("predecessor", draw_predecessor)):
+    """Write numbers and pictures of all rigs, or of those named."""
+    for name in sys.argv[1:] or PICTURES:
+        draw = PICTURES[name]
         rig = load_rig(shipped_specimens()[name])
         system = linearise(rig)
         figure = draw(rig, system)

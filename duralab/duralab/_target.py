@@ -31,7 +31,13 @@ _POTHOLES: Final = 1
 ROAD_DRIVES: Final = tuple(
     f"{side}_{what}" for side in ("left", "right") for what in ("height", "slope", "camber", "speed")
 )
-"""Drives of a rig that plays roads: the effective road under each tyre, and the tyre's speed over it."""
+"""Drives of an axle that plays roads: the effective road under each tyre, and the tyre's speed over it."""
+
+REAR: Final = "rear_"
+"""What the drives of a vehicle's rear axle begin with; its front axle's are named as a single axle's."""
+
+VEHICLE_DRIVES: Final = (*ROAD_DRIVES, *(f"{REAR}{name}" for name in ROAD_DRIVES))
+"""Drives of a rig with two axles on the same road."""
 
 PlayRoad = Callable[[Signals], Signals]
 """Plays road inputs on the vehicle and returns its responses."""
@@ -39,12 +45,14 @@ PlayRoad = Callable[[Signals], Signals]
 
 @dataclass(frozen=True)
 class Tyre:
-    """Geometry of the axle that rolls over the road, all in metres."""
+    """Geometry of what rolls over the road, all in metres."""
 
     track_width: float = 1.51
     radius: float = 0.3265
     contact_length: float = 0.12
     contact_width: float = 0.19
+    #: How far a vehicle's rear axle rolls behind its front axle.
+    wheelbase: float = 2.8
 
 
 def describe_target(target: Target) -> str:
@@ -100,6 +108,8 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
 def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
     """Return what the road does to the vehicle's tyres: height, slope, camber and speed, left and right.
 
+    A rig with a rear axle gets the same road there, as much later as it needs for the wheelbase.
+
     Raises
     ------
     InputError
@@ -107,10 +117,11 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
     """
     import roads
 
-    if tuple(channel.name for channel in vehicle.drives) != ROAD_DRIVES:
+    drives = tuple(channel.name for channel in vehicle.drives)
+    if drives not in (ROAD_DRIVES, VEHICLE_DRIVES):
         raise InputError(
             f"target.vehicle is {vehicle.name!r}, whose drives are {', '.join(c.name for c in vehicle.drives)}; a rig "
-            f"that plays roads has {', '.join(ROAD_DRIVES)}.",
+            f"that plays roads has {', '.join(ROAD_DRIVES)}, and those of a rear axle with {REAR!r} before each.",
             field="target.vehicle",
         )
     target, tyre = campaign.target, Tyre()
@@ -135,13 +146,15 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
             contact_length=tyre.contact_length,
             contact_width=tyre.contact_width,
             lead_in_seconds=LEAD_IN_SECONDS,
+            axle_distances=(0.0, tyre.wheelbase) if drives == VEHICLE_DRIVES else (0.0,),
         )
     except ValueError as error:
         section = "target.road" if isinstance(source, SyntheticRoad) else "target.opencrg"
         raise InputError(f"{section}: {error}", field=section) from error
-    rows: dict[str, np.ndarray] = dict(zip(roads.EFFECTIVE_INPUTS, inputs, strict=True))
+    names = [f"{axle}{name}" for axle in ("", REAR) for name in roads.EFFECTIVE_INPUTS]
+    rows: dict[str, np.ndarray] = dict(zip(names[: len(inputs)], inputs, strict=True))
     steady = np.full(samples, target.speed)
-    samples_of_all = np.array([rows.get(name, steady) for name in ROAD_DRIVES])
+    samples_of_all = np.array([rows.get(name, steady) for name in drives])
     return Signals(vehicle.drives, vehicle.sample_rate, samples_of_all)
 
 

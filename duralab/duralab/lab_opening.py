@@ -102,6 +102,17 @@ def connect(endpoint: str = DEFAULT_ENDPOINT, *, out: str | Path | None = None) 
         yield Lab(bus, out=Path(out) if out is not None else private / "out")
 
 
+def join_bus(endpoint: str) -> Bus:
+    """Open a session that joins the bus at an endpoint, whoever is on it.
+
+    Raises
+    ------
+    InputError
+        Nothing listens there.
+    """
+    return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))
+
+
 def _wait_until_all_are_known(bus: Bus) -> None:
     """Wait until nobody new is heard of for a moment: how many rigs a lab has is written nowhere."""
     known, quiet_since = bus.live(), time.monotonic()

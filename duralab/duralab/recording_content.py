@@ -24,6 +24,9 @@ class ActuatorUse:
     peak_command_ratio: float
     saturated_share: float
     largest_following_error: float
+    #: Zero in recordings made before these were measured.
+    largest_load_pressure_share: float = 0.0
+    lowest_supply_pressure: float = 0.0
 
 
 def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
@@ -34,6 +37,8 @@ def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, 
             peak_command_ratio=message.peak_command_ratio,
             saturated_share=message.saturated_share,
             largest_following_error=message.largest_following_error,
+            largest_load_pressure_share=message.largest_load_pressure_share,
+            lowest_supply_pressure=message.lowest_supply_pressure,
         )
         for message in messages
     )

@@ -44,6 +44,24 @@ def test_same_seed_same_road_other_seed_another():
     assert not np.array_equal(first, other)
 
 
+def test_a_vehicle_s_rear_axle_gets_the_road_of_the_front_one_later():
+    message = describe("predecessor")
+    for channel in list(message.drives):
+        message.drives.add(name=f"rear_{channel.name}", unit=channel.unit, minimum=-50.0, maximum=50.0)
+    whole = Rig.from_message(message)
+    inputs = road_inputs(campaign_with(), vehicle=whole)
+    assert inputs.names == tuple(channel.name for channel in whole.drives)
+    assert inputs.samples.shape == (16, 10_000)
+    assert np.all(inputs.samples[[3, 7, 11, 15]] == 15.0)
+    # 2.8 m at 15 m/s are 186 2/3 samples: between the front's road 186 and 187 samples before.
+    front, rear = inputs.samples[0], inputs.samples[8]
+    later = np.interp(np.arange(10_000) - 2.8 / 15.0 * 1000.0, np.arange(10_000), front)
+    assert np.abs(rear - later)[1500:-1100].max() < 0.02 * np.std(front)
+    # The front axle alone rolls over the same road.
+    alone = road_inputs(campaign_with(), vehicle=VEHICLE).samples
+    np.testing.assert_allclose(inputs.samples[[1, 2]][:, 1100:-1100], alone[[1, 2]][:, 1100:-1100], atol=1e-12)
+
+
 def test_potholes_deepen_the_road():
     holes = {"count": 3, "depth": [0.05, 0.05], "length": [0.8, 1.0]}
     flat = road_inputs(campaign_with(), vehicle=VEHICLE).samples

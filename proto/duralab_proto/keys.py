@@ -95,6 +95,10 @@ class Keys:
         """Query: DescriptionRequest → RigDescription."""
         return self._rig(rig, "description")
 
+    def rig_frf(self, rig: str) -> str:
+        """Query: RigFrfRequest → RigFrf, where the rig knows its FRF in closed form."""
+        return self._rig(rig, "frf")
+
     def rig_play(self, rig: str) -> str:
         """Query: PlayRequest → Progress, then PlayResult."""
         return self._rig(rig, "play")

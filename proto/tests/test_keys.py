@@ -78,6 +78,7 @@ def test_name_too_long_for_a_file_is_refused():
     [
         (Keys("l").rig_play("front_axle"), "live/rig_sim/front_axle"),
         (Keys("l").rig_state("predecessor"), "live/rig_sim/predecessor"),
+        (Keys("l").rig_frf("aerospace"), "live/rig_sim/aerospace"),
         (Keys("l").identify(), "live/identifier/main"),
         (Keys("l").model("abc"), "live/identifier/main"),
         (Keys("l").campaign_start(), "live/iterator/main"),

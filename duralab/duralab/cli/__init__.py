@@ -85,6 +85,33 @@ def rigs(connect: Connect = None) -> None:
 
 
 @app.command()
+def reset(
+    rig: Annotated[str, typer.Argument(help="Name of the rig, e.g. front_axle.")],
+    connect: Annotated[
+        str, typer.Option("--connect", metavar="ENDPOINT", help="Where the lab listens.")
+    ] = "tcp/127.0.0.1:7474",
+) -> None:
+    """Clear the latch of an interlocked rig, after the reason is dealt with."""
+    from duralab.cli.reset_command import reset as clear
+
+    with ended_well():
+        clear(rig, endpoint=connect)
+
+
+@app.command()
+def check_rig(
+    rig: Annotated[str, typer.Argument(help="Name of the rig, e.g. front_axle.")],
+    connect: Connect = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Check that a rig keeps the contract; it is moved by 5 % of its limits, twice for 2 s, stopped and reset."""
+    from duralab.cli.check_rig_command import check
+
+    with ended_well():
+        check(rig, endpoint=connect, as_json=as_json)
+
+
+@app.command()
 def view(
     file: Annotated[Path | None, typer.Argument(help="A live.rrd to open.")] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where data are sent to it.")] = 9876,

@@ -117,6 +117,10 @@ def service_main(
     except ConfigError as error:
         _refuse(error)
     run_service(name, config, build(config), instances=instances(config))
+    # Everything is closed and written. Daemon threads of handlers and native libraries may still hold a lock, that of
+    # the log too: the interpreter's own way out would abort on it now and then.
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _refuse(error: Exception) -> NoReturn:

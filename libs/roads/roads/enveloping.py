@@ -15,6 +15,7 @@ arbitrarily uneven road surfaces, PhD thesis, TU Delft 2004 (two-point follower 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +48,15 @@ def effective_inputs(
     contact_length: float,
     contact_width: float,
     lead_in_seconds: float,
+    axle_distances: Sequence[float] = (0.0,),
 ) -> NDArray[np.float64]:
-    """Return the road as the tyres of one axle pass it on to their wheels at constant speed.
+    """Return the road as the tyres of each axle pass it on to their wheels at constant speed.
 
-    The common mean height of both tracks is subtracted and everything fades in from and out to flat ground, so that a
+    The common mean height of all tracks is subtracted and everything fades in from and out to flat ground, so that a
     rig at rest is not kicked. The slope stays the derivative of the faded height. `level` a measured road before.
+
+    An axle meets the same road later, by its distance over the speed, whether or not that is a whole number of samples.
+    All axles fade at the same time: outside of the fades a following axle gets what the first one got.
 
     Parameters
     ----------
@@ -71,12 +76,14 @@ def effective_inputs(
         Patch [m], above 0.
     lead_in_seconds
         Duration of the fade at either end [s], above 0, at most half of the drive.
+    axle_distances
+        How far each axle rolls behind the first one [m], 0 or more; before its start the road goes on flat.
 
     Returns
     -------
     ndarray
-        Shape (6, samples) in the order of `EFFECTIVE_INPUTS`: height [m]; slope dz/dx [1], positive uphill; camber
-        dz/dv [1], positive when higher on the left. First and last sample are 0.
+        Shape (6 axles, samples), for each axle in the order of `EFFECTIVE_INPUTS`: height [m]; slope dz/dx [1],
+        positive uphill; camber dz/dv [1], positive when higher on the left. First and last sample are 0.
 
     Raises
     ------
@@ -97,6 +104,10 @@ def effective_inputs(
     for name, value in positive.items():
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value}; it must be finite and above 0.")
+    if not axle_distances or not all(math.isfinite(distance) and distance >= 0 for distance in axle_distances):
+        raise ValueError(
+            f"axle_distances is {tuple(axle_distances)}; give at least one distance, each finite and 0 or more."
+        )
     if contact_length >= 2 * tyre_radius:
         raise ValueError(
             f"contact_length is {contact_length} m; a tyre of radius {tyre_radius} m is shorter than that."
@@ -120,6 +131,7 @@ def effective_inputs(
         _wheel(
             road,
             centre=side * track_width / 2,
+            behind=behind,
             width=contact_width,
             radius=tyre_radius,
             step=step,
@@ -127,10 +139,11 @@ def effective_inputs(
             samples=samples,
             filters=filters,
         )
+        for behind in axle_distances
         for side in (1, -1)
     ]
     inputs = np.concatenate(wheels)
-    inputs[[0, 3]] -= inputs[[0, 3]].mean()
+    inputs[0::3] -= inputs[0::3].mean()
     return _faded(inputs, speed=speed, sample_rate=sample_rate, lead_in_seconds=lead_in_seconds)
 
 
@@ -138,6 +151,7 @@ def _wheel(
     road: Road,
     *,
     centre: float,
+    behind: float,
     width: float,
     radius: float,
     step: float,
@@ -149,7 +163,7 @@ def _wheel(
     margin = filters[0].size // 2
     reach = math.ceil(radius / step)
     rows = (samples - 1) * oversampling + 1
-    along = step * np.arange(-margin - reach, rows + margin + reach, dtype=np.float64)
+    along = step * np.arange(-margin - reach, rows + margin + reach, dtype=np.float64) - behind
     offsets = np.linspace(-width / 2, width / 2, DISKS)
     height = np.zeros(rows + 2 * margin)
     camber = np.zeros_like(height)
@@ -176,7 +190,7 @@ def _line(road: Road, position: float, along: NDArray[np.float64]) -> NDArray[np
             f"A tyre reaches v = {position:.3f} m, the road from {positions[0]:.3f} to {positions[-1]:.3f} m; "
             "take a narrower track or contact width, or a wider road."
         )
-    rows = min(road.elevation.shape[0], math.ceil(along[-1] / road.spacing) + 1)
+    rows = min(road.elevation.shape[0], max(math.ceil(along[-1] / road.spacing), 0) + 1)
     nearest = int(np.argmin(np.abs(positions - position)))
     if abs(positions[nearest] - position) <= slack:
         # On a column only that column counts: a NaN beside it is not in the wheel's way.
@@ -237,7 +251,7 @@ def _hat_integral(upper: NDArray[np.float64]) -> NDArray[np.float64]:
 def _faded(
     inputs: NDArray[np.float64], *, speed: float, sample_rate: float, lead_in_seconds: float
 ) -> NDArray[np.float64]:
-    """Fade (6, samples) at both ends; velocity and acceleration of the fade are 0 where it begins and ends."""
+    """Fade (6 axles, samples) at both ends; velocity and acceleration of the fade are 0 where it begins and ends."""
     samples = inputs.shape[1]
     time = np.arange(samples) / sample_rate
     phase = np.minimum(time, time[::-1]) / lead_in_seconds
@@ -246,5 +260,5 @@ def _faded(
     direction = np.where(time <= time[-1] / 2, 1, -1)
     fade_slope = direction * 30 * part**2 * (1 - part) ** 2 / (lead_in_seconds * speed)
     faded = inputs * fade
-    faded[[1, 4]] += inputs[[0, 3]] * fade_slope
+    faded[1::3] += inputs[0::3] * fade_slope
     return np.ascontiguousarray(faded)

@@ -107,6 +107,33 @@ def test_a_shifted_road_gives_shifted_inputs():
     assert np.abs(difference).max() < 1e-12
 
 
+@pytest.mark.parametrize("wheelbase", [2.8, 2.805, 3.14159])
+def test_a_following_axle_gets_the_same_road_later(wheelbase):
+    # Smooth, so that interpolation between samples is exact enough to compare a delay that is no whole number of them.
+    road = _road(lambda u, v: 0.01 * np.sin(2 * np.pi * u / 7.0) + 0.002 * v * np.cos(2 * np.pi * u / 3.0))
+    inputs = effective_inputs(road, **DRIVE, axle_distances=(0.0, wheelbase))
+    assert inputs.shape == (12, DRIVE["samples"])
+    later = np.array([np.interp(TIME - wheelbase / DRIVE["speed"], TIME, row) for row in inputs[:6]])
+    assert np.abs(inputs[6:] - later)[:, 800:-600].max() < 2e-6
+    assert np.all(inputs[:, [0, -1]] == 0)
+    # One axle alone gets what it gets with another one behind it, but for the mean height of all that is driven.
+    alone = effective_inputs(road, **DRIVE)
+    np.testing.assert_allclose(inputs[[2, 5]], alone[[2, 5]], atol=1e-15)
+    difference = (inputs[:6] - alone)[[0, 3]][:, SETTLED]
+    assert np.ptp(difference) < 1e-15
+
+
+def test_an_axle_that_never_reaches_the_road_stays_on_flat_ground():
+    inputs = effective_inputs(_road(lambda u, v: np.sin(u) + 0 * v), **DRIVE, axle_distances=(0.0, 200.0))
+    assert np.ptp(inputs[6][SETTLED]) < 1e-12
+
+
+@pytest.mark.parametrize("distances", [(), (0.0, -1.0), (0.0, float("nan"))])
+def test_an_impossible_place_of_an_axle_is_refused(distances):
+    with pytest.raises(ValueError, match="axle_distances is"):
+        effective_inputs(_road(lambda u, v: 0 * u + 0 * v), **DRIVE, axle_distances=distances)
+
+
 @pytest.mark.parametrize("offset", [0.0, 2.1])
 def test_a_rig_at_rest_is_not_kicked(offset):
     road = iso8608_road(road_class="D", length_m=95, seed=1, lateral_positions=COLUMNS)

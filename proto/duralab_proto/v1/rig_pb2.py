@@ -25,35 +25,39 @@ _sym_db = _symbol_database.Default()
 from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14\x64uralab/v1/rig.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x14\n\x12\x44\x65scriptionRequest\"\xba\x02\n\x0eRigDescription\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x10\n\x08specimen\x18\x02 \x01(\t\x12\x0e\n\x06\x65ngine\x18\x03 \x01(\t\x12\x0f\n\x07version\x18\x04 \x01(\t\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12#\n\x06\x64rives\x18\x06 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x07 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x1d\n\x15longest_drive_seconds\x18\x08 \x01(\x01\x12*\n\x0fstatic_response\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12\x15\n\rblock_samples\x18\n \x01(\r\x12\x0e\n\x06\x62odies\x18\x0b \x03(\t\x12\x14\n\x0c\x63ontent_hash\x18\x0c \x01(\t\"^\n\x0bPlayRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12!\n\x05\x64rive\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x0c\n\x04seed\x18\x03 \x01(\x04\x12\x11\n\treal_time\x18\x04 \x01(\x08\"\xa4\x01\n\nPlayResult\x12\x0b\n\x03run\x18\x01 \x01(\t\x12$\n\x08response\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12*\n\tactuators\x18\x03 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12\r\n\x05\x65poch\x18\x04 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x05 \x01(\x04\x12\x18\n\x10real_time_factor\x18\x06 \x01(\x01\"r\n\x0b\x41\x63tuatorUse\x12\r\n\x05\x64rive\x18\x01 \x01(\t\x12\x1a\n\x12peak_command_ratio\x18\x02 \x01(\x01\x12\x17\n\x0fsaturated_share\x18\x03 \x01(\x01\x12\x1f\n\x17largest_following_error\x18\x04 \x01(\x01\"\x1d\n\x0bStopRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x0e\n\x0cResetRequest\"i\n\x08RigState\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12!\n\x04mode\x18\x02 \x01(\x0e\x32\x13.duralab.v1.RigMode\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08\x66raction\x18\x05 \x01(\x01\"\x0e\n\x0cStateRequest\"\x9a\x01\n\x0bSignalBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12\x13\n\x0bsample_rate\x18\x03 \x01(\x01\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0c\n\x04last\x18\x06 \x01(\x08\"[\n\tPoseBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x1f\n\x04time\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12 \n\x05poses\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*}\n\x07RigMode\x12\x18\n\x14RIG_MODE_UNSPECIFIED\x10\x00\x12\x11\n\rRIG_MODE_IDLE\x10\x01\x12\x15\n\x11RIG_MODE_SETTLING\x10\x02\x12\x14\n\x10RIG_MODE_PLAYING\x10\x03\x12\x18\n\x14RIG_MODE_INTERLOCKED\x10\x04\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14\x64uralab/v1/rig.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x14\n\x12\x44\x65scriptionRequest\"\xba\x02\n\x0eRigDescription\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x10\n\x08specimen\x18\x02 \x01(\t\x12\x0e\n\x06\x65ngine\x18\x03 \x01(\t\x12\x0f\n\x07version\x18\x04 \x01(\t\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12#\n\x06\x64rives\x18\x06 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x07 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x1d\n\x15longest_drive_seconds\x18\x08 \x01(\x01\x12*\n\x0fstatic_response\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12\x15\n\rblock_samples\x18\n \x01(\r\x12\x0e\n\x06\x62odies\x18\x0b \x03(\t\x12\x14\n\x0c\x63ontent_hash\x18\x0c \x01(\t\"5\n\rRigFrfRequest\x12$\n\tfrequency\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\"q\n\x06RigFrf\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12$\n\tfrequency\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x14\n\x0c\x63ontent_hash\x18\x04 \x01(\t\"^\n\x0bPlayRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12!\n\x05\x64rive\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x0c\n\x04seed\x18\x03 \x01(\x04\x12\x11\n\treal_time\x18\x04 \x01(\x08\"\xa4\x01\n\nPlayResult\x12\x0b\n\x03run\x18\x01 \x01(\t\x12$\n\x08response\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12*\n\tactuators\x18\x03 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12\r\n\x05\x65poch\x18\x04 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x05 \x01(\x04\x12\x18\n\x10real_time_factor\x18\x06 \x01(\x01\"\xb7\x01\n\x0b\x41\x63tuatorUse\x12\r\n\x05\x64rive\x18\x01 \x01(\t\x12\x1a\n\x12peak_command_ratio\x18\x02 \x01(\x01\x12\x17\n\x0fsaturated_share\x18\x03 \x01(\x01\x12\x1f\n\x17largest_following_error\x18\x04 \x01(\x01\x12#\n\x1blargest_load_pressure_share\x18\x05 \x01(\x01\x12\x1e\n\x16lowest_supply_pressure\x18\x06 \x01(\x01\"\x1d\n\x0bStopRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x0e\n\x0cResetRequest\"i\n\x08RigState\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12!\n\x04mode\x18\x02 \x01(\x0e\x32\x13.duralab.v1.RigMode\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08\x66raction\x18\x05 \x01(\x01\"\x0e\n\x0cStateRequest\"\x9a\x01\n\x0bSignalBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12\x13\n\x0bsample_rate\x18\x03 \x01(\x01\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0c\n\x04last\x18\x06 \x01(\x08\"[\n\tPoseBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x1f\n\x04time\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12 \n\x05poses\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*}\n\x07RigMode\x12\x18\n\x14RIG_MODE_UNSPECIFIED\x10\x00\x12\x11\n\rRIG_MODE_IDLE\x10\x01\x12\x15\n\x11RIG_MODE_SETTLING\x10\x02\x12\x14\n\x10RIG_MODE_PLAYING\x10\x03\x12\x18\n\x14RIG_MODE_INTERLOCKED\x10\x04\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.rig_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_RIGMODE']._serialized_start=1198
-  _globals['_RIGMODE']._serialized_end=1323
+  _globals['_RIGMODE']._serialized_start=1438
+  _globals['_RIGMODE']._serialized_end=1563
   _globals['_DESCRIPTIONREQUEST']._serialized_start=60
   _globals['_DESCRIPTIONREQUEST']._serialized_end=80
   _globals['_RIGDESCRIPTION']._serialized_start=83
   _globals['_RIGDESCRIPTION']._serialized_end=397
-  _globals['_PLAYREQUEST']._serialized_start=399
-  _globals['_PLAYREQUEST']._serialized_end=493
-  _globals['_PLAYRESULT']._serialized_start=496
-  _globals['_PLAYRESULT']._serialized_end=660
-  _globals['_ACTUATORUSE']._serialized_start=662
-  _globals['_ACTUATORUSE']._serialized_end=776
-  _globals['_STOPREQUEST']._serialized_start=778
-  _globals['_STOPREQUEST']._serialized_end=807
-  _globals['_RESETREQUEST']._serialized_start=809
-  _globals['_RESETREQUEST']._serialized_end=823
-  _globals['_RIGSTATE']._serialized_start=825
-  _globals['_RIGSTATE']._serialized_end=930
-  _globals['_STATEREQUEST']._serialized_start=932
-  _globals['_STATEREQUEST']._serialized_end=946
-  _globals['_SIGNALBLOCK']._serialized_start=949
-  _globals['_SIGNALBLOCK']._serialized_end=1103
-  _globals['_POSEBLOCK']._serialized_start=1105
-  _globals['_POSEBLOCK']._serialized_end=1196
+  _globals['_RIGFRFREQUEST']._serialized_start=399
+  _globals['_RIGFRFREQUEST']._serialized_end=452
+  _globals['_RIGFRF']._serialized_start=454
+  _globals['_RIGFRF']._serialized_end=567
+  _globals['_PLAYREQUEST']._serialized_start=569
+  _globals['_PLAYREQUEST']._serialized_end=663
+  _globals['_PLAYRESULT']._serialized_start=666
+  _globals['_PLAYRESULT']._serialized_end=830
+  _globals['_ACTUATORUSE']._serialized_start=833
+  _globals['_ACTUATORUSE']._serialized_end=1016
+  _globals['_STOPREQUEST']._serialized_start=1018
+  _globals['_STOPREQUEST']._serialized_end=1047
+  _globals['_RESETREQUEST']._serialized_start=1049
+  _globals['_RESETREQUEST']._serialized_end=1063
+  _globals['_RIGSTATE']._serialized_start=1065
+  _globals['_RIGSTATE']._serialized_end=1170
+  _globals['_STATEREQUEST']._serialized_start=1172
+  _globals['_STATEREQUEST']._serialized_end=1186
+  _globals['_SIGNALBLOCK']._serialized_start=1189
+  _globals['_SIGNALBLOCK']._serialized_end=1343
+  _globals['_POSEBLOCK']._serialized_start=1345
+  _globals['_POSEBLOCK']._serialized_end=1436
 # @@protoc_insertion_point(module_scope)

@@ -53,6 +53,24 @@ class RigDescription(_message.Message):
     content_hash: str
     def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ...) -> None: ...
 
+class RigFrfRequest(_message.Message):
+    __slots__ = ("frequency",)
+    FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    frequency: _array_pb2.Array
+    def __init__(self, frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+
+class RigFrf(_message.Message):
+    __slots__ = ("rig", "frequency", "frf", "content_hash")
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    FRF_FIELD_NUMBER: _ClassVar[int]
+    CONTENT_HASH_FIELD_NUMBER: _ClassVar[int]
+    rig: str
+    frequency: _array_pb2.Array
+    frf: _array_pb2.Array
+    content_hash: str
+    def __init__(self, rig: _Optional[str] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., content_hash: _Optional[str] = ...) -> None: ...
+
 class PlayRequest(_message.Message):
     __slots__ = ("run", "drive", "seed", "real_time")
     RUN_FIELD_NUMBER: _ClassVar[int]
@@ -82,16 +100,20 @@ class PlayResult(_message.Message):
     def __init__(self, run: _Optional[str] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[ActuatorUse, _Mapping]]] = ..., epoch: _Optional[int] = ..., blocks: _Optional[int] = ..., real_time_factor: _Optional[float] = ...) -> None: ...
 
 class ActuatorUse(_message.Message):
-    __slots__ = ("drive", "peak_command_ratio", "saturated_share", "largest_following_error")
+    __slots__ = ("drive", "peak_command_ratio", "saturated_share", "largest_following_error", "largest_load_pressure_share", "lowest_supply_pressure")
     DRIVE_FIELD_NUMBER: _ClassVar[int]
     PEAK_COMMAND_RATIO_FIELD_NUMBER: _ClassVar[int]
     SATURATED_SHARE_FIELD_NUMBER: _ClassVar[int]
     LARGEST_FOLLOWING_ERROR_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_LOAD_PRESSURE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    LOWEST_SUPPLY_PRESSURE_FIELD_NUMBER: _ClassVar[int]
     drive: str
     peak_command_ratio: float
     saturated_share: float
     largest_following_error: float
-    def __init__(self, drive: _Optional[str] = ..., peak_command_ratio: _Optional[float] = ..., saturated_share: _Optional[float] = ..., largest_following_error: _Optional[float] = ...) -> None: ...
+    largest_load_pressure_share: float
+    lowest_supply_pressure: float
+    def __init__(self, drive: _Optional[str] = ..., peak_command_ratio: _Optional[float] = ..., saturated_share: _Optional[float] = ..., largest_following_error: _Optional[float] = ..., largest_load_pressure_share: _Optional[float] = ..., lowest_supply_pressure: _Optional[float] = ...) -> None: ...
 
 class StopRequest(_message.Message):
     __slots__ = ("reason",)

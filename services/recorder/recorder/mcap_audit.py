@@ -145,6 +145,9 @@ def audit(path: Path) -> Audit:
                 found.findings.append("The index at the end of the file is damaged.")
     except (*DAMAGE, DecodeError) as error:
         found.findings.append(f"The file is damaged or ends after {messages} messages: {error}".rstrip(".") + ".")
+    except MemoryError:
+        # The reader believes a length inside a chunk; a flipped bit makes it larger than any memory.
+        found.findings.append(f"The file is damaged after {messages} messages: a length in it is impossible.")
     if found.footer is None and not found.findings:
         found.findings.append("The file ends without its index.")
     found.judge()

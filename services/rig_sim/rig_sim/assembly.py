@@ -6,36 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig_sim.connections import check_connected
 from rig_sim.effect import Element, Input
+from rig_sim.elements.anti_roll_bar import AntiRollBar, Lever
 from rig_sim.elements.rubber import Rubber
 from rig_sim.elements.strut import Strut
 from rig_sim.elements.tyre import Tyre
-from rig_sim.hydraulics.actuator import DisplacementActuator
+from rig_sim.hydraulics.actuator import HydraulicActuator
+from rig_sim.hydraulics.mounting import all_supplies, check_limits, mount_actuator
+from rig_sim.hydraulics.supply import HydraulicSupply, Supply
+from rig_sim.measurement import Sensor
 from rig_sim.multibody.kinematics import Motion, move
-from rig_sim.multibody.tree import JointKind, MultibodyTree
+from rig_sim.multibody.tree import MultibodyTree
+from rig_sim.sensor_mounting import mount_sensor
 from rig_sim.specimen import (
-    LEFT,
-    RIGHT,
-    ActuatorPart,
+    AntiRollBarPart,
     RubberPart,
     Specimen,
     SpecimenError,
-    SpindleChannel,
     StrutPart,
     TyrePart,
+    mirrored_name,
 )
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
-
-
-@dataclass(frozen=True)
-class Transducer:
-    """One measured component: the wheel behind the weld, the sensor's axes in the wheel (3, 3), and the row in them."""
-
-    name: str
-    wheel: int
-    axes: np.ndarray
-    row: int
 
 
 @dataclass(frozen=True)
@@ -45,7 +39,8 @@ class Assembly:
     specimen: Specimen
     tree: MultibodyTree
     elements: tuple[Element, ...]
-    transducers: tuple[Transducer, ...]
+    #: One per response, in order.
+    transducers: tuple[Sensor, ...]
 
 
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
@@ -60,16 +55,22 @@ def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
     design = move(tree, tree.default_positions, np.zeros(tree.velocity_count))
     elements: list[Element] = []
     try:
-        elements += [_actuator(part, specimen, tree) for part in specimen.actuators]
+        supplies = all_supplies(specimen.supply, specimen.supplies)
+        elements += [mount_actuator(part, specimen.actuator_kinds, supplies, tree) for part in specimen.actuators]
         for tyre in specimen.tyres:
             elements += [_tyre(tyre, tree, right=right) for right in _sides(mirrored=tyre.mirrored)]
         for strut in specimen.struts:
             elements += [_strut(strut, tree, design, right=right) for right in _sides(mirrored=strut.mirrored)]
         for rubber in specimen.rubber:
             elements += [_rubber(rubber, tree, right=right) for right in _sides(mirrored=rubber.mirrored)]
-        transducers = tuple(_transducer(channel, tree) for channel in specimen.responses)
+        elements += [_anti_roll_bar(bar, tree, design) for bar in specimen.anti_roll_bars]
+        # Last: a supply sees what all actuators have drawn.
+        elements += [HydraulicSupply(name, supply) for name, supply in supplies.items()]
+        transducers = tuple(mount_sensor(channel, tree, design, elements) for channel in specimen.responses)
         _check_names(specimen, elements)
-        _check_drives(specimen, elements)
+        for part in specimen.actuators:
+            check_connected(tree, part.joint, actuator=part.name, mounted=_joined_bodies(elements))
+        _check_drives(specimen, elements, supplies)
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
     return Assembly(specimen, tree, tuple(elements), transducers)
@@ -80,7 +81,7 @@ def _sides(*, mirrored: bool) -> tuple[bool, ...]:
 
 
 def _named(name: str, *, right: bool) -> str:
-    return RIGHT + name.removeprefix(LEFT) if right and name.startswith(LEFT) else name
+    return mirrored_name(name) if right else name
 
 
 def _strut(part: StrutPart, tree: MultibodyTree, design: Motion, *, right: bool) -> Strut:
@@ -121,53 +122,36 @@ def _rubber(part: RubberPart, tree: MultibodyTree, *, right: bool) -> Rubber:
     )
 
 
+def _anti_roll_bar(part: AntiRollBarPart, tree: MultibodyTree, design: Motion) -> AntiRollBar:
+    body = tree.body_index(part.body)
+    pose = design.poses[body]
+
+    def lever(*, right: bool) -> Lever:
+        mirror = _MIRROR if right else np.ones(3)
+        pivot, end, foot = (np.array(point) * mirror for point in (part.pivot, part.lever_end, part.link_point))
+        link_body = tree.body_index(_named(part.link_body, right=right))
+        link_pose = design.poses[link_body]
+        return Lever.at_design(
+            pivot=pose.rotation.T @ (pivot - pose.origin),
+            end=pose.rotation.T @ (end - pose.origin),
+            axis=pose.rotation.T @ np.array([0.0, 1.0, 0.0]),
+            foot=pose.rotation.T @ (foot - pose.origin),
+            link_body=link_body,
+            local_foot=link_pose.rotation.T @ (foot - link_pose.origin),
+        )
+
+    try:
+        levers = (lever(right=False), lever(right=True))
+    except ValueError as error:
+        raise ValueError(f"anti-roll bar {part.name!r}: {error}.") from error
+    return AntiRollBar(part.name, body, levers, part.law)
+
+
 def _tyre(part: TyrePart, tree: MultibodyTree, *, right: bool) -> Tyre:
     inputs = tuple(
         Input(_named(drive, right=right), unit) for drive, unit in zip(part.drives, ("m", "1", "1", "m/s"), strict=True)
     )
     return Tyre(_named(part.name, right=right), tree.body_index(_named(part.wheel, right=right)), part.law, inputs)
-
-
-def _actuator(part: ActuatorPart, specimen: Specimen, tree: MultibodyTree) -> DisplacementActuator:
-    kind = specimen.actuator_kinds.get(part.kind)
-    if kind is None:
-        raise ValueError(
-            f"actuator {part.name!r} is of kind {part.kind!r}; "
-            f"actuator_kinds has {', '.join(specimen.actuator_kinds) or 'none'}."
-        )
-    if specimen.supply is None:
-        raise ValueError("it has actuators but no supply; give its pressures.")
-    joint = tree.joint(part.joint)
-    if joint.kind is not JointKind.PRISMATIC:
-        raise ValueError(
-            f"actuator {part.name!r} is on joint {part.joint!r}, which is {joint.kind.name.lower()}; "
-            "a cylinder needs a prismatic joint."
-        )
-    return DisplacementActuator(
-        name=part.name,
-        joint_position=joint.position_start,
-        joint_velocity=joint.velocity_start,
-        valve=kind.valve,
-        cylinder=kind.cylinder,
-        loop=kind.loop,
-        supply=specimen.supply,
-    )
-
-
-def _transducer(channel: SpindleChannel, tree: MultibodyTree) -> Transducer:
-    joint = tree.joint(channel.transducer)
-    if joint.kind is not JointKind.WELD:
-        raise ValueError(
-            f"response {channel.name!r} is measured at joint {joint.name!r}, which is {joint.kind.name.lower()}; "
-            "a wheel-force transducer is a weld (a fixed joint)."
-        )
-    carried = [other.name for other in tree.joints if other.parent == joint.child]
-    if carried:
-        raise ValueError(
-            f"response {channel.name!r}: joint {carried[0]!r} hangs on {tree.bodies[joint.child].name!r}; "
-            "behind a wheel-force transducer there is one wheel and nothing more."
-        )
-    return Transducer(channel.name, joint.child, joint.frame_on_child.rotation, "xyz".index(channel.axis))
 
 
 def _check_names(specimen: Specimen, elements: list[Element]) -> None:
@@ -182,21 +166,34 @@ def _check_names(specimen: Specimen, elements: list[Element]) -> None:
             raise ValueError(f"two {what} are called {twice[0]!r}; names must differ.")
 
 
-def _check_drives(specimen: Specimen, elements: list[Element]) -> None:
+def _joined_bodies(elements: list[Element]) -> list[set[int]]:
+    """Return the bodies that each element of the YAML joins, by index."""
+    joined: list[set[int]] = []
+    for element in elements:
+        match element:
+            case Strut():
+                joined.append({element.body_a, element.body_b})
+            case Rubber():
+                joined.append({element.body_a, element.body_c})
+            case Tyre():
+                joined.append({0, element.wheel})
+            case AntiRollBar():
+                joined += [{element.body, lever.link_body} for lever in element.levers]
+            case _:
+                pass
+    return joined
+
+
+def _check_drives(specimen: Specimen, elements: list[Element], supplies: dict[str, Supply]) -> None:
     taken = [item for element in elements for item in element.inputs]
     listed = [Input(channel.name, channel.unit) for channel in specimen.drives]
     if taken != listed:
         raise ValueError(f"its parts take the drives {_listing(taken)}, in this order; listed are {_listing(listed)}.")
     for channel in specimen.drives:
         for element in elements:
-            if not isinstance(element, DisplacementActuator) or element.name != channel.name:
-                continue
-            half = element.cylinder.half_stroke
-            if max(channel.maximum, -channel.minimum) > half:
-                raise ValueError(
-                    f"drive {channel.name!r} goes from {channel.minimum:g} to {channel.maximum:g} m; "
-                    f"its cylinder ends at {half:g} m either way."
-                )
+            if isinstance(element, HydraulicActuator) and element.name == channel.name:
+                limits = {"minimum": channel.minimum, "maximum": channel.maximum}
+                check_limits(element, supplies[element.supply], **limits)
 
 
 def _listing(inputs: list[Input]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig_sim.specimen import InputChannel, Specimen
+from rig_sim.playable import PlayableSpecimen
+from rig_sim.specimen import InputChannel
 
 
 class DriveError(ValueError):
@@ -21,12 +22,14 @@ class DriveError(ValueError):
         self.field = field
 
 
-def check_drive(specimen: Specimen, names: list[str], units: list[str], sample_rate: float, drive: np.ndarray) -> None:
+def check_drive(
+    specimen: PlayableSpecimen, names: list[str], units: list[str], sample_rate: float, drive: np.ndarray
+) -> None:
     """Check a drive against the specimen's channels and limits.
 
     Parameters
     ----------
-    specimen : Specimen
+    specimen : PlayableSpecimen
         Whose drive it is.
     names, units : list of str
         Of the drive's channels, in its order; as many as it has rows.

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import Array, Spatial
+
+
+@dataclass
+class Line:
+    """A hydraulic supply as the actuators meet it: pressures in Pa, and what they have drawn so far, in m^3/s."""
+
+    pressure: Any
+    back: Any
+    drawn: Any = 0.0
 
 
 @dataclass
@@ -19,6 +28,8 @@ class Effect:
     joint_forces: list[Any]
     #: Named values an engineer may want to see besides the responses, e.g. a valve's opening.
     monitored: dict[str, Any] = field(default_factory=dict)
+    #: Hydraulic supplies by name. They are offered before any element is applied; elements add what they draw.
+    lines: dict[str, Line] = field(default_factory=dict)
 
     def between(self, body_a: int, body_b: int, wrench: Spatial) -> None:
         """Apply a wrench to body b and its reaction to body a."""
@@ -59,4 +70,13 @@ class Element(Protocol):
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Add this element's wrenches and forces to `effect`, given its inputs' values; return its states' rates."""
+        ...
+
+
+@runtime_checkable
+class Offering(Protocol):
+    """An element that others draw from: it offers before any is applied, and stands behind all who draw."""
+
+    def offer(self, state: Array, effect: Effect) -> None:
+        """Put into `effect` what this element's own states alone decide."""
         ...

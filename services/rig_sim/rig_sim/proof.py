@@ -1,4 +1,4 @@
-"""Proof at load: the compiled player's derivative and spindle forces at random states, or no start.
+"""Proof at load: the compiled player's derivative and responses at random states, or no start.
 
 Drake judges the mechanics: it gets the same positions and velocities, and as external forces what the elements of the
 YAML do; tree, gravity and the linear elements of the SDF it works out by itself. The rates of the elements' own states
@@ -18,6 +18,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
 from rig_sim.compile.model import CompiledModel
+from rig_sim.drake_measurement import drake_responses
 from rig_sim.multibody.tree import JointKind
 from rig_sim.rig_model import Evaluation, RigModel
 
@@ -38,6 +39,7 @@ class Proof:
 
     position_rate_error: float
     acceleration_error: float
+    #: Of the responses, each kind by itself.
     force_error: float
     #: Of the elements' own states, against plain numpy.
     element_rate_error: float
@@ -46,11 +48,11 @@ class Proof:
 
 @dataclass(frozen=True)
 class DrakeAnswers:
-    """What Drake says of one state: position rates (n_q,), accelerations (n_v,), spindle forces (responses,) in N."""
+    """What Drake says of one state: position rates (n_q,), accelerations (n_v,), responses (responses,)."""
 
     position_rates: np.ndarray
     accelerations: np.ndarray
-    spindle_forces: np.ndarray
+    responses: np.ndarray
 
 
 def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
@@ -75,12 +77,12 @@ def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, se
         evaluation = model.evaluate(state, inputs)
         drake = drake_answers(model, plant, state, evaluation)
         rates = compiled.derivative(state, inputs)
-        forces = compiled.outputs(state, inputs)[: len(model.response_names)]
+        responses = compiled.outputs(state, inputs)[: len(model.response_names)]
         elements = np.array(evaluation.derivative[n_q + n_v :], dtype=float)
         errors = (
             _compare(rates[:n_q], drake.position_rates, names[:n_q]),
             _compare(rates[n_q : n_q + n_v], drake.accelerations, names[n_q : n_q + n_v]),
-            _compare(forces, drake.spindle_forces, model.response_names),
+            _compare_responses(model, responses, drake.responses),
             _compare(rates[n_q + n_v :], elements, names[n_q + n_v :], judge="plain numpy"),
         )
         worst = np.maximum(worst, errors)
@@ -98,6 +100,16 @@ def _compare(own: np.ndarray, right: np.ndarray, names: tuple[str, ...], *, judg
             f"{LARGEST_ERROR:g} of the largest value is allowed, so this rig must not play."
         )
     return float(error[worst])
+
+
+def _compare_responses(model: RigModel, own: np.ndarray, right: np.ndarray) -> float:
+    """Compare the responses unit by unit: newtons say nothing about metres."""
+    channels = model.assembly.specimen.responses
+    worst = 0.0
+    for unit in {channel.unit: None for channel in channels}:
+        rows = [row for row, channel in enumerate(channels) if channel.unit == unit]
+        worst = max(worst, _compare(own[rows], right[rows], tuple(channels[row].name for row in rows)))
+    return worst
 
 
 def random_state(model: RigModel, rng: np.random.Generator) -> np.ndarray:
@@ -151,16 +163,10 @@ def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, eva
     drake.SetVelocities(context, state[n_q : n_q + n_v])
     apply_own_effect(plant, context, evaluation)
     accelerations = plant.EvalTimeDerivatives(context).get_generalized_velocity().CopyToVector()
-    reactions = cast(Any, plant.get_reaction_forces_output_port().Eval(context))
-    forces = []
-    for channel in model.assembly.specimen.responses:
-        joint = plant.GetJointByName(channel.transducer)
-        # The port gives the force on the child (the wheel); the spindle feels the opposite.
-        forces.append(-reactions[int(joint.index())].translational()["xyz".index(channel.axis)])
     return DrakeAnswers(
         position_rates=np.array(drake.MapVelocityToQDot(context, state[n_q : n_q + n_v]), dtype=float),
         accelerations=np.array(accelerations, dtype=float),
-        spindle_forces=np.array(forces, dtype=float),
+        responses=drake_responses(model, plant, context, state),
     )
 
 

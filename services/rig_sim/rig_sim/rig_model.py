@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from rig_sim.assembly import Assembly
-from rig_sim.effect import Effect
+from rig_sim.effect import Effect, Offering
+from rig_sim.measurement import Instant
 from rig_sim.multibody.dynamics import Accelerations, accelerate
 from rig_sim.multibody.forces import add_linear_elements
 from rig_sim.multibody.kinematics import Motion, move
-from rig_sim.multibody.spatial import ZERO, Array, Spatial, cross
+from rig_sim.multibody.spatial import ZERO, Array
 from rig_sim.multibody.tree import position_count, velocity_count
 
 
@@ -26,7 +27,7 @@ class Evaluation:
     accelerations: Accelerations
     #: Rates of all states.
     derivative: list[Any]
-    #: The measured responses, in N.
+    #: The measured responses, each in its unit.
     responses: list[Any]
 
 
@@ -92,6 +93,9 @@ class RigModel:
         velocities = state[self.position_count : self.position_count + tree.velocity_count]
         motion = move(tree, positions, velocities)
         own = Effect([ZERO] * len(tree.bodies), [0.0] * tree.velocity_count)
+        for element, where in zip(self.assembly.elements, self._slices, strict=True):
+            if isinstance(element, Offering):
+                element.offer(state[where], own)
         rates: list[Any] = []
         first_input = 0
         for element, where in zip(self.assembly.elements, self._slices, strict=True):
@@ -101,28 +105,19 @@ class RigModel:
         wrenches = list(own.wrenches)
         add_linear_elements(tree, motion, wrenches)
         accelerations = accelerate(tree, motion, wrenches, own.joint_forces)
+        states = {
+            element.name: state[where] for element, where in zip(self.assembly.elements, self._slices, strict=True)
+        }
+        instant = Instant(tree, motion, wrenches, accelerations, states)
         return Evaluation(
             motion=motion,
             own_effect=own,
             accelerations=accelerations,
             derivative=[*motion.position_rates, *accelerations.joint, *rates],
-            responses=self._spindle_forces(motion, wrenches, accelerations),
+            responses=[sensor.read(instant) for sensor in self.assembly.transducers],
         )
 
     def traced(self, state: Array, inputs: Array) -> tuple[list[Any], list[Any]]:
         """Return the derivative, and responses followed by the monitored values: the form the compiler takes."""
         evaluation = self.evaluate(state, inputs)
         return evaluation.derivative, [*evaluation.responses, *evaluation.own_effect.monitored.values()]
-
-    def _spindle_forces(self, motion: Motion, wrenches: list[Spatial], accelerations: Accelerations) -> list[Any]:
-        """Force of the wheel on the knuckle, in the transducer's axes: what the wheel gets, less what moves it."""
-        responses: list[Any] = []
-        for transducer in self.assembly.transducers:
-            wheel = transducer.wheel
-            body, pose = self.assembly.tree.bodies[wheel], motion.poses[wheel]
-            centre = pose.rotation @ body.centre + pose.origin
-            velocity, proper = motion.velocities[wheel], accelerations.proper[wheel]
-            acceleration = proper.at(centre) + cross(velocity.angular, velocity.at(centre))
-            force = wrenches[wheel].linear - acceleration * body.mass
-            responses.append(((pose.rotation @ transducer.axes).T @ force)[transducer.row])
-        return responses

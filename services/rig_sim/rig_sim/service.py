@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -11,26 +10,33 @@ from pathlib import Path
 from typing import Self
 
 import structlog
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from duralab_proto.arrays import from_record, to_array, to_record
+from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, StreamPublisher
+from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig
 from rig_sim.drive_check import DriveError, check_drive
+from rig_sim.engine import EngineChoice
+from rig_sim.faults import Fault
+from rig_sim.frf_query import answer_frf
 from rig_sim.interlock import Interlock
-from rig_sim.player import BLOCK_SAMPLES, Block, Playback, Rig, RigFaultError, load_rig
-from rig_sim.specimen import InputChannel, Quantity, SpindleChannel, shipped_specimens
+from rig_sim.loading import load_any_rig
+from rig_sim.performance import Performance
+from rig_sim.playable import PlayableRig, Response
+from rig_sim.player import Rig
+from rig_sim.specimen import InputChannel, Quantity, shipped_specimens
 
 SERVICE = "rig_sim"
 
 _KINDS = {
+    Quantity.ACCELERATION: array_pb2.CHANNEL_KIND_ACCELERATION,
     Quantity.DISPLACEMENT: array_pb2.CHANNEL_KIND_DISPLACEMENT,
     Quantity.FORCE: array_pb2.CHANNEL_KIND_FORCE,
+    Quantity.MOMENT: array_pb2.CHANNEL_KIND_MOMENT,
     Quantity.RATIO: array_pb2.CHANNEL_KIND_RATIO,
     Quantity.VELOCITY: array_pb2.CHANNEL_KIND_VELOCITY,
 }
-_STATE_SECONDS = 0.5
 
 
 class RigSimConfig(ServiceConfig):
@@ -40,6 +46,10 @@ class RigSimConfig(ServiceConfig):
     rigs: tuple[str, ...] = ("front_axle", "predecessor")
     #: YAML files of further rigs, each with its SDF beside it.
     specimens: tuple[Path, ...] = ()
+    #: Faults to inject, by the rig's name, for tests and rehearsals.
+    faults: dict[str, tuple[Fault, ...]] = Field(default_factory=dict)
+    #: What integrates a rig, by the rig's name; the compiled player where nothing is said.
+    engines: dict[str, EngineChoice] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _serves_something(self) -> Self:
@@ -48,34 +58,38 @@ class RigSimConfig(ServiceConfig):
         return self
 
 
-def load_rigs(config: RigSimConfig) -> dict[str, Rig]:
+def load_rigs(config: RigSimConfig) -> dict[str, PlayableRig]:
     """Load all configured rigs.
 
     Raises
     ------
     ConfigError
-        Where a rig is unknown, cannot be used, or two have one name.
+        Where a rig is unknown, cannot be used, or two have one name, or an engine or a fault is for none of them.
     """
     shipped = shipped_specimens()
     unknown = [name for name in config.rigs if name not in shipped]
     if unknown:
         raise ConfigError(f"rigs: {', '.join(unknown)} is not a rig of this simulator; it ships {', '.join(shipped)}.")
-    rigs: dict[str, Rig] = {}
+    rigs: dict[str, PlayableRig] = {}
     for path in [*(shipped[name] for name in config.rigs), *config.specimens]:
         try:
-            rig = load_rig(path)
+            rig = load_any_rig(path, config.engines, config.faults)
         except (ValueError, RuntimeError) as error:
             raise ConfigError(f"{path.name}: {error}") from error
         if rig.specimen.name in rigs:
             raise ConfigError(f"rigs: two rigs are called {rig.specimen.name!r}; names must differ.")
         rigs[rig.specimen.name] = rig
+    for what, names in (("engines", config.engines), ("faults", config.faults)):
+        idle = [name for name in names if name not in rigs]
+        if idle:
+            raise ConfigError(f"{what}: {', '.join(idle)} is not a rig served here; those are {', '.join(rigs)}.")
     return rigs
 
 
 class RigServer:
     """Serves one rig: description, play, stop, reset, state and its signal stream."""
 
-    def __init__(self, bus: Bus, rig: Rig) -> None:
+    def __init__(self, bus: Bus, rig: PlayableRig) -> None:
         self._bus = bus
         self._rig = rig
         self._name = rig.specimen.name
@@ -84,7 +98,15 @@ class RigServer:
         self._publishing = threading.Lock()
         keys = bus.keys
         self._states = bus.publisher(keys.rig_state(self._name))
+        self._performance = Performance(
+            bus,
+            rig,
+            self._interlock,
+            responses=[_response_channel(channel) for channel in rig.specimen.responses],
+            tell_state=self._publish_state,
+        )
         bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, self._describe)
+        bus.serve(keys.rig_frf(self._name), rig_pb2.RigFrfRequest, lambda request, _call: answer_frf(rig, request))
         bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play)
         # Workers of their own: a stop must be heard while all others are taken.
         bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=4)
@@ -100,14 +122,15 @@ class RigServer:
         return rig_pb2.RigDescription(
             rig=self._name,
             specimen=specimen.title,
-            engine="compiled",
+            engine=self._rig.engine_name,
             version=version("duralab-rig-sim"),
             sample_rate=specimen.sample_rate,
             drives=[_drive_channel(channel) for channel in specimen.drives],
             responses=[_response_channel(channel) for channel in specimen.responses],
             longest_drive_seconds=specimen.longest_drive,
             static_response=to_array(self._rig.static_response),
-            block_samples=BLOCK_SAMPLES,
+            block_samples=self._rig.block_samples,
+            bodies=self._rig.poses.bodies if isinstance(self._rig, Rig) else (),
             content_hash=self._rig.content_hash,
         )
 
@@ -125,71 +148,10 @@ class RigServer:
         self._interlock.begin(run)
         try:
             self._publish_state()
-            publisher = self._bus.publisher(self._bus.keys.rig_signal(self._name, run))
-            try:
-                return self._perform(request, self._rig.playback(drive, seed=request.seed), publisher, call)
-            finally:
-                publisher.close()
+            return self._performance.play(request, drive, call)
         finally:
             self._interlock.end()
             self._publish_state()
-
-    def _perform(
-        self, request: rig_pb2.PlayRequest, playback: Playback, publisher: StreamPublisher, call: Call
-    ) -> rig_pb2.PlayResult:
-        run, rate = request.run, self._rig.specimen.sample_rate
-        samples = playback.response.shape[1]
-        publish = _Publishing(publisher, run, rate)
-        clock = _Clock(rate, real_time=request.real_time)
-        told = clock.started
-        try:
-            for block in playback.blocks():
-                done = playback.samples_done
-                stopped = self._interlock.wait_for_stop(clock.ahead(done))
-                publish(block, last=done == samples)
-                if done == samples:
-                    break
-                elapsed = time.monotonic() - clock.started
-                self._interlock.fraction = done / samples
-                # The bus thins progress out; the state stream goes to everybody.
-                remaining = elapsed * (samples - done) / done
-                call.progress("playing", done / samples, remaining_seconds=remaining, detail=run)
-                if clock.started + elapsed - told >= _STATE_SECONDS:
-                    told = clock.started + elapsed
-                    self._publish_state()
-                if stopped or call.cancelled:
-                    self._ramp_down(playback, publish, clock)
-                    why = self._interlock.state().reason if stopped else "its commander is gone"
-                    self._log.warning("ramped down", run=run, reason=why)
-                    raise FaultError(query_pb2.FAULT_CODE_CANCELLED, f"run {run!r} was stopped: {why}.")
-        except RigFaultError as error:
-            self._log.warning("broken off", run=run, reason=str(error))
-            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="drive.samples") from error
-        factor = samples / rate / (time.monotonic() - clock.started)
-        self._log.info("played", run=run, seconds=samples / rate, real_time_factor=factor)
-        return rig_pb2.PlayResult(
-            run=run,
-            response=to_record([_response_channel(c) for c in self._rig.specimen.responses], rate, playback.response),
-            actuators=[
-                rig_pb2.ActuatorUse(
-                    drive=use.drive,
-                    peak_command_ratio=use.peak_command_ratio,
-                    saturated_share=use.saturated_share,
-                    largest_following_error=use.largest_following_error,
-                )
-                for use in playback.uses()
-            ],
-            epoch=publisher.epoch,
-            blocks=publish.blocks,
-            real_time_factor=factor,
-        )
-
-    @staticmethod
-    def _ramp_down(playback: Playback, publish: _Publishing, clock: _Clock) -> None:
-        ramp = list(playback.ramp_down())
-        for block in ramp:
-            time.sleep(clock.ahead(block.first_sample + block.drive.shape[1]))
-            publish(block, last=block is ramp[-1])
 
     def _on_stop(self, request: rig_pb2.StopRequest, _call: Call) -> rig_pb2.RigState:
         self._interlock.trip(request.reason)
@@ -213,46 +175,6 @@ class RigServer:
             self._states.put(self._interlock.state())
 
 
-class _Publishing:
-    """Publishes the blocks of one run and counts them."""
-
-    def __init__(self, publisher: StreamPublisher, run: str, rate: float) -> None:
-        self._publisher = publisher
-        self._run = run
-        self._rate = rate
-        self.blocks = 0
-
-    def __call__(self, block: Block, *, last: bool) -> None:
-        self._publisher.put(_signal_block(self._run, self._rate, block, last=last))
-        self.blocks += 1
-
-
-class _Clock:
-    """Says how far a playback is ahead of real time, where it has to keep to it."""
-
-    def __init__(self, rate: float, *, real_time: bool) -> None:
-        self._rate = rate
-        self._real_time = real_time
-        self.started = time.monotonic()
-
-    def ahead(self, samples: int) -> float:
-        """Return for how many seconds to wait after so many samples."""
-        if not self._real_time:
-            return 0.0
-        return max(samples / self._rate - (time.monotonic() - self.started), 0.0)
-
-
-def _signal_block(run: str, rate: float, block: Block, *, last: bool) -> rig_pb2.SignalBlock:
-    return rig_pb2.SignalBlock(
-        run=run,
-        first_sample=block.first_sample,
-        sample_rate=rate,
-        drive=to_array(block.drive),
-        response=to_array(block.response),
-        last=last,
-    )
-
-
 def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
     return array_pb2.Channel(
         name=channel.name,
@@ -265,11 +187,11 @@ def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
     )
 
 
-def _response_channel(channel: SpindleChannel) -> array_pb2.Channel:
+def _response_channel(channel: Response) -> array_pb2.Channel:
     return array_pb2.Channel(
         name=channel.name,
-        unit="N",
-        kind=array_pb2.CHANNEL_KIND_FORCE,
+        unit=channel.unit,
+        kind=_KINDS[channel.quantity],
         minimum=-channel.range,
         maximum=channel.range,
         label=channel.label,

@@ -6,41 +6,36 @@ The SDF beside it holds bodies, joints and bushings. Whether the names in the YA
 
 from __future__ import annotations
 
+import re
 import reprlib
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from rig_sim.documents import SpecimenError, read_document
+from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
 from rig_sim.elements.rubber import RubberLaw
 from rig_sim.elements.strut import StrutLaw
 from rig_sim.elements.tyre import TyreLaw
-from rig_sim.hydraulics.actuator import DisplacementLoop, Supply
-from rig_sim.hydraulics.cylinder import Cylinder
-from rig_sim.hydraulics.servovalve import Servovalve
-from rig_sim.parameters import STRICT, Finite, NotNegative, Positive, Vector
+from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
+from rig_sim.hydraulics.supply import Supply
+from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, Vector
+from rig_sim.quantities import UNIT_OF, Quantity
+from rig_sim.responses import KINDS, SPINDLE, ResponseChannel
+from rig_sim.watchdogs import WatchdogLimits
 
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.sdf$")]
+SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
 
 #: What the name of a mirrored part begins with; `right_` takes its place in the mirror image.
 LEFT = "left_"
 RIGHT = "right_"
 
 
-class Quantity(StrEnum):
-    """What a channel carries."""
-
-    DISPLACEMENT = "displacement"
-    FORCE = "force"
-    RATIO = "ratio"
-    VELOCITY = "velocity"
-
-
-_UNIT_OF = {Quantity.DISPLACEMENT: "m", Quantity.FORCE: "N", Quantity.RATIO: "1", Quantity.VELOCITY: "m/s"}
+def mirrored_name(name: str) -> str:
+    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`."""
+    return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
 
 
 class _Part(BaseModel):
@@ -52,8 +47,8 @@ class _Part(BaseModel):
 
     @model_validator(mode="after")
     def _is_on_the_left(self) -> Self:
-        if self.mirrored and not self.name.startswith(LEFT):
-            raise ValueError(f"{self.name!r} is mirrored, so its name must begin with {LEFT!r}")
+        if self.mirrored and mirrored_name(self.name) == self.name:
+            raise ValueError(f"{self.name!r} is mirrored, so its name must begin with {LEFT!r} or hold '_{LEFT}'")
         return self
 
 
@@ -92,6 +87,29 @@ class RubberPart(_Part):
         return self
 
 
+class AntiRollBarPart(BaseModel):
+    """An anti-roll bar across the car, given by its left end in the model's frame at design height, in metres.
+
+    The right end is its mirror image. The bar's axis goes across, through the lever's pivot.
+    """
+
+    model_config = STRICT
+
+    name: Name
+    body: str
+    pivot: Vector
+    lever_end: Vector
+    link_body: str
+    link_point: Vector
+    law: AntiRollBarLaw
+
+    @model_validator(mode="after")
+    def _has_a_left_and_a_right(self) -> Self:
+        if mirrored_name(self.link_body) == self.link_body:
+            raise ValueError(f"{self.name!r} has its link on {self.link_body!r}; name the left one of a pair")
+        return self
+
+
 class TyrePart(_Part):
     """A tyre under a wheel; its drives are height, slope and camber of the road under it, and its speed."""
 
@@ -100,33 +118,13 @@ class TyrePart(_Part):
     law: TyreLaw
 
 
-class ActuatorKind(BaseModel):
-    """One kind of actuator, used at several places."""
-
-    model_config = STRICT
-
-    valve: Servovalve
-    cylinder: Cylinder
-    loop: DisplacementLoop
-
-
-class ActuatorPart(BaseModel):
-    """An actuator on a prismatic joint of the SDF; takes the drive of its own name, the wanted stroke in metres."""
-
-    model_config = STRICT
-
-    name: Name
-    kind: str
-    joint: str
-
-
 class InputChannel(BaseModel):
     """A drive channel, in the order of the inputs of actuators and tyres."""
 
     model_config = STRICT
 
     name: Name
-    unit: Literal["m", "m/s", "1"]
+    unit: Literal["m", "m/s", "N", "1"]
     quantity: Quantity
     minimum: Finite
     maximum: Finite
@@ -136,7 +134,7 @@ class InputChannel(BaseModel):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.unit != _UNIT_OF[self.quantity]:
+        if self.unit != UNIT_OF[self.quantity]:
             raise ValueError(f"{self.name!r} is a {self.quantity}, whose unit is not {self.unit!r}")
         if not self.minimum <= 0.0 <= self.maximum or self.minimum == self.maximum:
             raise ValueError(
@@ -146,22 +144,6 @@ class InputChannel(BaseModel):
         return self
 
 
-class SpindleChannel(BaseModel):
-    """A response: one component of the force at a wheel-force transducer, on the spindle, in the transducer's axes."""
-
-    model_config = STRICT
-
-    name: Name
-    #: The weld in the SDF that is the transducer; its child is the wheel.
-    transducer: str
-    axis: Literal["x", "y", "z"]
-    #: Range of the sensor, in N.
-    range: Positive
-    #: RMS of the sensor's white noise, in N.
-    noise_rms: NotNegative
-    label: str
-
-
 class Specimen(BaseModel):
     """A rig and what is mounted on it."""
 
@@ -169,7 +151,7 @@ class Specimen(BaseModel):
 
     name: Name
     title: str
-    #: Name of the SDF, which lies beside the YAML.
+    #: Name of the SDF or URDF, which lies beside the YAML.
     sdf: SdfName
     #: The only sample rate it plays, in Hz, and integration steps per sample.
     sample_rate: Positive
@@ -177,37 +159,44 @@ class Specimen(BaseModel):
     #: Longest drive, in s.
     longest_drive: Positive
     supply: Supply | None = None
+    #: More supplies, e.g. one per side; an actuator names the one that feeds it.
+    supplies: dict[Name, Supply] = {}
     actuator_kinds: dict[str, ActuatorKind] = {}
     actuators: tuple[ActuatorPart, ...] = ()
     struts: tuple[StrutPart, ...] = ()
     rubber: tuple[RubberPart, ...] = ()
+    anti_roll_bars: tuple[AntiRollBarPart, ...] = ()
     tyres: tuple[TyrePart, ...] = ()
+    #: What makes the rig ramp down and latch while it plays.
+    watchdogs: WatchdogLimits = WatchdogLimits()
     drives: Annotated[tuple[InputChannel, ...], Field(min_length=1)]
-    responses: Annotated[tuple[SpindleChannel, ...], Field(min_length=1)]
+    responses: Annotated[tuple[ResponseChannel, ...], Field(min_length=1)]
 
 
-class SpecimenError(ValueError):
-    """A specimen that cannot be used, in one sentence."""
+_Document = TypeVar("_Document", bound=BaseModel)
 
 
 def load_specimen(path: Path) -> Specimen:
-    """Read and check a specimen's YAML.
+    """Read and check a multibody specimen's YAML.
 
     Raises
     ------
     SpecimenError
         Where the file is missing, not YAML, or keys are unknown, missing or out of range; names all of them at once.
     """
+    return read_specimen(path, Specimen)
+
+
+def read_specimen(path: Path, kind: type[_Document]) -> _Document:
+    """Read and check a YAML of a kind of specimen.
+
+    Raises
+    ------
+    SpecimenError
+        As `load_specimen`.
+    """
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SpecimenError(f"specimen {path.name} cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise SpecimenError(f"specimen {path.name} is not text in UTF-8.") from error
-    except yaml.YAMLError as error:
-        raise SpecimenError(f"specimen {path.name} is not YAML: {' '.join(str(error).split())}.") from error
-    try:
-        return Specimen.model_validate(document)
+        return kind.model_validate(read_document(path))
     except ValidationError as error:
         raise SpecimenError(f"specimen {path.name}: {_problems(error)}.") from error
 
@@ -215,7 +204,9 @@ def load_specimen(path: Path) -> Specimen:
 def _problems(error: ValidationError) -> str:
     texts = []
     for problem in error.errors():
-        where = ".".join(str(part) for part in problem["loc"]) or "the document"
+        # A union puts the name of the kind it took into the place.
+        place = [str(part) for part in problem["loc"] if part not in {SPINDLE, *KINDS.values(), *CONTROLS}]
+        where = ".".join(place) or "the document"
         match problem["type"]:
             case "missing":
                 texts.append(f"{where} is missing")

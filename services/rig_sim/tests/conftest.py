@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rig_sim import load_rig, shipped_specimens
+from rig_sim import Engine, EngineChoice, load_rig, shipped_specimens
 
 
 def without_noise(rig):
@@ -40,3 +40,13 @@ def quiet_predecessor(predecessor):
 @pytest.fixture(scope="session", params=["quiet_front_axle", "quiet_predecessor"])
 def quiet_rig(request):
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def front_axle_by_drake():
+    return load_rig(shipped_specimens()["front_axle"], EngineChoice(engine=Engine.DRAKE))
+
+
+@pytest.fixture(scope="session")
+def predecessor_by_drake():
+    return load_rig(shipped_specimens()["predecessor"], EngineChoice(engine=Engine.DRAKE))

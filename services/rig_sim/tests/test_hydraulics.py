@@ -8,10 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 
-from rig_sim.effect import Effect
-from rig_sim.hydraulics.actuator import DisplacementActuator, DisplacementLoop, Supply
+from rig_sim.effect import Effect, Line
+from rig_sim.hydraulics.actuator import DisplacementActuator
 from rig_sim.hydraulics.cylinder import Cylinder, piston_force, pressure_rates
+from rig_sim.hydraulics.loops import DisplacementLoop
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
+from rig_sim.hydraulics.supply import Supply
 
 SUPPLY, BACK = 280e5, 5e5
 VALVE = Servovalve(rated_flow=2.0e-3, rated_drop=35e5, spool_frequency=110.0, spool_damping=0.8)
@@ -31,20 +33,21 @@ MASS = 60.0
 @pytest.mark.parametrize("opening", [0.1, 0.5, 1.0, -0.3, -1.0])
 def test_flow_follows_the_square_root_of_the_drop_over_each_edge(opening):
     a, b = 180e5, 60e5
-    into_a, out_of_b = port_flows(VALVE, opening, (a, b), SUPPLY, BACK)
+    into_a, out_of_b, drawn = port_flows(VALVE, opening, (a, b), SUPPLY, BACK)
     drops = (SUPPLY - a, b - BACK) if opening > 0 else (a - BACK, SUPPLY - b)
     expected = [VALVE.rated_flow * opening * np.sqrt(drop / VALVE.rated_drop) for drop in drops]
     # Smoothing at zero drop costs 1e-4/4 of the square of the rated drop over the drop.
     np.testing.assert_allclose([into_a, out_of_b], expected, rtol=1e-4)
+    assert drawn == (into_a if opening > 0 else -out_of_b)
 
 
 def test_rated_flow_is_the_flow_at_the_rated_drop():
-    into_a, _ = port_flows(VALVE, 1.0, (SUPPLY - VALVE.rated_drop, 0.0), SUPPLY, BACK)
+    into_a, _, _ = port_flows(VALVE, 1.0, (SUPPLY - VALVE.rated_drop, 0.0), SUPPLY, BACK)
     assert into_a == pytest.approx(VALVE.rated_flow, rel=3e-5)
 
 
 def test_oil_flows_back_when_a_chamber_is_above_the_supply():
-    into_a, _ = port_flows(VALVE, 0.5, (SUPPLY + 20e5, BACK), SUPPLY, BACK)
+    into_a, _, _ = port_flows(VALVE, 0.5, (SUPPLY + 20e5, BACK), SUPPLY, BACK)
     assert into_a == pytest.approx(-0.5 * VALVE.rated_flow * np.sqrt(20 / 35), rel=1e-4)
 
 
@@ -66,7 +69,7 @@ def test_a_valve_opens_no_further_than_its_stop(opening):
 
 def test_the_spool_is_a_second_order_system_that_stops_at_full_opening():
     def rates(_, state):
-        return spool_rates(VALVE, 3.0, *state)
+        return spool_rates(VALVE, 3.0, state)
 
     time = np.linspace(0.0, 0.02, 400)
     spool = solve_ivp(rates, (0, 0.02), [0.0, 0.0], t_eval=time, rtol=1e-10, atol=1e-12).y[0]
@@ -98,7 +101,7 @@ def test_a_mass_on_shut_in_oil_swings_at_the_analytic_frequency(place):
         position, speed, a, b = state
         pressures = (a, b)
         rates_ab = pressure_rates(cylinder, position, speed, pressures, (0.0, 0.0))
-        return [speed, piston_force(cylinder, speed, pressures) / MASS, *rates_ab]
+        return [speed, piston_force(cylinder, position, speed, pressures) / MASS, *rates_ab]
 
     time = np.arange(0.0, 0.2, 1e-5)
     start = [place, 1e-3, 140e5, 140e5]
@@ -113,7 +116,7 @@ def test_a_mass_on_shut_in_oil_swings_at_the_analytic_frequency(place):
 
 def test_seal_friction_is_against_the_motion_and_bounded():
     speeds = np.linspace(-1.0, 1.0, 401)
-    friction = np.array([piston_force(CYLINDER, v, (1e7, 1e7)) for v in speeds])
+    friction = np.array([piston_force(CYLINDER, 0.0, v, (1e7, 1e7)) for v in speeds])
     assert np.all(friction * speeds <= 0.0)
     assert np.abs(friction).max() <= CYLINDER.friction
     assert friction[-1] == pytest.approx(-CYLINDER.friction)
@@ -128,7 +131,7 @@ class Bench:
 
     def rates(self, command, state):
         motion = SimpleNamespace(joint_positions=state[:1], joint_velocities=state[1:2])
-        effect = Effect([], [0.0])
+        effect = Effect([], [0.0], lines={"supply": Line(SUPPLY, BACK)})
         own = self.actuator.apply(motion, state[2:], [command], effect)
         return np.array([state[1], effect.joint_forces[0] / self.mass, *own])
 
@@ -148,8 +151,9 @@ class Bench:
 
 
 def actuator(**changes):
-    parts = {"valve": VALVE, "cylinder": CYLINDER, "loop": LOOP, "supply": Supply(SUPPLY, BACK)} | changes
-    return DisplacementActuator(name="one", joint_position=0, joint_velocity=0, **parts)
+    parts = {"valve": VALVE, "cylinder": CYLINDER, "loop": LOOP} | changes
+    place = {"joint_position": 0, "joint_velocity": 0, "supply": "supply", "middle_pressure": (SUPPLY + BACK) / 2}
+    return DisplacementActuator(name="one", **place, **parts)
 
 
 def test_an_actuator_reaches_what_it_is_told_and_holds_it():
@@ -182,13 +186,13 @@ def test_supply_energy_is_work_plus_losses_plus_what_the_oil_stores():
     a, b = 1e6 * a, 1e6 * b
     power = {"supply": [], "valve": [], "leak": [], "seal": [], "oil": []}
     for x, v, s, pa, pb in zip(position, speed, spool, a, b, strict=True):
-        qa, qb = port_flows(VALVE, s, (pa, pb), SUPPLY, BACK)
+        qa, qb, _ = port_flows(VALVE, s, (pa, pb), SUPPLY, BACK)
         # Oil drawn from the supply at its pressure, given to the return at its own.
         drawn, returned = (qa, qb) if s >= 0 else (-qb, -qa)
         power["supply"].append(SUPPLY * drawn - BACK * returned)
         power["valve"].append(((SUPPLY if s >= 0 else BACK) - pa) * qa + (pb - (BACK if s >= 0 else SUPPLY)) * qb)
         power["leak"].append(CYLINDER.leakage * (pa - pb) ** 2)
-        power["seal"].append(-v * piston_force(CYLINDER, v, (1e7, 1e7)))
+        power["seal"].append(-v * piston_force(CYLINDER, 0.0, v, (1e7, 1e7)))
         rates = pressure_rates(CYLINDER, x, v, (pa, pb), (qa, qb))
         volumes = [CYLINDER.dead_volume + CYLINDER.area * (CYLINDER.half_stroke + sign * x) for sign in (1, -1)]
         stored = sum(

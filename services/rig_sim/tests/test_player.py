@@ -178,3 +178,23 @@ def test_a_road_has_peaks_and_no_actuators(predecessor):
     uses = played(predecessor, drive)[0].uses()
     assert uses[0].peak_command_ratio == pytest.approx(0.1, rel=1e-4)
     assert {(use.saturated_share, use.largest_following_error) for use in uses} == {(0.0, 0.0)}
+
+
+def test_use_says_how_much_of_the_load_pressure_and_of_the_supply_was_left(quiet_front_axle):
+    supply = quiet_front_axle.specimen.supply
+    drive = np.zeros((6, 400))
+    playback = quiet_front_axle.playback(drive, seed=1)
+    for _ in playback.blocks():
+        pass
+    at_rest = {use.drive: use for use in playback.uses()}
+    drive[0] = 0.03 * np.sin(2 * np.pi * 5.0 * np.arange(400) / 1000.0)
+    playback = quiet_front_axle.playback(drive, seed=1)
+    for _ in playback.blocks():
+        pass
+    moved = {use.drive: use for use in playback.uses()}
+    # At rest the vertical actuator carries the strut: its force over what the supply presses with.
+    carried = quiet_front_axle.static_response[0] / ((supply.supply_pressure - supply.return_pressure) * 2.0e-3)
+    assert at_rest["left_vertical"].largest_load_pressure_share == pytest.approx(carried, rel=0.1)
+    share = moved["left_vertical"].largest_load_pressure_share
+    assert at_rest["left_vertical"].largest_load_pressure_share < share < 1.0
+    assert {use.lowest_supply_pressure for use in moved.values()} == {supply.supply_pressure}

@@ -47,7 +47,7 @@ def test_drake_and_plain_numpy_agree_without_the_compiler(rig, plant):
         np.testing.assert_allclose(rates[:n_q], drake.position_rates, rtol=0, atol=1e-14)
         np.testing.assert_allclose(rates[n_q : n_q + n_v], drake.accelerations, rtol=0, atol=1e-11 * scale)
         forces = np.array(evaluation.responses, dtype=float)
-        np.testing.assert_allclose(forces, drake.spindle_forces, rtol=0, atol=1e-11 * np.abs(forces).max())
+        np.testing.assert_allclose(forces, drake.responses, rtol=0, atol=1e-11 * np.abs(forces).max())
 
 
 def test_compiled_code_and_plain_numpy_agree(rig):

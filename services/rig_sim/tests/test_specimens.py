@@ -10,11 +10,11 @@ import yaml
 from rig_sim.assembly import assemble
 from rig_sim.player import load_rig
 from rig_sim.specimen import SpecimenError, load_specimen, shipped_specimens
-from rig_sim.specimens.axles import FRONT_AXLE, PREDECESSOR
+from rig_sim.specimens.axles import DOUBLE_WISHBONES
 from rig_sim.specimens.double_wishbone import write_sdf
 
 
-@pytest.mark.parametrize("axle", [FRONT_AXLE, PREDECESSOR], ids=lambda axle: axle.name)
+@pytest.mark.parametrize("axle", DOUBLE_WISHBONES, ids=lambda axle: axle.name)
 def test_the_shipped_sdf_is_what_the_hard_points_give(axle):
     path = shipped_specimens()[axle.name].with_suffix(".sdf")
     assert path.read_text() == write_sdf(axle)

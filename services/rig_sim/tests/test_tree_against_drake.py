@@ -159,7 +159,7 @@ def test_an_anisotropic_bushing_at_large_angles_acts_as_drakes(tmp_path):
             ),
             "joint 'a_b' has damping [0.5]; put damping into a force element",
         ),
-        ("<link", "the SDF model.sdf cannot be used"),
+        ("<link", "model.sdf is not XML"),
     ],
 )
 def test_what_the_player_does_not_know_is_refused(tmp_path, content, said):

@@ -42,7 +42,9 @@ class CompiledModel:
     ----------
     state_names, input_names, output_names : tuple of str
     operation_count : int
-        Operations of one evaluation of the derivative.
+        Operations of one evaluation of the derivative, both sides of a mirrored model counted.
+    lanes : int
+        2 where both sides of the model are computed as lanes of vectors, else 1.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class CompiledModel:
         input_names: tuple[str, ...],
         output_names: tuple[str, ...],
         operation_count: int,
+        state_order: tuple[int, ...] | None = None,
     ) -> None:
         self._module = module  # keeps the code alive
         self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
@@ -62,6 +65,10 @@ class CompiledModel:
         self.input_names = input_names
         self.output_names = output_names
         self.operation_count = operation_count
+        self.lanes = 1 if state_order is None else 2
+        # Where the code has the states in another order: which state is at each place, and the place of each state.
+        self._order = np.arange(len(state_names)) if state_order is None else np.array(state_order)
+        self._places = np.argsort(self._order)
 
     def derivative(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
         """Evaluate the time derivative of the state.
@@ -75,11 +82,11 @@ class CompiledModel:
         -------
         ndarray, (states,)
         """
-        values = self._vector(state, self.state_names, "state")
+        values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
         self._derivative(values.ctypes.data, given.ctypes.data, derivative.ctypes.data)
-        return derivative
+        return derivative[self._places]
 
     def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
         """Evaluate the outputs.
@@ -93,7 +100,7 @@ class CompiledModel:
         -------
         ndarray, (outputs,)
         """
-        values = self._vector(state, self.state_names, "state")
+        values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
         outputs = np.empty(len(self.output_names))
@@ -139,7 +146,7 @@ class CompiledModel:
         ValueError
             When an array has the wrong shape, a command is not finite, or a number is out of its range.
         """
-        final = self._vector(state, self.state_names, "state").copy()
+        inner = self._vector(state, self.state_names, "state")[self._order]
         command = np.ascontiguousarray(commands, dtype=np.float64)
         if command.ndim != 2 or command.shape[0] != len(self.input_names) or command.shape[1] < 1:
             raise ValueError(
@@ -157,10 +164,11 @@ class CompiledModel:
         if substeps < 1 or substeps != int(substeps):
             raise ValueError(f"The number of substeps is {substeps}; give a whole number of at least 1.")
         limits = self._limits(bounds)
+        inner_limits = limits[self._order]
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
         status = self._play(
-            final.ctypes.data,
+            inner.ctypes.data,
             command.ctypes.data,
             command.shape[1],
             outputs.ctypes.data,
@@ -169,8 +177,9 @@ class CompiledModel:
             int(substeps),
             sample_interval / substeps,
             interpolation.ahead,
-            limits.ctypes.data,
+            inner_limits.ctypes.data,
         )
+        final = inner[self._places]
         if status == COMPLETED:
             return Playback(outputs, final, None, ())
         outside = ~(np.abs(final) <= limits)

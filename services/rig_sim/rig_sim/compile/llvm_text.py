@@ -1,7 +1,6 @@
 """Write traced functions as LLVM IR: loads, straight-line operations, stores.
 
-The text knows one scalar type and one way to write a constant, so that lanes of isomorphic components later replace
-``double`` by a vector and a constant by one number per lane.
+Models with a mirror are written two lanes at a time by :mod:`rig_sim.compile.lane_text`; this is how all others are.
 """
 
 import struct
@@ -14,13 +13,13 @@ from rig_sim.compile.tracing import Expression
 
 SCALAR = "double"
 
-_INFIX = {
+INFIX = {
     Operation.ADD: "fadd",
     Operation.SUBTRACT: "fsub",
     Operation.MULTIPLY: "fmul",
     Operation.DIVIDE: "fdiv",
 }
-_INTRINSICS = {
+INTRINSICS = {
     Operation.ABS: "fabs",
     Operation.SQRT: "sqrt",
     Operation.SIN: "sin",
@@ -32,7 +31,7 @@ _INTRINSICS = {
     Operation.MINIMUM: "minimum",
     Operation.MAXIMUM: "maximum",
 }
-_BINARY = frozenset({Operation.ATAN2, Operation.MINIMUM, Operation.MAXIMUM})
+BINARY = frozenset({Operation.ATAN2, Operation.MINIMUM, Operation.MAXIMUM})
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,8 @@ def literal(value: float) -> str:
 def declarations() -> str:
     """Return the declarations of all intrinsics that :func:`function_text` may call."""
     return "\n".join(
-        f"declare {SCALAR} @llvm.{name}.f64({SCALAR}{f', {SCALAR}' if operation in _BINARY else ''})"
-        for operation, name in _INTRINSICS.items()
+        f"declare {SCALAR} @llvm.{name}.f64({SCALAR}{f', {SCALAR}' if operation in BINARY else ''})"
+        for operation, name in INTRINSICS.items()
     )
 
 
@@ -114,7 +113,11 @@ def function_text(function: TracedFunction, *, contract: bool) -> str:
     for expression in creation_order(flat_results):
         if expression.operation in LEAVES:
             continue  # where they are used
-        lines.extend(_operation_lines(expression, [operand(part) for part in expression.operands], flags))
+        lines.extend(
+            operation_lines(
+                expression, [operand(part) for part in expression.operands], flags, name=f"%v{expression.index}"
+            )
+        )
         if expression.index in stores:
             store(expression)
     for result in flat_results:  # constants and inputs that are results themselves
@@ -135,17 +138,17 @@ def _stores_by_expression(function: TracedFunction) -> dict[int, list[tuple[int,
     return stores
 
 
-def _operation_lines(expression: Expression, operands: Sequence[str], flags: str) -> list[str]:
-    name = f"%v{expression.index}"
+def operation_lines(expression: Expression, operands: Sequence[str], flags: str, *, name: str) -> list[str]:
+    """Write one operation on doubles, its value under this name."""
     operation = expression.operation
-    if operation in _INFIX:
-        return [f"{name} = {_INFIX[operation]}{flags} {SCALAR} {operands[0]}, {operands[1]}"]
+    if operation in INFIX:
+        return [f"{name} = {INFIX[operation]}{flags} {SCALAR} {operands[0]}, {operands[1]}"]
     if operation is Operation.NEGATE:
         return [f"{name} = fneg{flags} {SCALAR} {operands[0]}"]
     if operation is Operation.SELECT_POSITIVE:
         return [
-            f"%c{expression.index} = fcmp oge {SCALAR} {operands[0]}, {literal(0.0)}",
-            f"{name} = select i1 %c{expression.index}, {SCALAR} {operands[1]}, {SCALAR} {operands[2]}",
+            f"{name}.c = fcmp oge {SCALAR} {operands[0]}, {literal(0.0)}",
+            f"{name} = select i1 {name}.c, {SCALAR} {operands[1]}, {SCALAR} {operands[2]}",
         ]
     arguments = ", ".join(f"{SCALAR} {operand}" for operand in operands)
-    return [f"{name} = call{flags} {SCALAR} @llvm.{_INTRINSICS[operation]}.f64({arguments})"]
+    return [f"{name} = call{flags} {SCALAR} @llvm.{INTRINSICS[operation]}.f64({arguments})"]

@@ -1,38 +1,21 @@
 """Trace and compile a model that is written as one Python function of its state and inputs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rig_sim.compile.compiled_model import CompiledModel
 from rig_sim.compile.integrate import play_text
+from rig_sim.compile.lane_model import lane_texts
 from rig_sim.compile.llvm_backend import compile_module
 from rig_sim.compile.llvm_text import TracedFunction, declarations, function_text
 from rig_sim.compile.operations import LEAVES
 from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.traced_model import TracedModel
 from rig_sim.compile.tracing import Expression, Graph, Scalar
 
 ModelFunction = Callable[[np.ndarray, np.ndarray], tuple[Sequence[Scalar], Sequence[Scalar]]]
-
-
-@dataclass(frozen=True)
-class TracedModel:
-    """A model as expressions.
-
-    Attributes
-    ----------
-    state, inputs : tuple of Expression
-        The arguments.
-    derivative, outputs : tuple of Expression
-        The results.
-    """
-
-    state: tuple[Expression, ...]
-    inputs: tuple[Expression, ...]
-    derivative: tuple[Expression, ...]
-    outputs: tuple[Expression, ...]
 
 
 def trace_model(function: ModelFunction, *, state_names: Sequence[str], input_names: Sequence[str]) -> TracedModel:
@@ -80,6 +63,7 @@ def compile_model(
     input_names: Sequence[str],
     output_names: Sequence[str] | None = None,
     contract: bool = True,
+    lanes: bool = True,
 ) -> CompiledModel:
     """Compile a model.
 
@@ -93,6 +77,8 @@ def compile_model(
         One per output; ``output_0``, … by default.
     contract : bool
         Whether products and sums may be fused into one operation with one rounding; faster, and as exact.
+    lanes : bool
+        Whether two sides that mirror each other may be computed as lanes of vectors, where that saves operations.
 
     Raises
     ------
@@ -105,15 +91,11 @@ def compile_model(
     )
     if len(names) != len(traced.outputs):
         raise ValueError(f"The model returns {len(traced.outputs)} outputs for {len(names)} names; name each of them.")
-    arguments = (traced.state, traced.inputs)
-    functions = (
-        TracedFunction("derivative", arguments, (traced.derivative,)),
-        TracedFunction("observe", arguments, (traced.derivative, traced.outputs)),
-    )
+    paired = lane_texts(traced, contract=contract) if lanes else None
     text = "\n".join(
         [
             declarations(),
-            *(function_text(function, contract=contract) for function in functions),
+            paired.text if paired else _scalar_text(traced, contract=contract),
             play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs)),
         ]
     )
@@ -123,7 +105,17 @@ def compile_model(
         input_names=tuple(input_names),
         output_names=names,
         operation_count=sum(node.operation not in LEAVES for node in creation_order(traced.derivative)),
+        state_order=paired.state_order if paired else None,
     )
+
+
+def _scalar_text(traced: TracedModel, *, contract: bool) -> str:
+    arguments = (traced.state, traced.inputs)
+    functions = (
+        TracedFunction("derivative", arguments, (traced.derivative,)),
+        TracedFunction("observe", arguments, (traced.derivative, traced.outputs)),
+    )
+    return "\n".join(function_text(function, contract=contract) for function in functions)
 
 
 def _objects(expressions: tuple[Expression, ...]) -> np.ndarray:

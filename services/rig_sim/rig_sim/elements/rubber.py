@@ -55,15 +55,23 @@ class Rubber:
     initial_state: tuple[float, ...] = (0.0,)
     inputs: tuple[Input, ...] = ()
 
+    def pull(self, motion: Motion, state: Array) -> Array:
+        """Return the force on frame C, (3,) in the world's axes, in N."""
+        axis, travel, _ = self._travel(motion)
+        return axis * -(self.law.progression * travel * travel * travel + self.law.friction * state[0])
+
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Hold frame C back along the axis."""
+        point, _ = motion.point(self.body_c, self.point_c)
+        effect.between(self.body_a, self.body_c, wrench_at(point, self.pull(motion, state)))
+        return [friction_rate(self.law, state[0], self._travel(motion)[2])]
+
+    def _travel(self, motion: Motion) -> tuple[Array, Any, Any]:
+        """Return the axis (3,) in the world, and travel [m] and speed [m/s] of frame C along it."""
         pose_a = motion.poses[self.body_a] @ self.frame_a
         axis = pose_a.rotation @ self.axis
         point, velocity = motion.point(self.body_c, self.point_c)
         offset = point - pose_a.origin
         spin = motion.velocities[self.body_a]
         speed = dot(axis, velocity - spin.at(pose_a.origin) - cross(spin.angular, offset))
-        travel = dot(axis, offset)
-        force = -(self.law.progression * travel * travel * travel + self.law.friction * state[0])
-        effect.between(self.body_a, self.body_c, wrench_at(point, axis * force))
-        return [friction_rate(self.law, state[0], speed)]
+        return axis, dot(axis, offset), speed

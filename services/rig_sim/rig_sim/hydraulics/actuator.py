@@ -1,62 +1,67 @@
-"""A displacement-controlled servo-hydraulic actuator on a prismatic joint."""
+"""Servo-hydraulic actuators on prismatic joints, in displacement or in force control."""
 
 from __future__ import annotations
 
-import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic.dataclasses import dataclass as parameters
+import numpy as np
 
-from rig_sim.compile.numeric import absolute, select_positive
+from rig_sim.compile.numeric import select_positive
 from rig_sim.effect import Effect, Input
-from rig_sim.hydraulics.cylinder import Cylinder, piston_force, pressure_rates
+from rig_sim.hydraulics.cylinder import Cylinder, load_pressure, piston_force, pressure_rates
+from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop, Loop, Piston, control, initial_loop_state
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
+from rig_sim.multibody.forces import stretch
 from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array
-from rig_sim.parameters import STRICT, NotNegative, Positive
+from rig_sim.multibody.spatial import Array, dot
+from rig_sim.multibody.tree import SpringDamper
 
 #: Pressure states are in megapascals: of order one like all others, whatever the integrator.
 _PASCAL = 1.0e6
 
 
-@parameters(config=STRICT)
-class Supply:
-    """Pressures of the hydraulic power unit, in Pa."""
-
-    supply_pressure: Positive
-    return_pressure: NotNegative
-
-    def __post_init__(self) -> None:
-        if not self.supply_pressure > self.return_pressure:
-            raise ValueError(
-                f"supply_pressure is {self.supply_pressure:g} Pa; it must be above return_pressure, "
-                f"{self.return_pressure:g} Pa"
-            )
-
-
-@parameters(config=STRICT)
-class DisplacementLoop:
-    """The controller in front of the valve: proportional, integral, and feedback of the high-passed load pressure.
-
-    The pressure feedback damps the oil's resonance. Where its corner lies below the band, it is all but static, and
-    without an integral the actuator gives way under load: compliant on purpose.
-    """
-
-    #: Share of full opening per metre of error, in 1/m, and per metre second, in 1/(m*s).
-    proportional: Positive
-    integral: NotNegative
-    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
-    pressure_feedback: NotNegative
-    pressure_corner: Positive
-
-
 @dataclass(frozen=True)
-class DisplacementActuator:
-    """An actuator whose input is the wanted stroke in metres.
+class LoadCell:
+    """Measures the force in the rod between piston and specimen, along the stroke."""
 
-    States: spool position and scaled velocity, chamber pressures A and B in MPa, low-passed load pressure in MPa, and
-    the integral of the error in m*s.
+    rod: SpringDamper
+    #: The piston's body, and the joint that guides it, by their indices.
+    piston: int
+    joint: int
+    #: Mass of the piston in kg and gravity (3,) in m/s^2: what an accelerometer beside the cell needs to be balanced.
+    piston_mass: float
+    gravity: np.ndarray
+
+    def read(self, motion: Motion) -> Any:
+        """Return the force of the piston on the specimen in N, positive along a positive stroke."""
+        rod = self.rod
+        _, _, direction, length, rate = stretch(motion, rod.body_a, rod.point_a, rod.body_b, rod.point_b)
+        pull = (length - rod.free_length) * rod.stiffness + rate * rod.damping
+        along = dot(direction, motion.axes[self.joint][0].linear)
+        # A pulling rod draws body A along its direction and body B against it.
+        return -(pull * along) if rod.body_a == self.piston else pull * along
+
+    def acceleration(self, motion: Motion, pressed: Any) -> Any:
+        """Return the piston's acceleration along the stroke in m/s^2, where only oil, seals, rod and gravity move it.
+
+        Parameters
+        ----------
+        motion : of the tree
+        pressed : force of oil and seals on the piston, in N
+        """
+        fall = dot(self.gravity, motion.axes[self.joint][0].linear)
+        return (pressed - self.read(motion)) * (1.0 / self.piston_mass) + fall
+
+
+@dataclass(frozen=True, kw_only=True)
+class HydraulicActuator(ABC):
+    """Valve, cylinder and loop of one actuator.
+
+    States: spool position and scaled velocity, what the pilot stage asks for (where the valve has one), chamber
+    pressures A and B in MPa, low-passed load pressure in MPa, the integral of the error, and the filtered command with
+    its scaled rate (where the loop feeds it forward).
     """
 
     name: str
@@ -64,10 +69,86 @@ class DisplacementActuator:
     joint_velocity: int
     valve: Servovalve
     cylinder: Cylinder
-    loop: DisplacementLoop
-    supply: Supply
+    loop: Loop
+    #: The supply's name, and the half-way pressure in Pa from which the search for rest begins.
+    supply: str
+    middle_pressure: float
 
     settles: bool = True
+
+    @property
+    @abstractmethod
+    def inputs(self) -> tuple[Input, ...]:
+        """The wanted stroke or force, in a drive of the actuator's own name."""
+
+    @property
+    @abstractmethod
+    def achieved(self) -> str:
+        """Name of the monitored value that follows the drive, in the drive's unit."""
+
+    @abstractmethod
+    def _measure(self, motion: Motion, load: Any) -> Any:
+        """Return what the loop controls, given the motion and the load pressure in MPa."""
+
+    def _accelerometer(self, motion: Motion, pressed: Any) -> Any:
+        """Return the piston's acceleration in m/s^2, given the force of oil and seals on it; zero without a sensor."""
+        del motion, pressed
+        return 0.0
+
+    @property
+    def initial_state(self) -> tuple[float, ...]:
+        """Valve shut, chambers half-way between supply and return, side B higher where it is the smaller one."""
+        middle = self.middle_pressure / _PASCAL
+        return (
+            *self.valve.initial_state,
+            middle * self.cylinder.area_ratio,
+            middle,
+            *initial_loop_state(self.loop),
+        )
+
+    def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
+        """Push the piston, draw from the supply and return the rates of the hydraulic states."""
+        position, speed = motion.joint_positions[self.joint_position], motion.joint_velocities[self.joint_velocity]
+        line = effect.lines[self.supply]
+        chambers = len(self.valve.initial_state)
+        spool, (a, b) = state[:chambers], state[chambers : chambers + 2]
+        pressures = (a * _PASCAL, b * _PASCAL)
+        load = load_pressure(self.cylinder, a, b)
+        force = piston_force(self.cylinder, position, speed, pressures)
+        command, loop_rates = control(
+            self.loop,
+            state[chambers + 2 :],
+            wanted=values[0],
+            achieved=self._measure(motion, load),
+            piston=Piston(load, speed, self._accelerometer(motion, force)),
+        )
+        flows = port_flows(self.valve, spool[0], pressures, line.pressure, line.back)
+        line.drawn = line.drawn + flows.drawn
+        rate_a, rate_b = pressure_rates(self.cylinder, position, speed, pressures, (flows.into_a, flows.out_of_b))
+        effect.joint_forces[self.joint_velocity] = effect.joint_forces[self.joint_velocity] + force
+        effect.monitored[f"{self.name}.stroke"] = position
+        effect.monitored[f"{self.name}.valve_command"] = command
+        effect.monitored[f"{self.name}.load_pressure"] = load * _PASCAL / self._stall_pressure(load, line)
+        return [
+            *spool_rates(self.valve, command, spool),
+            rate_a * (1.0 / _PASCAL),
+            rate_b * (1.0 / _PASCAL),
+            *loop_rates,
+        ]
+
+    def _stall_pressure(self, load: Any, line: Any) -> Any:
+        """Return the load pressure in Pa that the supply can make in this direction: a share of 1 is a stall."""
+        ratio = self.cylinder.area_ratio
+        if ratio == 1.0:
+            return line.pressure - line.back
+        return select_positive(load, line.pressure - line.back * ratio, line.pressure * ratio - line.back)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisplacementActuator(HydraulicActuator):
+    """An actuator whose input is the wanted stroke in metres."""
+
+    loop: DisplacementLoop
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -75,38 +156,49 @@ class DisplacementActuator:
         return (Input(self.name, "m"),)
 
     @property
-    def initial_state(self) -> tuple[float, ...]:
-        """Valve shut, both chambers half-way between supply and return."""
-        middle = 0.5 * (self.supply.supply_pressure + self.supply.return_pressure) / _PASCAL
-        return (0.0, 0.0, middle, middle, 0.0, 0.0)
+    def achieved(self) -> str:
+        """The stroke."""
+        return f"{self.name}.stroke"
+
+    def _measure(self, motion: Motion, load: Any) -> Any:
+        del load
+        return motion.joint_positions[self.joint_position]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceActuator(HydraulicActuator):
+    """An actuator whose input is the wanted force on the specimen in newtons, positive along a positive stroke."""
+
+    loop: ForceLoop
+    #: Where the loop's feedback is a load cell.
+    load_cell: LoadCell | None = None
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """The wanted force, in a drive of the actuator's own name."""
+        return (Input(self.name, "N"),)
+
+    @property
+    def achieved(self) -> str:
+        """The force that the loop takes for the true one."""
+        return f"{self.name}.force"
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Push the piston and return the rates of the hydraulic states."""
-        position, speed = motion.joint_positions[self.joint_position], motion.joint_velocities[self.joint_velocity]
-        spool, spool_velocity, a, b, low_passed, integral = state
-        pressures = (a * _PASCAL, b * _PASCAL)
-        load = a - b
-        error = values[0] - position
-        command = (
-            self.loop.proportional * error
-            + self.loop.integral * integral
-            - self.loop.pressure_feedback * _PASCAL * (load - low_passed)
-        )
-        # While the valve is at its stop the integral waits: else it would wind up and overshoot afterwards.
-        integral_rate = select_positive(1.0 - absolute(command), error, 0.0) if self.loop.integral > 0.0 else 0.0
-        flows = port_flows(self.valve, spool, pressures, self.supply.supply_pressure, self.supply.return_pressure)
-        rate_a, rate_b = pressure_rates(self.cylinder, position, speed, pressures, flows)
-        force = piston_force(self.cylinder, speed, pressures)
-        effect.joint_forces[self.joint_velocity] = effect.joint_forces[self.joint_velocity] + force
-        effect.monitored[f"{self.name}.stroke"] = position
-        effect.monitored[f"{self.name}.valve_command"] = command
-        # Share of the most the supply can press with; 1 is a stalled actuator.
-        most = self.supply.supply_pressure - self.supply.return_pressure
-        effect.monitored[f"{self.name}.load_pressure"] = load * (_PASCAL / most)
-        return [
-            *spool_rates(self.valve, command, spool, spool_velocity),
-            rate_a * (1.0 / _PASCAL),
-            rate_b * (1.0 / _PASCAL),
-            (load - low_passed) * (2.0 * math.pi * self.loop.pressure_corner),
-            integral_rate,
-        ]
+        """Push the piston, draw from the supply and return the rates of the hydraulic states."""
+        rates = super().apply(motion, state, values, effect)
+        chambers = len(self.valve.initial_state)
+        load = load_pressure(self.cylinder, state[chambers], state[chambers + 1])
+        effect.monitored[self.achieved] = self._measure(motion, load)
+        return rates
+
+    def _measure(self, motion: Motion, load: Any) -> Any:
+        if self.loop.feedback is Feedback.PRESSURE:
+            return load * (_PASCAL * self.cylinder.area)
+        if self.load_cell is None:
+            raise ValueError(f"actuator {self.name!r} has no load cell, and its loop wants one.")
+        return self.load_cell.read(motion)
+
+    def _accelerometer(self, motion: Motion, pressed: Any) -> Any:
+        if self.load_cell is None or self.loop.acceleration_compensation == 0.0:
+            return 0.0
+        return self.load_cell.acceleration(motion, pressed)

@@ -1,19 +1,20 @@
-"""A four-way servovalve: second-order spool, square-root orifices, stops at full opening."""
+"""A four-way servovalve: pilot stage, second-order spool, lands with overlap, square-root orifices, stops."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
+from pydantic import Field
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import clamp, select_positive, sqrt
-from rig_sim.parameters import STRICT, Positive
+from rig_sim.compile.numeric import clamp, maximum, select_positive, sqrt
+from rig_sim.parameters import STRICT, NotNegative, Positive
 
 
 @parameters(config=STRICT)
 class Servovalve:
-    """Parameters of a symmetric, critically lapped valve."""
+    """Parameters of a valve; what has a default is ideal unless stated."""
 
     #: Flow at full opening and `rated_drop` across one land, in m^3/s.
     rated_flow: Positive
@@ -22,6 +23,29 @@ class Servovalve:
     #: Natural frequency of the spool, in Hz, and its damping ratio.
     spool_frequency: Positive
     spool_damping: Positive
+    #: Where the spool's stops are, as a share of full opening: below 1 for a valve that no longer opens fully.
+    largest_opening: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    #: Overlap of every land, as a share of full stroke: a dead zone where positive, open edges at null where negative.
+    overlap: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
+    #: Rounding of the edges, as a share of full stroke: the smooth passage from shut to open, and the leak at null.
+    rounding: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    #: Flow gain of the lands of port B over those of port A: below 1 for a cylinder whose rod side is smaller.
+    port_b_gain: Positive = 1.0
+    #: Corner of the first stage (torque motor and pilot), in Hz; 0 for a spool that is driven directly.
+    pilot_frequency: NotNegative = 0.0
+
+    @property
+    def initial_state(self) -> tuple[float, ...]:
+        """Spool position and scaled velocity, then what the pilot stage asks for, if there is one: all at null."""
+        return (0.0, 0.0, 0.0) if self.pilot_frequency > 0.0 else (0.0, 0.0)
+
+
+class PortFlows(NamedTuple):
+    """Flows in m^3/s: into chamber A, out of chamber B, and what both draw from the supply."""
+
+    into_a: Any
+    out_of_b: Any
+    drawn: Any
 
 
 def signed_root(ratio: Any) -> Any:
@@ -32,19 +56,39 @@ def signed_root(ratio: Any) -> Any:
     return ratio / sqrt(sqrt(ratio * ratio + 1.0e-4))
 
 
-def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supply: Any, back: Any) -> tuple[Any, Any]:
-    """Return the flows into chamber A and out of chamber B.
+def edge_opening(valve: Servovalve, travel: Any) -> Any:
+    """Return how far one metering edge is open, 1 at full stroke.
 
     Parameters
     ----------
-    opening : share of full opening, -1 to 1; positive connects the supply with chamber A
+    travel : share of full stroke towards this edge's opening, -1 to 1
+
+    Returns
+    -------
+    scalar
+        ``(x + sqrt(x^2 + r^2)) / 2`` of the travel beyond the overlap x, the rounding r: a sharp edge where r is 0.
+    """
+    full = 1.0 - valve.overlap
+    if valve.rounding == 0.0:
+        return maximum(travel - valve.overlap, 0.0) * (1.0 / full)
+    square = valve.rounding**2
+    beyond = travel - valve.overlap
+    return (beyond + sqrt(beyond * beyond + square)) * (1.0 / (full + math.sqrt(full * full + square)))
+
+
+def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supply: Any, back: Any) -> PortFlows:
+    """Return the flows through the valve.
+
+    Parameters
+    ----------
+    opening : the spool's travel as a share of full stroke, -1 to 1; positive connects the supply with chamber A
     pressures : pressures of chambers A and B, in Pa
     supply, back : supply and return pressure, in Pa
 
     Returns
     -------
-    tuple
-        Flow into A and flow out of B, in m^3/s.
+    PortFlows
+        Flow into A, out of B and from the supply, in m^3/s.
 
     Notes
     -----
@@ -52,18 +96,37 @@ def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supp
     """
     a, b = pressures
     # The spool meets its stops at full opening: hardware, not a limit of a signal.
-    gain = valve.rated_flow * clamp(opening, -1.0, 1.0)
+    travel = clamp(opening, -valve.largest_opening, valve.largest_opening)
     drop = 1.0 / valve.rated_drop
-    into_a = gain * signed_root(select_positive(opening, supply - a, a - back) * drop)
-    out_of_b = gain * signed_root(select_positive(opening, b - back, supply - b) * drop)
-    return into_a, out_of_b
+    if valve.overlap == 0.0 and valve.rounding == 0.0:
+        # Two of the four sharp edges are shut at any time.
+        gain = valve.rated_flow * travel
+        into_a = gain * signed_root(select_positive(opening, supply - a, a - back) * drop)
+        out_of_b = valve.port_b_gain * (gain * signed_root(select_positive(opening, b - back, supply - b) * drop))
+        return PortFlows(into_a, out_of_b, select_positive(opening, into_a, -out_of_b))
+    ahead = valve.rated_flow * edge_opening(valve, travel)
+    behind = valve.rated_flow * edge_opening(valve, -travel)
+    supply_to_a = ahead * signed_root((supply - a) * drop)
+    supply_to_b = valve.port_b_gain * (behind * signed_root((supply - b) * drop))
+    into_a = supply_to_a - behind * signed_root((a - back) * drop)
+    out_of_b = valve.port_b_gain * (ahead * signed_root((b - back) * drop)) - supply_to_b
+    return PortFlows(into_a, out_of_b, supply_to_a + supply_to_b)
 
 
-def spool_rates(valve: Servovalve, command: Any, position: Any, velocity: Any) -> tuple[Any, Any]:
-    """Return the rates of spool position (share of full opening) and of its scaled velocity, both in 1/s.
+def spool_rates(valve: Servovalve, command: Any, state: Any) -> list[Any]:
+    """Return the rates of the valve's states, in 1/s.
 
-    The velocity state is divided by the natural angular frequency, so that both states are of order one.
+    Parameters
+    ----------
+    command : share of full opening; beyond the stops it asks for no more than the stops
+    state : spool position (share of full stroke), its velocity over the natural angular frequency, and what the pilot
+        stage asks for where there is one
     """
     omega = 2.0 * math.pi * valve.spool_frequency
-    force = clamp(command, -1.0, 1.0) - position - 2.0 * valve.spool_damping * velocity
-    return velocity * omega, force * omega
+    position, velocity = state[0], state[1]
+    wanted = clamp(command, -valve.largest_opening, valve.largest_opening)
+    pilot = []
+    if valve.pilot_frequency > 0.0:
+        pilot = [(wanted - state[2]) * (2.0 * math.pi * valve.pilot_frequency)]
+        wanted = state[2]
+    return [velocity * omega, (wanted - position - 2.0 * valve.spool_damping * velocity) * omega, *pilot]

@@ -26,6 +26,7 @@ from pydrake.multibody.tree import Joint as DrakeJoint
 from pydrake.multibody.tree import UniformGravityFieldElement as Gravity
 from pydrake.systems.framework import Context
 
+from rig_sim.multibody.model_file import check_model_file
 from rig_sim.multibody.tree import Body, Bushing, Joint, JointKind, MultibodyTree, Pose, SpringDamper
 
 _KINDS = {
@@ -38,21 +39,27 @@ _KINDS = {
 
 
 def load_plant(sdf: Path) -> MultibodyPlant:
-    """Parse an SDF into a finalised continuous plant.
+    """Parse an SDF or a URDF into a finalised continuous plant; what Drake would only warn of is an error.
 
     Raises
     ------
     ValueError
         Where there is no such file, or Drake cannot use it; the sentence carries Drake's own words.
     """
+    kind = "URDF" if sdf.suffix == ".urdf" else "SDF"
     if not sdf.is_file():
-        raise ValueError(f"the SDF {sdf.name} is not there; it belongs beside the specimen's YAML.")
+        raise ValueError(f"the {kind} {sdf.name} is not there; it belongs beside the specimen's YAML.")
+    check_model_file(sdf)
     plant = MultibodyPlant(time_step=0.0)
+    parser = Parser(plant)
+    parser.SetStrictParsing()
     try:
-        Parser(plant).AddModels(sdf)
+        parser.AddModels(sdf)
         plant.Finalize()
     except RuntimeError as error:
-        raise ValueError(f"the SDF {sdf.name} cannot be used: {' '.join(str(error).split())}") from error
+        # The path before the file's name says where this machine keeps it; the reader knows that.
+        words = " ".join(str(error).split()).replace(f"/{sdf}", sdf.name).replace(str(sdf), sdf.name).rstrip(".")
+        raise ValueError(f"the {kind} {sdf.name} cannot be used: {words}.") from error
     return plant
 
 

@@ -153,13 +153,16 @@ def _solve(mass: np.ndarray, right: list[Any]) -> list[Any]:
 
 
 def _leaves_first(mass: np.ndarray) -> list[int]:
-    """Order the freedoms greedily by how few others they couple to, so that elimination fills in little."""
+    """Order the freedoms greedily by how few others they couple to, so that elimination fills in little.
+
+    Of equals the outermost comes first: one that two sides hang on must wait for both, or they lose their symmetry.
+    """
     n = len(mass)
     neighbours = [{j for j in range(n) if j != i and not _is_zero(mass[i, j])} for i in range(n)]
     order: list[int] = []
     remaining = set(range(n))
     while remaining:
-        k = min(remaining, key=lambda i: (len(neighbours[i] & remaining), i))
+        k = min(remaining, key=lambda i: (len(neighbours[i] & remaining), -i))
         remaining.discard(k)
         coupled = neighbours[k] & remaining
         for i in coupled:

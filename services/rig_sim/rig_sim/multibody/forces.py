@@ -48,7 +48,9 @@ def add_linear_elements(tree: MultibodyTree, motion: Motion, wrenches: list[Spat
     for spring in tree.springs:
         _add_spring(spring, motion, wrenches)
     for bushing in tree.bushings:
-        _add_bushing(bushing, motion, wrenches)
+        wrench = bushing_wrench(bushing, motion)
+        wrenches[bushing.body_c] = wrenches[bushing.body_c] + wrench
+        wrenches[bushing.body_a] = wrenches[bushing.body_a] - wrench
 
 
 def _add_spring(spring: SpringDamper, motion: Motion, wrenches: list[Spatial]) -> None:
@@ -59,10 +61,11 @@ def _add_spring(spring: SpringDamper, motion: Motion, wrenches: list[Spatial]) -
     wrenches[spring.body_b] = wrenches[spring.body_b] - wrench
 
 
-def _add_bushing(bushing: Bushing, motion: Motion, wrenches: list[Spatial]) -> None:
-    """Add Drake's bushing: its force in the frame half-way (by angle) between A and C, its moment by roll, pitch, yaw.
+def bushing_wrench(bushing: Bushing, motion: Motion) -> Spatial:
+    """Return what a bushing does to its body C, about the world's origin; body A gets the opposite.
 
-    Taking an anisotropic bushing in frame A instead gave errors of tens of per cent in the spindle force.
+    Drake's law: the force in the frame half-way (by angle) between A and C, the moment by roll, pitch, yaw. Taking an
+    anisotropic bushing in frame A instead gave errors of tens of per cent in the spindle force.
     """
     frame_a = motion.poses[bushing.body_a] @ bushing.frame_a
     frame_c = motion.poses[bushing.body_c] @ bushing.frame_c
@@ -90,5 +93,4 @@ def _add_bushing(bushing: Bushing, motion: Motion, wrenches: list[Spatial]) -> N
         gimbal = -(bushing.torque_stiffness * angles + bushing.torque_damping * (to_rates @ spin))
         moment = frame_a.rotation @ (to_rates.T @ gimbal)
         total = Spatial(total.angular + moment, total.linear)
-    wrenches[bushing.body_c] = wrenches[bushing.body_c] + total
-    wrenches[bushing.body_a] = wrenches[bushing.body_a] - total
+    return total

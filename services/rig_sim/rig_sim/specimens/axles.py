@@ -59,17 +59,6 @@ class Stiffnesses:
 
 
 @dataclass(frozen=True)
-class Axle:
-    """Everything that decides the SDF of an axle."""
-
-    name: str
-    body_held: bool
-    points: HardPoints = field(default_factory=HardPoints)
-    masses: Masses = field(default_factory=Masses)
-    stiffnesses: Stiffnesses = field(default_factory=Stiffnesses)
-
-
-@dataclass(frozen=True)
 class ActuatorMount:
     """One actuator of a side: where its rod meets the wheel, how long the rod is, and the piston's mass."""
 
@@ -86,7 +75,40 @@ ACTUATORS = (
     ActuatorMount("longitudinal", (-0.12, 0.0, 0.0), (-1.0, 0.0, 0.0), 10.0),
 )
 
-FRONT_AXLE = Axle(name="front_axle", body_held=True)
+# A brake makes a moment about the spindle: a level rod pushes at an arm of 0.28 m below the wheel's centre.
+BRAKE = ActuatorMount("brake", (-0.05, 0.0, -0.28), (-1.0, 0.0, 0.0), 10.0)
+
+
+@dataclass(frozen=True)
+class Rack:
+    """A steering rack held at its pinion: the mass it swings with, how stiffly the pinion and its column hold it."""
+
+    #: Rack, inner joints and what the pinion's inertia amounts to at the rack, kg.
+    mass: float = 5.0
+    #: N/m and N*s/m along the rack.
+    stiffness: float = 1.0e7
+    damping: float = 4.0e3
+
+
+@dataclass(frozen=True)
+class Axle:
+    """Everything that decides the SDF of an axle."""
+
+    name: str
+    body_held: bool
+    points: HardPoints = field(default_factory=HardPoints)
+    masses: Masses = field(default_factory=Masses)
+    stiffnesses: Stiffnesses = field(default_factory=Stiffnesses)
+    actuators: tuple[ActuatorMount, ...] = ()
+    #: Of a vehicle's second axle: what its names begin with, and how far it lies behind the origin, in m.
+    prefix: str = ""
+    behind: float = 0.0
+    #: Without a rack the tie rods end on the body.
+    rack: Rack | None = None
+
+
+FRONT_AXLE = Axle(name="front_axle", body_held=True, actuators=ACTUATORS, rack=Rack())
+SPINDLE_COUPLED_BRAKING = replace(FRONT_AXLE, name="spindle_coupled_braking", actuators=(*ACTUATORS, BRAKE))
 PREDECESSOR = Axle(
     name="predecessor",
     body_held=False,
@@ -107,3 +129,42 @@ PREDECESSOR = Axle(
         upper_ball=(6.5e5, 1.8e6, 5.0e6),
     ),
 )
+DOUBLE_WISHBONES = (FRONT_AXLE, SPINDLE_COUPLED_BRAKING, PREDECESSOR)
+
+
+@dataclass(frozen=True)
+class MacPhersonPoints:
+    """Points of the left side of a MacPherson axle at design height, in metres; the strut's axis leans inward."""
+
+    wheel_centre: Point = (0.0, 0.755, 0.305)
+    lower_ball: Point = (0.000, 0.690, 0.175)
+    lower_front_bushing: Point = (0.010, 0.330, 0.190)
+    lower_rear_bushing: Point = (-0.300, 0.345, 0.195)
+    #: Where the spring's force enters the tube, and where the rod ends in the body: both on the strut's axis.
+    strut_foot: Point = (-0.004, 0.610, 0.420)
+    top_mount: Point = (-0.030, 0.545, 0.860)
+    tie_rod_inner: Point = (-0.140, 0.340, 0.245)
+    tie_rod_outer: Point = (-0.135, 0.690, 0.235)
+
+
+@dataclass(frozen=True)
+class MacPhersonAxle:
+    """Everything that decides the SDF of a MacPherson axle; masses in kilograms."""
+
+    name: str
+    points: MacPhersonPoints = field(default_factory=MacPhersonPoints)
+    lower_arm_mass: float = 5.0
+    #: Knuckle, hub, brake and strut tube.
+    knuckle_mass: float = 19.0
+    #: Rod and damper piston, with the share of the spring that moves with them.
+    rod_mass: float = 3.0
+    wheel_mass: float = 20.0
+    body_mass: float = 620.0
+    body_roll_inertia: float = 260.0
+    stiffnesses: Stiffnesses = field(default_factory=Stiffnesses)
+    #: Rubber of the top mount along x, y, z, in N/m.
+    top_mount: Point = (2.5e6, 2.5e6, 1.2e6)
+    actuators: tuple[ActuatorMount, ...] = ACTUATORS
+
+
+MACPHERSON = MacPhersonAxle(name="macpherson", stiffnesses=replace(Stiffnesses(), lower_front=(1.5e6, 4.0e6, 2.5e6)))

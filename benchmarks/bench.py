@@ -1,0 +1,105 @@
+"""Measure every shipped rig: speed, error, start-up, memory. Writes out/bench.json and a table; figures are one run's.
+
+`python benchmarks/bench.py [--rig NAME …] [--out FILE]`
+"""
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from drives import noise_drive, playable_share
+from processes import memory_growth, startup_seconds
+from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
+
+from rig_sim import shipped_specimens
+from rig_sim.loading import load_any_rig
+from rig_sim.player import Rig
+
+SECONDS = 60.0
+ERROR_SECONDS = 10.0
+DRAKE_SECONDS = 0.3
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What was measured of one rig; None where it does not apply.
+
+    Real-time factors are simulated seconds per wall second, `rtf_two` the sum of two rigs on two threads; `error` is
+    the worst response's, relative; start-up in s; memory in MiB beyond the record of 120 s.
+    """
+
+    rig: str
+    lanes: int | None
+    operations: int | None
+    drive_share: float
+    rtf: float
+    error: float | None
+    rtf_two: float
+    drake_rtf: float | None
+    startup_cold: float
+    startup_warm: float
+    memory_growth: float
+
+
+def measure(path: Path) -> Figures:
+    """Measure one rig."""
+    rig = load_any_rig(path)
+    share = playable_share(rig)
+    drive = noise_drive(rig, seconds=SECONDS, share=share)
+    integrated = isinstance(rig, Rig)
+    cold, warm = startup_seconds(path)
+    return Figures(
+        rig=rig.specimen.name,
+        lanes=rig.compiled.lanes if integrated else None,
+        operations=rig.compiled.operation_count if integrated else None,
+        drive_share=share,
+        rtf=real_time_factor(rig, drive),
+        error=relative_error(rig, noise_drive(rig, seconds=ERROR_SECONDS, share=share)),
+        rtf_two=real_time_factor_of_two(rig, drive),
+        drake_rtf=(
+            drake_real_time_factor(path, noise_drive(rig, seconds=DRAKE_SECONDS, share=share)) if integrated else None
+        ),
+        startup_cold=cold,
+        startup_warm=warm,
+        memory_growth=memory_growth(path, share=share),
+    )
+
+
+def table(figures: list[Figures]) -> str:
+    """Return the figures as text, one rig a line."""
+    names = list(Figures.__dataclass_fields__)
+    rows = [names, *([_cell(value) for value in asdict(row).values()] for row in figures)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(names))]
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+
+
+def _cell(value: object) -> str:
+    return "–" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def main() -> None:
+    """Measure the chosen rigs, all by default."""
+    shipped = shipped_specimens()
+    parser = argparse.ArgumentParser(description="Measure speed, error, start-up and memory of the shipped rigs.")
+    parser.add_argument("--rig", action="append", choices=sorted(shipped), help="only this one; may be repeated")
+    parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
+    arguments = parser.parse_args()
+    figures = []
+    for name in arguments.rig or shipped:
+        figures.append(measure(shipped[name]))
+        sys.stderr.write(f"{name}: {figures[-1].rtf:.0f} times real time\n")
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    document = {
+        "seconds": SECONDS,
+        "processors": os.cpu_count(),
+        "rigs": {row.rig: {name: value for name, value in asdict(row).items() if name != "rig"} for row in figures},
+    }
+    arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    sys.stdout.write(f"{table(figures)}\n")
+
+
+if __name__ == "__main__":
+    main()

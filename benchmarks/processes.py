@@ -1,0 +1,72 @@
+"""What a rig costs a process of its own: time until it is ready, memory while it plays. `bench.py` runs it."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+PLAYED_SECONDS = 120.0
+_MEBIBYTE = 2**20
+
+
+def startup_seconds(path: Path) -> tuple[float, float]:
+    """Return the wall time of a process that imports, loads and proves a rig: cold, then warm.
+
+    Cold is without a cache of bytecode, as the first time after an installation; the disk's cache cannot be emptied.
+    """
+    with tempfile.TemporaryDirectory() as empty:
+        cold = _timed(path, {**os.environ, "PYTHONPYCACHEPREFIX": empty})
+    return cold, _timed(path, dict(os.environ))
+
+
+def memory_growth(path: Path, *, share: float) -> float:
+    """Return by how many MiB a process grows at most over a playback of 120 s, beyond drive and response themselves."""
+    command = [sys.executable, __file__, str(path), str(share)]
+    return json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
+
+
+def _timed(path: Path, environment: dict[str, str]) -> float:
+    start = time.perf_counter()
+    subprocess.run([sys.executable, __file__, str(path)], env=environment, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
+
+
+def _resident(field: str) -> int:
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{field}:"):
+            return int(line.split()[1]) * 1024
+    raise RuntimeError(f"/proc/self/status has no {field}; measure memory on Linux.")
+
+
+def _measure_growth(path: Path, share: float) -> float:
+    from drives import noise_drive
+    from speed import play
+
+    from rig_sim.loading import load_any_rig
+
+    rig = load_any_rig(path)
+    play(rig, noise_drive(rig, seconds=5.0, share=share))
+    drive = noise_drive(rig, seconds=PLAYED_SECONDS, share=share)
+    response_bytes = len(rig.specimen.responses) * drive.shape[1] * drive.itemsize
+    Path("/proc/self/clear_refs").write_text("5")  # the highest so far is forgotten
+    before = _resident("VmRSS")
+    play(rig, drive)
+    return (_resident("VmHWM") - before - response_bytes) / _MEBIBYTE
+
+
+def main() -> None:
+    """Load the rig of the first argument; with the share of a drive as the second, also play and write the growth."""
+    path = Path(sys.argv[1])
+    if len(sys.argv) > 2:
+        sys.stdout.write(json.dumps(_measure_growth(path, float(sys.argv[2]))))
+        return
+    from rig_sim.loading import load_any_rig
+
+    load_any_rig(path)
+
+
+if __name__ == "__main__":
+    main()

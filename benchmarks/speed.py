@@ -1,0 +1,118 @@
+"""How fast and how exactly a loaded rig plays."""
+
+import statistics
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from rig_sim.playable import PlayableRig
+from rig_sim.player import Rig, load_rig
+
+REPETITIONS = 3
+REFERENCE_FACTOR = 8
+
+
+def play(rig: PlayableRig, drive: np.ndarray) -> float:
+    """Return the wall time of a playback of a drive (drives, samples), in s.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+    drive : ndarray, (drives, samples)
+        Each channel in its unit.
+
+    Returns
+    -------
+    float
+    """
+    start = time.perf_counter()
+    for _ in rig.playback(drive, seed=1).blocks():
+        pass
+    return time.perf_counter() - start
+
+
+def real_time_factor(rig: PlayableRig, drive: np.ndarray) -> float:
+    """Return simulated seconds per wall second on one core, the median of three playbacks.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+    drive : ndarray, (drives, samples)
+
+    Returns
+    -------
+    float
+    """
+    seconds = drive.shape[1] / rig.specimen.sample_rate
+    return seconds / statistics.median(play(rig, drive) for _ in range(REPETITIONS))
+
+
+def real_time_factor_of_two(rig: PlayableRig, drive: np.ndarray) -> float:
+    """Return the simulated seconds of two rigs on two threads, added, per wall second; the median of three.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+    drive : ndarray, (drives, samples)
+
+    Returns
+    -------
+    float
+    """
+    seconds = 2.0 * drive.shape[1] / rig.specimen.sample_rate
+    walls = []
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(REPETITIONS):
+            start = time.perf_counter()
+            list(pool.map(lambda _: play(rig, drive), range(2)))
+            walls.append(time.perf_counter() - start)
+    return seconds / statistics.median(walls)
+
+
+def relative_error(rig: PlayableRig, drive: np.ndarray) -> float | None:
+    """Return the worst response's RMS error over its RMS about the rest, against steps eight times shorter.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+    drive : ndarray, (drives, samples)
+
+    Returns
+    -------
+    float or None
+        None where nothing is integrated: a structure is played in closed form.
+    """
+    if not isinstance(rig, Rig):
+        return None
+    coarse, fine = (
+        rig.compiled.play(
+            rig.rest, drive, sample_interval=1.0 / rig.specimen.sample_rate, substeps=factor * rig.specimen.substeps
+        ).outputs[: len(rig.specimen.responses)]
+        for factor in (1, REFERENCE_FACTOR)
+    )
+    motion = np.sqrt(np.mean((fine - rig.static_response[:, None]) ** 2, axis=1))
+    return float(np.max(np.sqrt(np.mean((coarse - fine) ** 2, axis=1)) / motion))
+
+
+def drake_real_time_factor(path: Path, drive: np.ndarray) -> float | None:
+    """Return the same for Drake's engine with its default accuracy, on a short drive.
+
+    Parameters
+    ----------
+    path : Path
+        The specimen's YAML.
+    drive : ndarray, (drives, samples)
+
+    Returns
+    -------
+    float or None
+        None where there is no such engine.
+    """
+    try:
+        from rig_sim.engine import Engine, EngineChoice
+    except ImportError:
+        return None
+    rig = load_rig(path, EngineChoice(engine=Engine.DRAKE))
+    return drive.shape[1] / rig.specimen.sample_rate / play(rig, drive)

@@ -1,0 +1,34 @@
+"""`duralab reset`: clear the latch of a rig, after somebody has looked at it."""
+
+from __future__ import annotations
+
+from rich.console import Console
+
+from duralab.errors import InputError, LabError
+from duralab.lab_opening import FIND_SECONDS, join_bus
+from duralab_proto.v1 import rig_pb2
+from labbus import FaultError
+
+
+def reset(rig: str, *, endpoint: str) -> None:
+    """Clear the latch of a rig and say why it was set.
+
+    Raises
+    ------
+    LabError
+        The rig is not there, or does not come to rest.
+    """
+    with join_bus(endpoint) as bus:
+        try:
+            key, state_key = bus.keys.rig_reset(rig), bus.keys.rig_state(rig)
+        except ValueError as error:
+            raise InputError(str(error), field="rig") from error
+        try:
+            bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
+            before = bus.query(state_key, rig_pb2.StateRequest(), rig_pb2.RigState)
+            after = bus.query(key, rig_pb2.ResetRequest(), rig_pb2.RigState)
+        except FaultError as fault:
+            raise LabError(fault.message, service=fault.service) from fault
+    was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"
+    now = rig_pb2.RigMode.Name(after.mode).removeprefix("RIG_MODE_").lower()
+    Console(soft_wrap=True).print(f"{rig} {was}; it is {now} now.", highlight=False, markup=False)

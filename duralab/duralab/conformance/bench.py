@@ -1,0 +1,142 @@
+"""A rig on a conformance check: what is asked of it, and everything it publishes meanwhile."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from duralab.conformance.finding import BreachError
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
+from labbus import Bus, FaultError, StreamItem
+
+#: Answers and stream messages that are due are waited for so long.
+PATIENCE_SECONDS: Final = 5.0
+
+
+class Bench:
+    """One rig; subscribe first, then ask. To be closed."""
+
+    def __init__(self, bus: Bus, rig: str, *, seconds: float) -> None:
+        self.bus = bus
+        self.rig = rig
+        #: Length of the drives it is moved with.
+        self.seconds = seconds
+        self.description = rig_pb2.RigDescription()
+        self.states: list[StreamItem[rig_pb2.RigState]] = []
+        self.blocks: list[StreamItem[rig_pb2.SignalBlock]] = []
+        self.poses: list[StreamItem[rig_pb2.PoseBlock]] = []
+        self.problems: list[str] = []
+        self._changed = threading.Condition()
+        # New for every check, so that no name was ever played.
+        self._prefix = f"check-{uuid.uuid4().hex[:12]}"
+        self._count = 0
+        keys = bus.keys
+        self._subscriptions = [
+            bus.subscribe(keys.rig_state(rig), rig_pb2.RigState, self._keep(self.states), self._on_problem),
+            bus.subscribe(keys.rig_signal(rig, "*"), rig_pb2.SignalBlock, self._keep(self.blocks), self._on_problem),
+            bus.subscribe(keys.rig_pose(rig), rig_pb2.PoseBlock, self._keep(self.poses), self._on_problem),
+        ]
+
+    def close(self) -> None:
+        """Receive no more."""
+        for subscription in self._subscriptions:
+            subscription.close()
+
+    def new_run(self) -> str:
+        """Return the name of a run that was never played."""
+        self._count += 1
+        return f"{self._prefix}.{self._count:02d}"
+
+    def describe(self) -> rig_pb2.RigDescription:
+        """Ask for the description."""
+        return self.bus.query(
+            self.bus.keys.rig_description(self.rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription
+        )
+
+    def state(self) -> rig_pb2.RigState:
+        """Ask for the state."""
+        return self.bus.query(self.bus.keys.rig_state(self.rig), rig_pb2.StateRequest(), rig_pb2.RigState)
+
+    def stop(self, reason: str) -> rig_pb2.RigState:
+        """Stop the rig."""
+        return self.bus.query(self.bus.keys.rig_stop(self.rig), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
+
+    def reset(self) -> rig_pb2.RigState:
+        """Reset the rig."""
+        return self.bus.query(self.bus.keys.rig_reset(self.rig), rig_pb2.ResetRequest(), rig_pb2.RigState)
+
+    def play(
+        self,
+        run: str,
+        drive: np.ndarray,
+        *,
+        real_time: bool = False,
+        channels: Sequence[array_pb2.Channel] | None = None,
+        sample_rate: float | None = None,
+        on_progress: Callable[[query_pb2.Progress], None] | None = None,
+    ) -> rig_pb2.PlayResult:
+        """Play a drive (drives, samples), with the description's channels and rate where none are given."""
+        record = array_pb2.Record(
+            channels=self.description.drives if channels is None else channels,
+            sample_rate=self.description.sample_rate if sample_rate is None else sample_rate,
+            samples=to_array(np.ascontiguousarray(drive)),
+        )
+        request = rig_pb2.PlayRequest(run=run, drive=record, seed=1, real_time=real_time)
+        return self.bus.query(self.bus.keys.rig_play(self.rig), request, rig_pb2.PlayResult, on_progress=on_progress)
+
+    def blocks_of(self, run: str) -> list[StreamItem[rig_pb2.SignalBlock]]:
+        """Return what came on the signal stream of a run, in order."""
+        with self._changed:
+            return [item for item in self.blocks if item.key.rpartition("/")[2] == run]
+
+    def modes(self) -> list[tuple[rig_pb2.RigMode, str]]:
+        """Return modes and runs that were published so far."""
+        with self._changed:
+            return [(item.message.mode, item.message.run) for item in self.states]
+
+    def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE_SECONDS) -> bool:
+        """Wait until something received makes a condition true; return whether it is."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            with self._changed:
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    return condition()
+                self._changed.wait(min(left, 0.05))
+        return True
+
+    def _keep(self, items: list) -> Callable[[StreamItem], None]:
+        def keep(item: StreamItem) -> None:
+            with self._changed:
+                items.append(item)
+                self._changed.notify_all()
+
+        return keep
+
+    def _on_problem(self, fault: FaultError) -> None:
+        with self._changed:
+            self.problems.append(fault.message)
+
+
+def check_numbering(items: Iterable[StreamItem], what: str) -> None:
+    """Check that a stream has one epoch and that nothing of it is missing, doubled or out of order.
+
+    Raises
+    ------
+    BreachError
+        Where it has not.
+    """
+    expected: tuple[int, int] | None = None
+    for item in items:
+        if expected is not None and (item.epoch, item.seq) != expected:
+            raise BreachError(
+                f"the {what} has the number {item.seq} of epoch {item.epoch} where {expected[1]} of epoch "
+                f"{expected[0]} is due; numbers go up by one within one epoch."
+            )
+        expected = (item.epoch, item.seq + 1)

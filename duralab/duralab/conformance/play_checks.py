@@ -1,0 +1,204 @@
+"""Checks of a short playback: its result, its blocks, its progress, what the state stream says."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from duralab.conformance.bench import Bench, check_numbering
+from duralab.conformance.drives import gentle_drive
+from duralab.conformance.finding import NotTriedError, expect
+from duralab_proto.arrays import from_array, from_record
+from duralab_proto.v1 import query_pb2, rig_pb2
+
+#: The contract says a second; the rest is the bus's and this machine's.
+LONGEST_SILENCE_SECONDS = 1.5
+
+
+class PlayChecks:
+    """One playback in real time, looked at from several sides."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._run = bench.new_run()
+        self._drive = np.zeros((0, 0))
+        self._result = rig_pb2.PlayResult()
+        self._fractions: list[float] = []
+        self._silence = 0.0
+        self._played = False
+
+    def check_plays(self) -> None:
+        """Check that it plays a gentle drive and answers with as many finite response samples."""
+        bench, told = self._bench, self._bench.description
+        self._drive = gentle_drive(told, bench.seconds)
+        heard = time.monotonic()
+
+        def on_progress(progress: query_pb2.Progress) -> None:
+            nonlocal heard
+            now = time.monotonic()
+            self._silence, heard = max(self._silence, now - heard), now
+            self._fractions.append(progress.fraction)
+
+        began = heard
+        self._result = bench.play(self._run, self._drive, real_time=True, on_progress=on_progress)
+        took = time.monotonic() - began
+        self._silence = max(self._silence, time.monotonic() - heard)
+        self._played = True
+        result = self._result
+        expect(result.run == self._run, f"the result is of run {result.run!r}; played was {self._run!r}.")
+        channels, rate, response = from_record(result.response, field="response")
+        names = [channel.name for channel in channels]
+        expect(
+            names == [channel.name for channel in told.responses],
+            f"the response has the channels {', '.join(names)}; the description has others, or another order.",
+        )
+        expect(rate == told.sample_rate, f"the response is at {rate:g} Hz; the description says {told.sample_rate:g}.")
+        expect(
+            response.shape[1] == self._drive.shape[1],
+            f"the response has {response.shape[1]} samples; the drive had {self._drive.shape[1]}.",
+        )
+        expect(
+            [use.drive for use in result.actuators] == [channel.name for channel in told.drives],
+            "the result does not tell the use of every actuator, in the order of the drives.",
+        )
+        expect(result.real_time_factor > 0.0, f"real_time_factor is {result.real_time_factor:g}; it is above 0.")
+        expect(
+            took >= 0.9 * bench.seconds,
+            f"{bench.seconds:g} s were played in {took:.2f} s although real time was asked for.",
+        )
+
+    def check_stream(self) -> None:
+        """Check that its signal blocks are whole, and equal the drive and the result."""
+        self._need()
+        bench, result = self._bench, self._result
+        bench.wait(lambda: len(bench.blocks_of(self._run)) >= max(result.blocks, 1))
+        items = bench.blocks_of(self._run)
+        expect(
+            len(items) == result.blocks > 0,
+            f"{len(items)} signal blocks came; the result says {result.blocks}, and it takes at least one.",
+        )
+        check_signal(bench, self._run, epoch=result.epoch)
+        drive = np.hstack([from_array(item.message.drive) for item in items])
+        expect(
+            drive.shape == self._drive.shape and np.array_equal(drive, self._drive),
+            "the drive in the signal blocks is not the one that was asked for.",
+        )
+        _, _, response = from_record(result.response, field="response")
+        streamed = np.hstack([from_array(item.message.response) for item in items])
+        expect(
+            streamed.shape == response.shape and np.array_equal(streamed, response),
+            "the response in the signal blocks is not the one in the result.",
+        )
+
+    def check_progress(self) -> None:
+        """Check that it tells of its progress at least every second."""
+        self._need()
+        expect(
+            bool(self._fractions) or self._bench.seconds < 1.0,
+            f"no progress came in {self._bench.seconds:g} s; it is due every second.",
+        )
+        expect(
+            self._silence <= LONGEST_SILENCE_SECONDS,
+            f"no progress came for {self._silence:.2f} s; it is due every second.",
+        )
+        expect(
+            self._fractions == sorted(self._fractions) and all(0.0 <= f <= 1.0 for f in self._fractions),
+            "the fraction in the progress went down, or left 0 to 1.",
+        )
+
+    def check_state(self) -> None:
+        """Check that the state stream says that it plays the run, and then that it is idle."""
+        self._need()
+        bench = self._bench
+        playing, idle = (rig_pb2.RIG_MODE_PLAYING, self._run), (rig_pb2.RIG_MODE_IDLE, "")
+
+        def told() -> bool:
+            modes = bench.modes()
+            return playing in modes and idle in modes[modes.index(playing) :]
+
+        bench.wait(told)
+        expect(playing in bench.modes(), "the state stream never said that it plays the run.")
+        expect(told(), "the state stream never said that it is idle again after the run.")
+
+    def check_poses(self) -> None:
+        """Check that the pose stream has all bodies, unit quaternions, and no more than 60 poses a second."""
+        self._need()
+        bench, bodies = self._bench, len(self._bench.description.bodies)
+        if bodies == 0:
+            raise NotTriedError("the description has no bodies, so there is no pose stream.")
+
+        def mine() -> list[rig_pb2.PoseBlock]:
+            return [item.message for item in list(bench.poses) if item.message.run == self._run]
+
+        bench.wait(lambda: bool(mine()))
+        expect(bool(mine()), "the description has bodies, but no pose came while it played.")
+        check_numbering(list(bench.poses), "pose stream")
+        times = np.concatenate([from_array(block.time, field="time", shape=(None,)) for block in mine()])
+        poses = np.concatenate([from_array(b.poses, field="poses", shape=(None, bodies, 7)) for b in mine()])
+        expect(len(times) == len(poses), f"{len(poses)} poses came with {len(times)} times.")
+        expect(
+            bool(np.all(np.diff(times) >= 1.0 / 60.0 - 1.0e-9)),
+            "poses come more often than 60 times a second of the run, or out of order.",
+        )
+        lengths = np.linalg.norm(poses[:, :, 3:], axis=2)
+        expect(bool(np.all(np.abs(lengths - 1.0) < 1.0e-6)), "a quaternion of the pose stream is not of length 1.")
+
+    @property
+    def played_run(self) -> str:
+        """A run that was played to its end.
+
+        Raises
+        ------
+        NotTriedError
+            Where there is none.
+        """
+        self._need()
+        return self._run
+
+    def _need(self) -> None:
+        if not self._played:
+            raise NotTriedError("nothing was played to its end.")
+
+
+def check_signal(bench: Bench, run: str, *, epoch: int | None) -> None:
+    """Check the blocks of a run that has ended, whatever was played.
+
+    Raises
+    ------
+    BreachError
+        Where they are not whole.
+    """
+    items = bench.blocks_of(run)
+    told = bench.description
+    expect(bool(items), "no signal block came.")
+    expect(items[0].seq == 0, f"the first signal block has the number {items[0].seq}; numbers of a run begin at 0.")
+    check_numbering(items, "signal stream")
+    if epoch is not None:
+        expect(items[0].epoch == epoch, f"the signal blocks have epoch {items[0].epoch}; the result says {epoch}.")
+    due = 0
+    for item in items:
+        block = item.message
+        expect(block.run == run, f"a block of run {block.run!r} came on the key of {run!r}.")
+        expect(
+            block.first_sample == due,
+            f"a signal block begins at sample {block.first_sample}; {due} is due, without a gap.",
+        )
+        expect(
+            block.sample_rate == told.sample_rate,
+            f"a signal block is at {block.sample_rate:g} Hz; the description says {told.sample_rate:g}.",
+        )
+        drive = from_array(block.drive, field="drive", shape=(len(told.drives), None))
+        response = from_array(block.response, field="response", shape=(len(told.responses), None))
+        samples = drive.shape[1]
+        expect(
+            response.shape[1] == samples,
+            f"a signal block has {samples} samples of the drive and {response.shape[1]} of the response.",
+        )
+        expect(
+            0 < samples <= told.block_samples,
+            f"a signal block has {samples} samples; the description says {told.block_samples} at most.",
+        )
+        due += samples
+    marks = [item.message.last for item in items]
+    expect(marks == [False] * (len(marks) - 1) + [True], "`last` is not set in the final signal block, and only there.")

@@ -1,0 +1,159 @@
+"""Checks of what must be refused before anything moves: each request is wrong in one way only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from duralab.conformance.bench import Bench
+from duralab.conformance.drives import beyond_limit, copied, jump
+from duralab.conformance.finding import BreachError, NotTriedError, expect
+from duralab_proto.v1 import array_pb2, query_pb2
+from labbus import FaultError
+
+INVALID = query_pb2.FAULT_CODE_INVALID_ARGUMENT
+_SAMPLES = 50
+
+
+def check_refused(
+    bench: Bench, play: Callable[[], object], *, run: str, code: query_pb2.FaultCode, field: str, why: str
+) -> None:
+    """Check that a playback is refused with a code, a field and a sentence, and that nothing of it is published.
+
+    Raises
+    ------
+    BreachError
+        Where it is played, or refused in another way.
+    """
+    wanted = query_pb2.FaultCode.Name(code)
+    try:
+        play()
+    except FaultError as fault:
+        expect(
+            fault.code == code,
+            f"{why} was refused with {fault.code_name} instead of {wanted}: {fault.message}",
+        )
+        expect(bool(fault.message.strip()), f"{why} was refused without a sentence.")
+        expect(
+            fault.field.startswith(field),
+            f"{why} was refused with the field {fault.field!r}; it must name {field!r}.",
+        )
+    else:
+        raise BreachError(f"{why} was played; it must be refused with {wanted}.")
+    expect(not bench.blocks_of(run), f"{why} was refused, but signal blocks of it were published.")
+
+
+class RefusalChecks:
+    """Bad requests, harmless ones first: a rig that plays one of them is not asked for a jump."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._all_refused = True
+
+    def check_rate(self) -> None:
+        """Check the refusal of a wrong sample rate."""
+        self._refused(why="a drive at twice the sample rate", sample_rate=2.0 * self._bench.description.sample_rate)
+
+    def check_count(self) -> None:
+        """Check the refusal of one channel too few."""
+        channels = list(self._bench.description.drives)[:-1]
+        if not channels:
+            raise NotTriedError("the rig has one drive only.")
+        self._refused(
+            why="a drive without its last channel",
+            channels=channels,
+            drive=np.zeros((len(channels), _SAMPLES)),
+            field="drive.channels",
+        )
+
+    def check_order(self) -> None:
+        """Check the refusal of two channels swapped."""
+        channels = list(self._bench.description.drives)
+        if len(channels) == 1:
+            raise NotTriedError("the rig has one drive only.")
+        self._refused(
+            why="a drive with its first two channels swapped",
+            channels=[channels[1], channels[0], *channels[2:]],
+            field="drive.channels",
+        )
+
+    def check_unit(self) -> None:
+        """Check the refusal of another unit."""
+        channels = copied(list(self._bench.description.drives))
+        channels[0].unit = "furlong"
+        self._refused(why="a drive in another unit", channels=channels, field="drive.channels")
+
+    def check_finite(self) -> None:
+        """Check the refusal of a value that is not a number."""
+        drive = self._still()
+        drive[0, _SAMPLES // 2] = np.nan
+        self._refused(why="a drive with a value that is not a number", drive=drive)
+
+    def check_empty(self) -> None:
+        """Check the refusal of a drive without samples."""
+        self._refused(why="an empty drive", drive=self._still()[:, :0])
+
+    def check_name(self) -> None:
+        """Check the refusal of a run name that cannot be one."""
+        self._refused(why="a run called 'No Name'", run="No Name", field="run")
+
+    def check_twice(self, played: str) -> None:
+        """Check the refusal of a run name that was played."""
+        bench = self._bench
+        count = len(bench.blocks_of(played))
+        try:
+            bench.play(played, self._still())
+        except FaultError as fault:
+            expect(
+                fault.code == query_pb2.FAULT_CODE_ALREADY_EXISTS,
+                f"a run name that was played is refused with {fault.code_name} instead of ALREADY_EXISTS.",
+            )
+        else:
+            raise BreachError("a run name that was played is played again; it must be refused with ALREADY_EXISTS.")
+        expect(len(bench.blocks_of(played)) == count, "blocks were published for a run name that was refused.")
+
+    def check_limit(self) -> None:
+        """Check the refusal of a value beyond a limit."""
+        self._is_safe()
+        self._refused(why="a drive beyond a limit", drive=beyond_limit(self._bench.description))
+
+    def check_jump(self) -> None:
+        """Check the refusal of a step that is too fast."""
+        self._is_safe()
+        drive = jump(self._bench.description)
+        if drive is None:
+            raise NotTriedError("no drive has a slew limit that a small step could exceed.")
+        self._refused(why="a drive with a jump", drive=drive)
+
+    def _is_safe(self) -> None:
+        if not self._all_refused:
+            raise NotTriedError("the rig does not refuse what must be refused, so this would not be safe.")
+
+    def _still(self) -> np.ndarray:
+        return np.zeros((len(self._bench.description.drives), _SAMPLES))
+
+    def _refused(
+        self,
+        *,
+        why: str,
+        drive: np.ndarray | None = None,
+        channels: Sequence[array_pb2.Channel] | None = None,
+        sample_rate: float | None = None,
+        run: str | None = None,
+        field: str = "drive",
+    ) -> None:
+        bench = self._bench
+        name = run or bench.new_run()
+        asked = self._still() if drive is None else drive
+        # Only what was refused for sure leaves this unchanged.
+        before, self._all_refused = self._all_refused, False
+        check_refused(
+            bench,
+            lambda: bench.play(name, asked, channels=channels, sample_rate=sample_rate),
+            run=name,
+            code=INVALID,
+            field=field,
+            why=why,
+        )
+        self._all_refused = before

@@ -1,0 +1,163 @@
+"""The conformance check: green on what keeps the contract, red at the right line on what breaks it, gentle on all."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import synthetic_campaign
+from fake_gateway import Defect, Gateway
+from typer.testing import CliRunner
+
+import labbus
+from duralab.cli import app
+from duralab.conformance import Outcome, all_passed, check_rig
+from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
+from duralab_proto.v1 import array_pb2
+
+SECONDS = 1.2
+
+#: The first line that must fail, and what its sentence must say.
+EXPECTED = {
+    Defect.OTHER_NAME: ("description.figures", "the description is of 'another'"),
+    Defect.HASH: ("description.figures", "content_hash is '42'"),
+    Defect.UNIT_OF_KIND: ("description.channels", "response 'left_lateral' is in 'kN'"),
+    Defect.LIMITS: ("description.channels", "limits are finite and in order"),
+    Defect.STATIC: ("description.figures", "one finite value for each response"),
+    Defect.CHANGING: ("description.stable", "another one when asked again"),
+    Defect.LATCHED: ("state.idle", "RIG_MODE_INTERLOCKED (somebody was here)"),
+    Defect.TAKES_RATE: ("refuse.sample_rate", "was played; it must be refused with FAULT_CODE_INVALID_ARGUMENT"),
+    Defect.TAKES_COUNT: ("refuse.channel_count", "was played"),
+    Defect.TAKES_ORDER: ("refuse.channel_order", "was played"),
+    Defect.TAKES_UNIT: ("refuse.unit", "was played"),
+    Defect.TAKES_NAN: ("refuse.not_finite", "was played"),
+    Defect.TAKES_EMPTY: ("refuse.empty", "was played"),
+    Defect.TAKES_NAME: ("refuse.run_name", "was played"),
+    Defect.TAKES_JUMP: ("refuse.jump", "was played"),
+    Defect.TAKES_LIMIT: ("refuse.limit", "was played"),
+    Defect.TAKES_TWICE: ("refuse.run_twice", "played again"),
+    Defect.TAKES_WHILE_BUSY: ("stop", "a second drive while one plays was played"),
+    Defect.TAKES_WHILE_LATCHED: ("refuse.interlocked", "was played"),
+    Defect.NO_FIELD: ("refuse.sample_rate", "with the field ''"),
+    Defect.WRONG_CODE: ("refuse.sample_rate", "was refused with INTERNAL"),
+    Defect.SHORT_RESPONSE: ("play", "the response has 239 samples; the drive had 240"),
+    Defect.NAN_RESPONSE: ("play", "nan"),
+    Defect.HURRIES: ("play", "although real time was asked for"),
+    Defect.LOSES_BLOCK: ("play.stream", "signal blocks came"),
+    Defect.NUMBERS_BLOCKS: ("play.stream", "signal blocks came"),
+    Defect.GAP_IN_SAMPLES: ("play.stream", "begins at sample 21; 20 is due"),
+    Defect.NO_LAST: ("play.stream", "`last` is not set"),
+    Defect.OTHER_STREAM: ("play.stream", "not the one in the result"),
+    Defect.LARGE_BLOCKS: ("play.stream", "has 40 samples"),
+    Defect.NEVER_PLAYING: ("play.state", "never said that it plays"),
+    Defect.NO_STATES: ("play.state", "never said that it plays"),
+    Defect.NO_POSES: ("play.poses", "no pose came"),
+    Defect.BAD_QUATERNION: ("play.poses", "not of length 1"),
+    Defect.STOP_DOES_NOT_LATCH: ("stop", "instead of RIG_MODE_INTERLOCKED"),
+    Defect.STOP_WITHOUT_REASON: ("stop", "the latch has the reason ''"),
+    Defect.STOP_GIVES_RESULT: ("stop.cancelled", "answered with a result"),
+    Defect.DROPS_DEAD: ("stop.ramp_down", "it must ramp to 0"),
+    Defect.RESET_DOES_NOTHING: ("reset", "instead of an idle rig"),
+}
+
+
+@pytest.fixture(scope="module")
+def hall():
+    """A bus with one gateway for every defect, and a client's."""
+    with labbus.open_bus(service="rig_sim", workers=16) as served:
+        for defect in Defect:
+            Gateway(served, f"rig_{defect}", defect)
+        connect = labbus.BusConfig(connect=tuple(served.listening))
+        with labbus.open_bus(connect, service="duralab") as bus:
+            bus.wait_for_live({("rig_sim", f"rig_{defect}") for defect in Defect}, 10.0)
+            yield bus, served.listening[0]
+
+
+@pytest.fixture(scope="module")
+def findings(hall):
+    """What was found on every gateway; all at once, since most of it is waiting."""
+    with ThreadPoolExecutor(10) as pool:
+        checked = pool.map(lambda defect: check_rig(hall[0], f"rig_{defect}", seconds=SECONDS), Defect)
+        return dict(zip(Defect, checked, strict=True))
+
+
+def test_a_gateway_that_keeps_the_contract_passes(findings):
+    assert [finding for finding in findings[Defect.NONE] if finding.outcome is not Outcome.PASSED] == []
+    assert len(findings[Defect.NONE]) >= 28
+
+
+def test_every_defect_has_its_line():
+    assert set(EXPECTED) == set(Defect) - {Defect.NONE}
+
+
+@pytest.mark.parametrize("defect", EXPECTED, ids=str)
+def test_what_breaks_the_contract_fails_at_its_line(findings, defect):
+    failed = [finding for finding in findings[defect] if finding.outcome is Outcome.FAILED]
+    assert failed, "it passed"
+    check, said = EXPECTED[defect]
+    assert (failed[0].check, said in failed[0].sentence) == (check, True), failed[0]
+    assert all(finding.sentence for finding in findings[defect] if finding.outcome is not Outcome.PASSED)
+
+
+def test_a_rig_that_is_not_idle_is_left_alone(findings):
+    after = [f.outcome for f in findings[Defect.LATCHED] if f.check.startswith(("play", "stop", "refuse", "reset"))]
+    assert set(after) == {Outcome.NOT_TRIED}
+
+
+def test_a_rig_that_plays_what_it_must_refuse_is_not_asked_for_a_jump(findings):
+    outcomes = {finding.check: finding.outcome for finding in findings[Defect.TAKES_RATE]}
+    assert outcomes["refuse.jump"] is outcomes["refuse.limit"] is Outcome.NOT_TRIED
+
+
+def test_a_rig_that_is_not_there_fails_at_once(hall):
+    found = check_rig(hall[0], "nobody")
+    assert (found[0].check, found[0].outcome) == ("live", Outcome.FAILED)
+    assert not all_passed(found)
+    assert {finding.outcome for finding in found[1:]} == {Outcome.NOT_TRIED}
+
+
+def test_drives_are_gentle_or_wrong_in_one_way_only():
+    told = synthetic_campaign.description()
+    told.drives.add(name="speed", unit="m/s", kind=array_pb2.CHANNEL_KIND_VELOCITY, minimum=0.0, maximum=60.0)
+    limits = np.array([channel.maximum for channel in told.drives])
+    drive = gentle_drive(told, 2.0)
+    assert drive.shape == (7, 2000)
+    assert (np.abs(drive).max(axis=1) <= GENTLE * limits).all()
+    assert np.abs(drive).max(axis=1).min() > 0.0
+    assert (np.abs(np.diff(drive[:6], prepend=0.0)) * 1000.0 <= GENTLE * 2.0 + 1e-12).all()
+    assert (drive[6] >= 0.0).all()
+    beyond = beyond_limit(told)
+    assert limits[0] < beyond[0].max() < 1.03 * limits[0]
+    assert np.abs(np.diff(beyond, prepend=0.0)).max() * 1000.0 < 2.0
+    step = jump(told)
+    assert np.abs(np.diff(step, prepend=0.0)).max() * 1000.0 == pytest.approx(2.1)
+    assert np.abs(step).max() < 0.1 * limits[0]
+
+
+def test_the_command_prints_a_line_for_each_check_or_json(hall):
+    shown = CliRunner().invoke(app, ["check-rig", "rig_none", "--connect", hall[1]])
+    assert shown.exit_code == 0, shown.output
+    assert "keeps the contract" in shown.stdout
+    assert shown.stdout.count("passed") >= 28
+    broken = CliRunner().invoke(app, ["check-rig", "rig_hash", "--connect", hall[1], "--json"])
+    assert broken.exit_code == 1
+    document = json.loads(broken.stdout)
+    assert (document["rig"], document["passed"]) == ("rig_hash", False)
+    failed = [finding for finding in document["findings"] if finding["outcome"] == "failed"]
+    assert [finding["check"] for finding in failed] == ["description.figures"]
+
+
+def test_a_latched_rig_is_reset_from_the_command_line(hall):
+    said = CliRunner().invoke(app, ["reset", "rig_latched", "--connect", hall[1]])
+    assert (said.exit_code, said.stdout) == (
+        0,
+        "rig_latched was interlocked (somebody was here); it is idle now.\n",
+    )
+    again = CliRunner().invoke(app, ["reset", "rig_latched", "--connect", hall[1]])
+    assert "was not interlocked; it is idle now" in again.stdout
+
+
+def test_nothing_that_listens_is_one_sentence_and_exit_code_two():
+    result = CliRunner().invoke(app, ["check-rig", "front_axle", "--connect", "tcp/127.0.0.1:1"])
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1

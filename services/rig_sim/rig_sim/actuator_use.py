@@ -1,0 +1,116 @@
+"""How much of its actuators, and of the oil behind them, a playback used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig_sim.hydraulics.actuator import HydraulicActuator
+
+#: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
+FULL_LOAD_PRESSURE = 0.95
+
+
+@dataclass(frozen=True)
+class Use:
+    """How one drive channel used its actuator: shares 0 to 1, the following error in the drive's unit.
+
+    A drive that moves no actuator (a road) has a peak and nothing else.
+    """
+
+    drive: str
+    peak_command_ratio: float
+    saturated_share: float
+    largest_following_error: float
+    #: Largest load pressure over what the supply could press with at that moment; 1 is a stall.
+    largest_load_pressure_share: float = 0.0
+    #: Lowest pressure of the actuator's supply, in Pa.
+    lowest_supply_pressure: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Monitor:
+    """Where an actuator's drive and monitored values are in the player's inputs and outputs."""
+
+    drive: int
+    achieved: int
+    valve_command: int
+    load_pressure: int
+    supply_pressure: int
+    largest_opening: float
+
+
+class UseMeter:
+    """Counts through a playback, block by block."""
+
+    def __init__(
+        self, actuators: Sequence[HydraulicActuator], *, drives: Sequence[str], outputs: Sequence[str]
+    ) -> None:
+        self._drives = tuple(drives)
+        self._monitors = [
+            _Monitor(
+                drive=drives.index(actuator.name),
+                achieved=outputs.index(actuator.achieved),
+                valve_command=outputs.index(f"{actuator.name}.valve_command"),
+                load_pressure=outputs.index(f"{actuator.name}.load_pressure"),
+                supply_pressure=outputs.index(f"{actuator.supply}.pressure"),
+                largest_opening=actuator.valve.largest_opening,
+            )
+            for actuator in actuators
+        ]
+        self._saturated = np.zeros(len(drives))
+        self._following = np.zeros(len(drives))
+        self._load = np.zeros(len(drives))
+        self._supply = np.full(len(drives), np.inf)
+
+    def count(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+        """Take a block into account.
+
+        Parameters
+        ----------
+        commands : (drives, samples)
+            Each row in its drive's unit.
+        outputs : (outputs, samples)
+            Of the player: responses, then monitored values.
+
+        Returns
+        -------
+        ndarray, (drives, samples)
+            Command less achieved value, in the drive's unit; zero where no actuator follows.
+        """
+        following_error = np.zeros(commands.shape)
+        for monitor in self._monitors:
+            index = monitor.drive
+            valve, load = np.abs(outputs[monitor.valve_command]), np.abs(outputs[monitor.load_pressure])
+            self._saturated[index] += np.count_nonzero(
+                (valve >= monitor.largest_opening) | (load >= FULL_LOAD_PRESSURE)
+            )
+            following_error[index] = commands[index] - outputs[monitor.achieved]
+            self._following[index] = max(self._following[index], np.max(np.abs(following_error[index])))
+            self._load[index] = max(self._load[index], np.max(load))
+            self._supply[index] = min(self._supply[index], np.min(outputs[monitor.supply_pressure]))
+        return following_error
+
+    def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
+        """Return how every drive channel was used.
+
+        Parameters
+        ----------
+        peak_ratios : sequence of float
+            Largest magnitude of each drive over its limit, 0 to 1.
+        samples : int
+            Played so far.
+        """
+        return [
+            Use(
+                drive=drive,
+                peak_command_ratio=float(peak_ratios[index]),
+                saturated_share=float(self._saturated[index] / max(samples, 1)),
+                largest_following_error=float(self._following[index]),
+                largest_load_pressure_share=float(self._load[index]),
+                lowest_supply_pressure=float(self._supply[index]) if np.isfinite(self._supply[index]) else 0.0,
+            )
+            for index, drive in enumerate(self._drives)
+        ]

@@ -1,0 +1,216 @@
+"""Find the mirror in a traced model: which state of one side answers to which of the other.
+
+The method is colour refinement (Weisfeiler and Leman, 1968): leaves (states and inputs) of one colour are told apart by
+the structure of what they are computed from and used in, until nothing changes. Signs do not count, since a mirror
+turns them, and of constants at most the magnitude does. What is found is a proposal: lanes are right whatever was
+paired, and only fast when it was paired well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rig_sim.compile.operations import COMMUTATIVE, Operation
+from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.traced_model import TracedModel
+from rig_sim.compile.tracing import Expression
+
+#: How many partners are tried for a leaf of a crowd that looks alike.
+_LARGEST_TRIALS = 12
+#: One thing up to the signs of the operands.
+_SUMS = frozenset({Operation.ADD, Operation.SUBTRACT, Operation.NEGATE})
+_MASK = 2**64 - 1
+
+Colours = dict[int, int]
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Pairs of leaves, the first of each in lane 0, and colours that are equal for what belongs into one vector.
+
+    Attributes
+    ----------
+    pairs : tuple of (Expression, Expression)
+        States and inputs; a leaf in no pair belongs to both sides, as a rack or a body does.
+    first, second : dict of int to int
+        Colours of all expressions by their index, seen from lane 0 and from lane 1.
+    """
+
+    pairs: tuple[tuple[Expression, Expression], ...]
+    first: Colours
+    second: Colours
+
+
+def find_mirrors(traced: TracedModel) -> Iterator[Mirror]:
+    """Propose mirrors, the likeliest first: constants of equal magnitude, then any constants."""
+    nodes = creation_order((*traced.derivative, *traced.outputs))
+    for magnitude in (True, False):
+        model = _Structure(traced, nodes, magnitude=magnitude)
+        pairs = _pairing(model, model.refined({leaf.index: 0 for leaf in model.leaves}))
+        if pairs:
+            yield model.mirror(pairs)
+
+
+class _Structure:
+    """A traced model as a graph whose leaves carry colours."""
+
+    def __init__(self, traced: TracedModel, nodes: Sequence[Expression], *, magnitude: bool) -> None:
+        self.leaves = (*traced.state, *traced.inputs)
+        self._nodes = nodes
+        self._states = {state.index: rate for state, rate in zip(traced.state, traced.derivative, strict=True)}
+        self._kinds = {
+            node.index: ("constant", f"{abs(node.value):.9e}" if magnitude else "")
+            for node in nodes
+            if node.value is not None
+        }
+        self._users = _users(nodes, {leaf.index for leaf in self.leaves})
+
+    def colour(self, leaves: Mapping[int, int], table: dict[object, int] | None = None) -> Colours:
+        """Colour all expressions, given colours of the leaves."""
+        table = {} if table is None else table
+        colours: Colours = {}
+        for leaf, colour in leaves.items():
+            colours[leaf] = _scatter(table.setdefault(("leaf", colour), len(table)))
+        for node in self._nodes:
+            if node.index in colours:
+                continue
+            operation = node.operation
+            operands = tuple(colours[operand.index] for operand in node.operands)
+            if operation is Operation.NEGATE:
+                colours[node.index] = operands[0]
+            elif operation in _SUMS:
+                # A sum of three is the same in whichever order: the colour of a sum is a sum over its terms.
+                colours[node.index] = sum(operands) & _MASK
+            else:
+                key = self._kinds.get(node.index) or (
+                    operation,
+                    *(sorted(operands) if operation in COMMUTATIVE else operands),
+                )
+                colours[node.index] = _scatter(table.setdefault(key, len(table)))
+        return colours
+
+    def refined(self, leaves: dict[int, int]) -> dict[int, int]:
+        """Tell leaves apart by what they are computed from and used in, until nothing changes."""
+        while True:
+            colours = self.colour(leaves)
+            table: dict[object, int] = {}
+            finer: dict[int, int] = {}
+            for leaf, before in leaves.items():
+                rate = self._states.get(leaf)
+                key = (
+                    before,
+                    -1 if rate is None else colours[rate.index],
+                    tuple(sorted((colours[user], position) for user, position in self._users[leaf])),
+                )
+                finer[leaf] = table.setdefault(key, len(table))
+            if len(table) == len(set(leaves.values())):
+                return finer
+            leaves = finer
+
+    def mirror(self, pairs: Sequence[tuple[int, int]]) -> Mirror:
+        """Put one leaf of every pair into lane 0 and colour the graph as either lane sees it."""
+        expressions = {leaf.index: leaf for leaf in self.leaves}
+        sides = self._sides(pairs)
+        first = {leaf: 3 * index for index, leaf in enumerate(expressions)}
+        second = dict(first)
+        turned = []
+        for a, b in pairs:
+            left, right = (a, b) if sides[a] else (b, a)
+            turned.append((expressions[left], expressions[right]))
+            first[left] = second[right] = 3 * left + 1
+            first[right] = second[left] = 3 * left + 2
+        table: dict[object, int] = {}  # one for both, so that their colours compare
+        return Mirror(tuple(turned), self.colour(first, table), self.colour(second, table))
+
+    def _sides(self, pairs: Sequence[tuple[int, int]]) -> dict[int, bool]:
+        """Join leaves that meet in the smallest expressions, but never a leaf with its partner."""
+        partner = dict(pairs) | {b: a for a, b in pairs}
+        reach: dict[int, frozenset[int]] = {}
+        groups: set[tuple[int, ...]] = set()
+        for node in self._nodes:
+            if node.index in self._users:
+                reach[node.index] = frozenset((node.index,)) & partner.keys()
+            else:
+                reach[node.index] = frozenset().union(*(reach[operand.index] for operand in node.operands))
+            groups.add(tuple(sorted(reach[node.index])))
+        for state, rate in self._states.items():
+            if state in partner:
+                groups.add(tuple(sorted(reach[rate.index] | {state})))
+        component = {leaf: leaf for leaf in partner}
+        members = {leaf: {leaf} for leaf in partner}
+
+        def join(a: int, b: int) -> None:
+            kept, lost = component[a], component[b]
+            if kept == lost or any(partner[leaf] in members[kept] for leaf in members[lost]):
+                return
+            for leaf in members[lost]:
+                component[leaf] = kept
+            members[kept] |= members.pop(lost)
+
+        for group in sorted(groups, key=lambda leaves: (len(leaves), leaves)):
+            for other in group[1:]:
+                if partner[other] != group[0]:
+                    join(group[0], other)
+                    join(partner[group[0]], partner[other])
+        sides: dict[int, bool] = {}
+        for a, b in pairs:
+            if a not in sides:
+                sides |= dict.fromkeys(members[component[a]], True)
+                sides |= dict.fromkeys(members[component[b]], False)
+        return sides
+
+
+def _users(nodes: Sequence[Expression], leaves: set[int]) -> dict[int, set[tuple[int, int]]]:
+    """Return for every leaf where it goes, by index and position of the operand; sums on the way are passed through."""
+    users: dict[int, set[tuple[int, int]]] = {index: set() for index in leaves}
+    # Leaves in each sum, directly or through further sums.
+    terms: dict[int, set[int]] = {index: {index} for index in leaves}
+    for node in nodes:
+        for position, operand in enumerate(node.operands):
+            reached = terms.get(operand.index, set())
+            if node.operation in _SUMS:
+                terms.setdefault(node.index, set()).update(reached)
+            else:
+                for leaf in reached:
+                    users[leaf].add((node.index, 0 if node.operation in COMMUTATIVE else position))
+    return users
+
+
+def _scatter(number: int) -> int:
+    """Mix a number's bits (splitmix64), so that equal sums come from equal terms."""
+    number = (number + 1) * 0x9E3779B97F4A7C15 & _MASK
+    number = (number ^ number >> 30) * 0xBF58476D1CE4E5B9 & _MASK
+    number = (number ^ number >> 27) * 0x94D049BB133111EB & _MASK
+    return number ^ number >> 31
+
+
+def _pairing(model: _Structure, leaves: dict[int, int]) -> list[tuple[int, int]]:
+    """Pair what has one colour; where more than two have it, give the first the partner that keeps most in pairs."""
+    while True:
+        classes = _classes(leaves)
+        crowd = min((same for same in classes if len(same) > 2), key=len, default=None)
+        if crowd is None:
+            return [(same[0], same[1]) for same in classes if len(same) == 2]
+        # Sides are mostly listed one after the other: the first of the other half is the likeliest partner.
+        middle = len(crowd) // 2
+        candidates = [*crowd[middle:], *crowd[1:middle]][:_LARGEST_TRIALS]
+        best: dict[int, int] = {}
+        for partner in candidates:
+            finer = model.refined(leaves | {crowd[0]: len(leaves), partner: len(leaves)})
+            if not best or _alike(finer) > _alike(best):
+                best = finer
+            if _alike(best) == _alike(leaves):
+                break
+        leaves = best
+
+
+def _classes(leaves: dict[int, int]) -> list[list[int]]:
+    classes: dict[int, list[int]] = {}
+    for leaf, colour in leaves.items():
+        classes.setdefault(colour, []).append(leaf)
+    return list(classes.values())
+
+
+def _alike(leaves: dict[int, int]) -> int:
+    return sum(len(same) // 2 * 2 for same in _classes(leaves))

@@ -1,0 +1,86 @@
+"""Who integrates a rig: the compiled player, or Drake. One choice per rig, of one interface."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Protocol
+
+import numpy as np
+from pydantic import BaseModel, Field, model_validator
+
+from rig_sim.compile.compiled_model import Playback
+from rig_sim.parameters import STRICT, Positive
+
+
+class Engine(StrEnum):
+    """A program that integrates a rig."""
+
+    #: Generated code, Runge-Kutta 4, the substeps of the specimen; about 100 times faster than real time.
+    COMPILED = "compiled"
+    #: Drake's plant and integrator, Runge-Kutta 3; slower than real time, the judge of the other.
+    DRAKE = "drake"
+
+
+class EngineChoice(BaseModel):
+    """An engine and, for Drake, how it steps: by error control to an accuracy, or with a fixed step where one is given.
+
+    In a configuration the name of the engine alone will do.
+    """
+
+    model_config = STRICT
+
+    engine: Engine = Engine.COMPILED
+    #: Drake's target accuracy: about the largest error of a step, in m, m/s, MPa or shares of one.
+    accuracy: Annotated[float, Field(ge=1.0e-10, le=1.0e-2)] | None = None
+    #: In s, one sample at most.
+    fixed_step: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_its_name(cls, value: Any) -> Any:
+        return {"engine": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _steps_one_way(self) -> EngineChoice:
+        given = [name for name in ("accuracy", "fixed_step") if getattr(self, name) is not None]
+        if self.engine is Engine.COMPILED and given:
+            raise ValueError(
+                f"{given[0]} is for the engine drake; the compiled engine takes the substeps of the specimen"
+            )
+        if len(given) > 1:
+            raise ValueError("accuracy and fixed_step are both given; take one of them")
+        return self
+
+
+class Player(Protocol):
+    """What advances a rig: `rig_sim.compile.CompiledModel`, or `rig_sim.drake_engine.DrakeEngine`."""
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Rows of the outputs: responses, then monitored values."""
+        ...
+
+    def play(
+        self, state: np.ndarray, commands: np.ndarray, *, sample_interval: float, substeps: int, bounds: np.ndarray
+    ) -> Playback:
+        """Advance over a record; consecutive records, each from the state the last one ended in, have no seam.
+
+        Parameters
+        ----------
+        state : (states,)
+            At the first sample.
+        commands : (drives, samples + 1)
+            Linear between samples; the last column is the sample after the record.
+        sample_interval : float
+            In s.
+        substeps : int
+            Steps per sample of an engine whose steps are fixed by the specimen.
+        bounds : (states,)
+            The largest magnitude of each state, checked at the samples.
+
+        Returns
+        -------
+        Playback
+            Outputs at the samples, the state after them, and where it left its bounds.
+        """
+        ...

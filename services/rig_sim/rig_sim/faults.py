@@ -1,0 +1,196 @@
+"""Faults injected for tests and rehearsals: of sensors, in what is measured; of the hydraulics, for whole playbacks.
+
+A rig with faults says so in its title and has another content hash: nobody takes it for a healthy one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from rig_sim.parameters import STRICT, Finite, NotNegative, Positive
+from rig_sim.specimen import Specimen, SpecimenError
+
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+
+
+class FaultKind(StrEnum):
+    """What is broken."""
+
+    STUCK_SENSOR = "stuck_sensor"
+    NOISY_SENSOR = "noisy_sensor"
+    DRIFTING_GAIN = "drifting_gain"
+    VALVE_SATURATION = "valve_saturation"
+    SUPPLY_SAG = "supply_sag"
+
+
+class StuckSensor(BaseModel):
+    """From `start`, in s of a playback, the channel keeps the value it had then."""
+
+    model_config = STRICT
+
+    kind: Literal[FaultKind.STUCK_SENSOR]
+    channel: str
+    start: NotNegative = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        return f"sensor {self.channel} stuck from {self.start:g} s"
+
+
+class NoisySensor(BaseModel):
+    """From `start`, in s of a playback, the channel has more white noise, of `rms` in its unit."""
+
+    model_config = STRICT
+
+    kind: Literal[FaultKind.NOISY_SENSOR]
+    channel: str
+    rms: Positive
+    start: NotNegative = 0.0
+    #: Joined with the playback's seed.
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        return f"sensor {self.channel} noisy by {self.rms:g} from {self.start:g} s"
+
+
+class DriftingGain(BaseModel):
+    """From `start`, in s of a playback, the channel's gain is 1 + rate (t - start); `rate` in 1/s."""
+
+    model_config = STRICT
+
+    kind: Literal[FaultKind.DRIFTING_GAIN]
+    channel: str
+    rate: Finite
+    start: NotNegative = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        return f"gain of sensor {self.channel} drifting by {self.rate:g} 1/s from {self.start:g} s"
+
+
+class ValveSaturation(BaseModel):
+    """The valves of one kind of actuator open no further than this share of full opening, whole playbacks long."""
+
+    model_config = STRICT
+
+    kind: Literal[FaultKind.VALVE_SATURATION]
+    actuator_kind: str
+    opening: Share
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        return f"valves of kind {self.actuator_kind} open to {100.0 * self.opening:g} % only"
+
+
+class SupplySag(BaseModel):
+    """The supply reaches only this share of its pressure, whole playbacks long."""
+
+    model_config = STRICT
+
+    kind: Literal[FaultKind.SUPPLY_SAG]
+    share: Share
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        return f"supply sagged to {100.0 * self.share:g} % of its pressure"
+
+
+SensorFault = StuckSensor | NoisySensor | DriftingGain
+Fault = Annotated[StuckSensor | NoisySensor | DriftingGain | ValveSaturation | SupplySag, Field(discriminator="kind")]
+
+
+def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
+    """Return the specimen with the faults of its hydraulics, and a title that names all faults.
+
+    Raises
+    ------
+    SpecimenError
+        Where a fault names a channel or a kind of actuator that does not exist, or there is no supply to sag.
+    """
+    if not faults:
+        return specimen
+    document = specimen.model_dump()
+    channels = [channel.name for channel in specimen.responses]
+    for fault in faults:
+        match fault:
+            case ValveSaturation():
+                if fault.actuator_kind not in specimen.actuator_kinds:
+                    raise _unknown(specimen, fault, fault.actuator_kind, list(specimen.actuator_kinds))
+                document["actuator_kinds"][fault.actuator_kind]["valve"]["largest_opening"] *= fault.opening
+            case SupplySag():
+                if specimen.supply is None:
+                    raise SpecimenError(f"{specimen.name} has no supply; remove its fault {fault.kind}.")
+                document["supply"]["supply_pressure"] *= fault.share
+            case _:
+                if fault.channel not in channels:
+                    raise _unknown(specimen, fault, fault.channel, channels)
+    document["title"] += f" [FAULTS INJECTED: {'; '.join(fault.sentence for fault in faults)}]"
+    try:
+        return Specimen.model_validate(document)
+    except ValueError as error:
+        raise SpecimenError(f"{specimen.name} cannot be with these faults: {error}") from error
+
+
+def _unknown(specimen: Specimen, fault: Fault, name: str, known: Sequence[str]) -> SpecimenError:
+    return SpecimenError(
+        f"fault {fault.kind} of {specimen.name} names {name!r}; there are {', '.join(known) or 'none'}."
+    )
+
+
+class FaultySensors:
+    """Spoils a measured response, block after block; the same bytes however the record is cut into blocks."""
+
+    def __init__(self, faults: Sequence[Fault], *, channels: Sequence[str], sample_rate: float, seed: int) -> None:
+        self._faults = [fault for fault in faults if isinstance(fault, SensorFault)]
+        self._rows = [list(channels).index(fault.channel) for fault in self._faults]
+        self._rate = sample_rate
+        self._stuck: dict[int, float] = {}
+        self._noise = {
+            index: np.random.default_rng(np.random.SeedSequence([seed, index, fault.seed]))
+            for index, fault in enumerate(self._faults)
+            if isinstance(fault, NoisySensor)
+        }
+
+    def spoil(self, first_sample: int, response: np.ndarray) -> np.ndarray:
+        """Return what the broken sensors say.
+
+        Parameters
+        ----------
+        first_sample : int
+            Index of the block's first sample within the run; blocks come in order.
+        response : (responses, samples)
+            What healthy ones say; not changed.
+
+        Returns
+        -------
+        ndarray, (responses, samples)
+            The faults are applied one after another, in their order.
+        """
+        if not self._faults:
+            return response
+        spoilt = response.copy()
+        for index, (fault, row) in enumerate(zip(self._faults, self._rows, strict=True)):
+            begin = max(round(fault.start * self._rate) - first_sample, 0)
+            values = spoilt[row, begin:]
+            if values.size == 0:
+                continue
+            match fault:
+                case StuckSensor():
+                    values[:] = self._stuck.setdefault(index, float(values[0]))
+                case NoisySensor():
+                    values += fault.rms * self._noise[index].standard_normal(values.size)
+                case DriftingGain():
+                    seconds = (first_sample + begin + np.arange(values.size)) / self._rate - fault.start
+                    values *= 1.0 + fault.rate * seconds
+        return spoilt

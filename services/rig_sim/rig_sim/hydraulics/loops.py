@@ -1,0 +1,181 @@
+"""Control loops in front of the valve: displacement and force, each PI(D) with load-pressure feedback and feed-forward.
+
+A controller's numbers turn metres, newtons and pascals into a share of the valve's full opening.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from pydantic.dataclasses import dataclass as parameters
+
+from rig_sim.compile.numeric import absolute, select_positive
+from rig_sim.multibody.spatial import Array
+from rig_sim.parameters import STRICT, NotNegative, Positive
+
+#: Damping ratio of the filter that differentiates a command: the flattest pass band.
+_FILTER_DAMPING = math.sqrt(0.5)
+
+
+class Command(NamedTuple):
+    """A drive and its derivatives: m or N, per second, per second squared."""
+
+    value: Any
+    rate: Any = 0.0
+    acceleration: Any = 0.0
+
+
+class Piston(NamedTuple):
+    """What a controller knows of the piston: load pressure in MPa, speed in m/s, acceleration in m/s^2."""
+
+    load_pressure: Any
+    speed: Any
+    #: Where an accelerometer is on it.
+    acceleration: Any = 0.0
+
+
+class Feedback(StrEnum):
+    """What a force loop takes for the force."""
+
+    #: A load cell in the rod between piston and specimen.
+    LOAD_CELL = "load_cell"
+    #: Both chambers' pressures times their areas: friction and the piston's inertia included.
+    PRESSURE = "pressure"
+
+
+@parameters(config=STRICT)
+class DisplacementLoop:
+    """The controller in front of the valve: PID, feed-forward, and feedback of the high-passed load pressure.
+
+    The pressure feedback damps the oil's resonance. Where its corner lies below the band, it is all but static, and
+    without an integral the actuator gives way under load: compliant on purpose.
+    """
+
+    #: Share of full opening per metre of error, in 1/m, and per metre second, in 1/(m*s).
+    proportional: Positive
+    integral: NotNegative
+    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
+    pressure_feedback: NotNegative
+    pressure_corner: Positive
+    #: Share of full opening taken back per m/s of the piston, in s/m; equal to `velocity_feedforward` it acts on the
+    #: rate of the error.
+    derivative: NotNegative = 0.0
+    #: Share of full opening per m/s and per m/s^2 of the command, in s/m and s^2/m.
+    velocity_feedforward: NotNegative = 0.0
+    acceleration_feedforward: NotNegative = 0.0
+    #: Corner of the second-order filter that differentiates the command, in Hz.
+    command_filter: Positive = 200.0
+
+    @property
+    def filters_command(self) -> bool:
+        """Whether the command's derivatives are wanted, which costs two states."""
+        return self.velocity_feedforward > 0.0 or self.acceleration_feedforward > 0.0
+
+    def feed(self, command: Command, piston: Piston) -> Any:
+        """Return what is added to P, I and pressure feedback, as a share of full opening."""
+        return (
+            self.velocity_feedforward * command.rate
+            + self.acceleration_feedforward * command.acceleration
+            - self.derivative * piston.speed
+        )
+
+    #: Unit of the integral's state, in m*s.
+    integral_unit = 1.0
+
+
+@parameters(config=STRICT)
+class ForceLoop:
+    """A force controller: PI, load-pressure feedback, feed-forward, compensation of the specimen's motion.
+
+    An actuator in force control is an integrator (oil is stiff, the valve gives flow); what the pressure feedback adds
+    above its corner is the loop's derivative action. `velocity_compensation` gives the piston the oil that the moving
+    specimen takes: without it, a specimen near its resonance runs away from the actuator and the force drops.
+    """
+
+    #: Share of full opening per newton of error, in 1/N, and per newton second, in 1/(N*s).
+    proportional: Positive
+    integral: NotNegative
+    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
+    pressure_feedback: NotNegative
+    pressure_corner: Positive
+    feedback: Feedback = Feedback.LOAD_CELL
+    #: Share of full opening per newton and per N/s of the command, in 1/N and s/N.
+    feedforward: NotNegative = 0.0
+    rate_feedforward: NotNegative = 0.0
+    #: Share of full opening per m/s of the piston, in s/m, and per m/s^2 of its accelerometer, in s^2/m: the lead that
+    #: makes up for the valve's lag. Where velocity compensation is area over flow gain, all of the oil is given.
+    velocity_compensation: NotNegative = 0.0
+    acceleration_compensation: NotNegative = 0.0
+    #: Corner of the second-order filter that differentiates the command, in Hz.
+    command_filter: Positive = 200.0
+
+    def __post_init__(self) -> None:
+        if self.acceleration_compensation > 0.0 and self.feedback is not Feedback.LOAD_CELL:
+            raise ValueError(
+                f"acceleration_compensation is {self.acceleration_compensation:g} s^2/m; with feedback: "
+                f"{self.feedback} it must be 0, for it takes the load cell"
+            )
+
+    @property
+    def filters_command(self) -> bool:
+        """Whether the command's derivative is wanted, which costs two states."""
+        return self.rate_feedforward > 0.0
+
+    def feed(self, command: Command, piston: Piston) -> Any:
+        """Return what is added to P, I and pressure feedback, as a share of full opening."""
+        return (
+            self.feedforward * command.value
+            + self.rate_feedforward * command.rate
+            + self.velocity_compensation * piston.speed
+            + self.acceleration_compensation * piston.acceleration
+        )
+
+    #: Unit of the integral's state, in N*s: of order one like the other states.
+    integral_unit = 1.0e3
+
+
+Loop = DisplacementLoop | ForceLoop
+
+
+def initial_loop_state(loop: Loop) -> tuple[float, ...]:
+    """Return low-passed load pressure in MPa, integral of the error, and the command filter's value and scaled rate."""
+    return (0.0, 0.0, 0.0, 0.0) if loop.filters_command else (0.0, 0.0)
+
+
+def control(loop: Loop, state: Array, *, wanted: Any, achieved: Any, piston: Piston) -> tuple[Any, list[Any]]:
+    """Return the valve's command and the rates of the loop's states.
+
+    Parameters
+    ----------
+    state : as `initial_loop_state` returns it
+    wanted, achieved : in the loop's unit, m or N
+    piston : as measured
+
+    Returns
+    -------
+    tuple
+        Command as a share of full opening, not limited, and the rates.
+    """
+    low_passed, integral = state[0], state[1]
+    error = wanted - achieved
+    opening = (
+        loop.proportional * error
+        + (loop.integral * loop.integral_unit) * integral
+        - (loop.pressure_feedback * 1.0e6) * (piston.load_pressure - low_passed)
+    )
+    command, filter_rates = Command(wanted), []
+    if loop.filters_command:
+        omega = 2.0 * math.pi * loop.command_filter
+        scaled = wanted - state[2] - 2.0 * _FILTER_DAMPING * state[3]
+        command = Command(wanted, omega * state[3], omega * omega * scaled)
+        filter_rates = [command.rate, omega * scaled]
+    opening = opening + loop.feed(command, piston)
+    # While the valve is at its stop the integral waits: else it would wind up and overshoot afterwards.
+    integral_rate = select_positive(1.0 - absolute(opening), error, 0.0) if loop.integral > 0.0 else 0.0
+    return opening, [
+        (piston.load_pressure - low_passed) * (2.0 * math.pi * loop.pressure_corner),
+        integral_rate * (1.0 / loop.integral_unit),
+        *filter_rates,
+    ]

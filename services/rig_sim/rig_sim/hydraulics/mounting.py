@@ -1,0 +1,119 @@
+"""Mount actuators and supplies on the tree: joints, rods and load cells by name, or one sentence why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator, LoadCell
+from rig_sim.hydraulics.loops import Feedback
+from rig_sim.hydraulics.parts import MAIN_SUPPLY, ActuatorKind, ActuatorPart, ForceKind
+from rig_sim.hydraulics.supply import Supply
+from rig_sim.multibody.tree import Joint, JointKind, MultibodyTree
+
+
+def all_supplies(main: Supply | None, others: Mapping[str, Supply]) -> dict[str, Supply]:
+    """Return the supplies by name, the main one first.
+
+    Raises
+    ------
+    ValueError
+        Where another one has the main one's name.
+    """
+    if main is not None and MAIN_SUPPLY in others:
+        raise ValueError(f"supplies has one called {MAIN_SUPPLY!r} beside supply; names must differ.")
+    return ({} if main is None else {MAIN_SUPPLY: main}) | dict(others)
+
+
+def mount_actuator(
+    part: ActuatorPart, kinds: Mapping[str, ActuatorKind], supplies: Mapping[str, Supply], tree: MultibodyTree
+) -> HydraulicActuator:
+    """Return the actuator of a part.
+
+    Raises
+    ------
+    ValueError
+        Where its kind, supply or joint does not exist or fit, or its load cell has no rod.
+    """
+    kind = kinds.get(part.kind)
+    if kind is None:
+        raise ValueError(f"actuator {part.name!r} is of kind {part.kind!r}; actuator_kinds has {_list(kinds)}.")
+    if not supplies:
+        raise ValueError("it has actuators but no supply; give its pressures.")
+    supply = supplies.get(part.supply)
+    if supply is None:
+        raise ValueError(f"actuator {part.name!r} is fed by supply {part.supply!r}; there are {_list(supplies)}.")
+    joint = tree.joint(part.joint)
+    if joint.kind is not JointKind.PRISMATIC:
+        raise ValueError(
+            f"actuator {part.name!r} is on joint {part.joint!r}, which is {joint.kind.name.lower()}; "
+            "a cylinder needs a prismatic joint."
+        )
+    middle = 0.5 * (supply.supply_pressure + supply.return_pressure)
+    if isinstance(kind, ForceKind):
+        return ForceActuator(
+            name=part.name,
+            joint_position=joint.position_start,
+            joint_velocity=joint.velocity_start,
+            valve=kind.valve,
+            cylinder=kind.cylinder,
+            loop=kind.loop,
+            supply=part.supply,
+            middle_pressure=middle,
+            load_cell=_load_cell(part, joint, tree) if kind.loop.feedback is Feedback.LOAD_CELL else None,
+        )
+    return DisplacementActuator(
+        name=part.name,
+        joint_position=joint.position_start,
+        joint_velocity=joint.velocity_start,
+        valve=kind.valve,
+        cylinder=kind.cylinder,
+        loop=kind.loop,
+        supply=part.supply,
+        middle_pressure=middle,
+    )
+
+
+def _load_cell(part: ActuatorPart, joint: Joint, tree: MultibodyTree) -> LoadCell:
+    rods = [spring for spring in tree.springs if joint.child in (spring.body_a, spring.body_b)]
+    if len(rods) != 1:
+        raise ValueError(
+            f"actuator {part.name!r} feeds back its load cell, but {len(rods)} rods (drake:linear_spring_damper) hold "
+            f"its piston {tree.bodies[joint.child].name!r}; it takes exactly one, or feedback: pressure."
+        )
+    return LoadCell(
+        rod=rods[0],
+        piston=joint.child,
+        joint=tree.joints.index(joint),
+        piston_mass=tree.bodies[joint.child].mass,
+        gravity=tree.gravity,
+    )
+
+
+def check_limits(actuator: HydraulicActuator, supply: Supply, *, minimum: float, maximum: float) -> None:
+    """Refuse a drive that its actuator cannot reach.
+
+    Raises
+    ------
+    ValueError
+        Where a stroke goes beyond the cylinder, or a force beyond what the supply presses with.
+    """
+    if isinstance(actuator, DisplacementActuator):
+        half = actuator.cylinder.half_stroke
+        if max(maximum, -minimum) > half:
+            raise ValueError(
+                f"drive {actuator.name!r} goes from {minimum:g} to {maximum:g} m; "
+                f"its cylinder ends at {half:g} m either way."
+            )
+        return
+    area_a, area_b = actuator.cylinder.areas
+    push = supply.supply_pressure * area_a - supply.return_pressure * area_b
+    pull = supply.supply_pressure * area_b - supply.return_pressure * area_a
+    if maximum > push or -minimum > pull:
+        raise ValueError(
+            f"drive {actuator.name!r} goes from {minimum:g} to {maximum:g} N; "
+            f"its cylinder pulls with {-pull:.0f} N and pushes with {push:.0f} N at most."
+        )
+
+
+def _list(names: Mapping[str, object]) -> str:
+    return ", ".join(names) or "none"

@@ -1,0 +1,224 @@
+"""One playback on the bus: paced, streamed block by block, watched, and ramped down where something trips."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import structlog
+
+from duralab_proto.arrays import to_array, to_record
+from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
+from labbus import Bus, Call, FaultError, StreamPublisher
+from rig_sim.interlock import Interlock
+from rig_sim.playable import PlayableRig, PlayableRun
+from rig_sim.player import Block, Playback, Rig, RigFaultError
+from rig_sim.pose_stream import PoseStream
+from rig_sim.watchdogs import Trip, first_trip
+
+COMMANDER_GONE = "its commander is gone"
+_STATE_SECONDS = 0.5
+#: Paced in real time, the player is ahead of the clock by a slice; so a stop is heard within one.
+_PACED_SECONDS = 0.02
+
+
+class Performance:
+    """Plays drives on one rig; one at a time, which the interlock sees to."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        rig: PlayableRig,
+        interlock: Interlock,
+        *,
+        responses: Sequence[array_pb2.Channel],
+        tell_state: Callable[[], None],
+    ) -> None:
+        self._bus = bus
+        self._rig = rig
+        self._interlock = interlock
+        self._responses = list(responses)
+        self._tell_state = tell_state
+        self._poses = PoseStream(bus, rig.specimen.name, rig.poses) if isinstance(rig, Rig) else None
+        self._log = structlog.get_logger("rig_sim").bind(rig=rig.specimen.name)
+
+    def play(self, request: rig_pb2.PlayRequest, drive: np.ndarray, call: Call) -> rig_pb2.PlayResult:
+        """Play a checked drive on a rig that the interlock has given.
+
+        Parameters
+        ----------
+        request : rig_pb2.PlayRequest
+            What was asked.
+        drive : (drives, samples)
+            Its drive, checked.
+        call : Call
+            Of the commander: told of progress; when it is gone, the rig ramps down.
+
+        Returns
+        -------
+        rig_pb2.PlayResult
+            Of a playback that came to its end.
+
+        Raises
+        ------
+        FaultError
+            CANCELLED where it was stopped or its commander went, FAILED_PRECONDITION where a watchdog tripped or the
+            rig failed. The rig is latched then.
+        """
+        playback = self._rig.playback(drive, seed=request.seed)
+        rate = self._rig.specimen.sample_rate
+        if request.real_time and isinstance(playback, Playback):
+            playback.block_samples = min(playback.block_samples, max(round(_PACED_SECONDS * rate), 1))
+        publisher = self._bus.publisher(self._bus.keys.rig_signal(self._rig.specimen.name, request.run))
+        publish = _Publishing(publisher, request.run, rate, size=self._rig.block_samples)
+        clock = _Clock(rate, real_time=request.real_time)
+        if self._poses is not None:
+            self._poses.begin(request.run)
+        try:
+            self._perform(request.run, playback, publish, clock, call)
+        except RigFaultError as error:
+            self._latch(str(error).rstrip("."))
+            self._log.warning("broken off", run=request.run, reason=str(error))
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="drive.samples") from error
+        finally:
+            if self._poses is not None:
+                self._poses.flush()
+            publisher.close()
+        seconds = drive.shape[1] / rate
+        factor = seconds / (time.monotonic() - clock.started)
+        self._log.info("played", run=request.run, seconds=seconds, real_time_factor=factor)
+        return rig_pb2.PlayResult(
+            run=request.run,
+            response=to_record(self._responses, rate, playback.response),
+            actuators=[
+                rig_pb2.ActuatorUse(
+                    drive=use.drive,
+                    peak_command_ratio=use.peak_command_ratio,
+                    saturated_share=use.saturated_share,
+                    largest_following_error=use.largest_following_error,
+                    largest_load_pressure_share=use.largest_load_pressure_share,
+                    lowest_supply_pressure=use.lowest_supply_pressure,
+                )
+                for use in playback.uses()
+            ],
+            epoch=publisher.epoch,
+            blocks=publish.blocks,
+            real_time_factor=factor,
+        )
+
+    def _perform(self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, call: Call) -> None:
+        samples = playback.response.shape[1]
+        told = clock.started
+        for block in playback.blocks():
+            done = playback.samples_done
+            stopped = self._interlock.wait_for_stop(clock.ahead(done))
+            trip = self._watch(block)
+            ended = done == samples and trip is None
+            publish(block, last=ended)
+            self._show(playback)
+            if ended:
+                return
+            if trip is not None or stopped or call.cancelled:
+                self._break_off(run, playback, publish, clock, trip)
+            elapsed = time.monotonic() - clock.started
+            self._interlock.fraction = done / samples
+            # The bus thins progress out; the state stream goes to everybody.
+            call.progress("playing", done / samples, remaining_seconds=elapsed * (samples - done) / done, detail=run)
+            if clock.started + elapsed - told >= _STATE_SECONDS:
+                told = clock.started + elapsed
+                self._tell_state()
+
+    def _watch(self, block: Block) -> Trip | None:
+        if not isinstance(self._rig, Rig) or block.following_error is None or block.monitored is None:
+            return None
+        return first_trip(
+            self._rig.watchdogs,
+            first_sample=block.first_sample,
+            sample_rate=self._rig.specimen.sample_rate,
+            response=block.response,
+            following_error=block.following_error,
+            monitored=block.monitored,
+        )
+
+    def _break_off(
+        self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, trip: Trip | None
+    ) -> None:
+        """Latch, ramp down and raise what the commander is told."""
+        # Where it was stopped, it is latched already, and the first reason stays.
+        self._latch(COMMANDER_GONE if trip is None else trip.sentence)
+        reason = self._interlock.state().reason
+        publish.flush(last=False)
+        ramp = playback.ramp_down()
+        block = next(ramp, None)
+        while block is not None:
+            # One ahead: only who has seen the next knows whether this is the last.
+            following = next(ramp, None)
+            time.sleep(clock.ahead(block.first_sample + block.drive.shape[1]))
+            publish(block, last=following is None)
+            block = following
+        self._log.warning("ramped down", run=run, reason=reason)
+        if trip is None:
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, f"run {run!r} was stopped: {reason}.")
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"run {run!r} was broken off: {trip.sentence}; see to it and reset {self._rig.specimen.name}.",
+            field="drive.samples",
+        )
+
+    def _latch(self, reason: str) -> None:
+        self._interlock.trip(reason)
+        self._tell_state()
+
+    def _show(self, playback: PlayableRun) -> None:
+        if self._poses is not None and isinstance(playback, Playback):
+            self._poses.add(playback.samples_done / self._rig.specimen.sample_rate, playback.positions)
+
+
+class _Publishing:
+    """Publishes the blocks of one run, slices of a block together, and counts them."""
+
+    def __init__(self, publisher: StreamPublisher, run: str, rate: float, *, size: int) -> None:
+        self._publisher = publisher
+        self._run = run
+        self._rate = rate
+        self._size = size
+        self._slices: list[Block] = []
+        self.blocks = 0
+
+    def __call__(self, block: Block, *, last: bool) -> None:
+        self._slices.append(block)
+        if last or sum(part.drive.shape[1] for part in self._slices) >= self._size:
+            self.flush(last=last)
+
+    def flush(self, *, last: bool) -> None:
+        """Publish what was gathered."""
+        if not self._slices:
+            return
+        self._publisher.put(
+            rig_pb2.SignalBlock(
+                run=self._run,
+                first_sample=self._slices[0].first_sample,
+                sample_rate=self._rate,
+                drive=to_array(np.hstack([part.drive for part in self._slices])),
+                response=to_array(np.hstack([part.response for part in self._slices])),
+                last=last,
+            )
+        )
+        self.blocks += 1
+        self._slices.clear()
+
+
+class _Clock:
+    """Says how far a playback is ahead of real time, where it has to keep to it."""
+
+    def __init__(self, rate: float, *, real_time: bool) -> None:
+        self._rate = rate
+        self._real_time = real_time
+        self.started = time.monotonic()
+
+    def ahead(self, samples: int) -> float:
+        """Return for how many seconds to wait after so many samples."""
+        if not self._real_time:
+            return 0.0
+        return max(samples / self._rate - (time.monotonic() - self.started), 0.0)

@@ -1,0 +1,49 @@
+"""Body poses while a rig plays, for a 3-D view: no more than 60 a simulated second, several to a message."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import rig_pb2
+from labbus import Bus
+from rig_sim.poses import Poses, to_poses
+
+LARGEST_RATE = 60.0
+_POSES = 10
+
+
+class PoseStream:
+    """Gathers and publishes the poses of one rig."""
+
+    def __init__(self, bus: Bus, rig: str, poses: Poses) -> None:
+        self._publisher = bus.publisher(bus.keys.rig_pose(rig))
+        self._poses = poses
+        self.begin("")
+
+    def begin(self, run: str) -> None:
+        """Begin a run; its time counts from zero."""
+        self._run = run
+        self._times: list[float] = []
+        self._frames: list[np.ndarray] = []
+        self._next = 0.0
+
+    def add(self, seconds: float, positions: np.ndarray) -> None:
+        """Take Drake's positions (n_q,) at a time of the run; left out where they come too often."""
+        if seconds < self._next:
+            return
+        self._next = seconds + 1.0 / LARGEST_RATE
+        self._times.append(seconds)
+        self._frames.append(self._poses.frames(positions))
+        if len(self._times) >= _POSES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Publish what was gathered."""
+        if not self._times:
+            return
+        block = rig_pb2.PoseBlock(
+            run=self._run, time=to_array(np.array(self._times)), poses=to_array(to_poses(np.stack(self._frames)))
+        )
+        self._times, self._frames = [], []
+        self._publisher.put(block)

@@ -1,0 +1,115 @@
+"""Response channels of a specimen's YAML: which sensor is where. The key that names the place decides the kind.
+
+`transducer` is a wheel-force transducer, `body` an accelerometer, `strut` a displacement, `frame_a` a load cell in the
+mount of a bushing. What they measure is said in :mod:`rig_sim.measurement`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Discriminator, Tag
+
+from rig_sim.parameters import STRICT, Name, NotNegative, Positive, Vector
+from rig_sim.quantities import UNIT_OF, Quantity
+
+
+class _ResponseChannel(BaseModel):
+    model_config = STRICT
+
+    name: Name
+    #: Range of the sensor and RMS of its white noise, in the unit of its quantity.
+    range: Positive
+    noise_rms: NotNegative
+    label: str
+
+
+class SpindleChannel(_ResponseChannel):
+    """One component of force or moment at a wheel-force transducer, on the spindle, in the transducer's axes.
+
+    The moment, in N*m, is about the transducer's own centre: the origin of the weld, in the shipped rigs the wheel's.
+    """
+
+    #: The weld in the SDF that is the transducer; its child is the wheel.
+    transducer: str
+    axis: Literal["x", "y", "z"]
+    quantity: Literal[Quantity.FORCE, Quantity.MOMENT] = Quantity.FORCE
+
+    @property
+    def unit(self) -> str:
+        """N or N*m."""
+        return UNIT_OF[self.quantity]
+
+
+class AccelerationChannel(_ResponseChannel):
+    """One component of the acceleration of a point, in the body's axes, without gravity."""
+
+    #: The body that carries the sensor, and where, in the model's frame at design height, in m.
+    body: str
+    point: Vector
+    axis: Literal["x", "y", "z"]
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it measures."""
+        return Quantity.ACCELERATION
+
+    @property
+    def unit(self) -> str:
+        """m/s^2."""
+        return UNIT_OF[self.quantity]
+
+
+class StrutChannel(_ResponseChannel):
+    """The compression of a strut from its design length, positive when shorter."""
+
+    #: Name of the strut; of a mirrored one, left_ or right_ included.
+    strut: str
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it measures."""
+        return Quantity.DISPLACEMENT
+
+    @property
+    def unit(self) -> str:
+        """Metre."""
+        return UNIT_OF[self.quantity]
+
+
+class BushingChannel(_ResponseChannel):
+    """One component of the force on the mount of a bushing (frame A), in its axes, rubber of the YAML included."""
+
+    #: The two frames of the bushing in the SDF.
+    frame_a: str
+    frame_c: str
+    axis: Literal["x", "y", "z"]
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it measures."""
+        return Quantity.FORCE
+
+    @property
+    def unit(self) -> str:
+        """Newton."""
+        return UNIT_OF[self.quantity]
+
+
+#: Names of the kinds, which pydantic puts into the place of an error; they are no keys of the YAML.
+KINDS = {"body": "an accelerometer", "strut": "a strut's displacement", "frame_a": "a bushing's force"}
+SPINDLE = "a wheel-force transducer"
+
+
+def _kind(document: Any) -> str:
+    keys = document if isinstance(document, dict) else vars(document) if isinstance(document, BaseModel) else {}
+    return next((kind for key, kind in KINDS.items() if key in keys), SPINDLE)
+
+
+ResponseChannel = Annotated[
+    Annotated[SpindleChannel, Tag(SPINDLE)]
+    | Annotated[AccelerationChannel, Tag(KINDS["body"])]
+    | Annotated[StrutChannel, Tag(KINDS["strut"])]
+    | Annotated[BushingChannel, Tag(KINDS["frame_a"])],
+    Discriminator(_kind),
+]

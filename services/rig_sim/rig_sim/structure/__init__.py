@@ -1,0 +1,1 @@
+"""Lightly damped structures: beams into modes, modes into a state space that is played exactly."""

@@ -1,0 +1,196 @@
+"""Watchdogs of a playback: limits on what is measured and achieved; the first violation of a block, or none.
+
+They see what the sensors say, block by block: a rig is told to ramp down at the end of the block in which one tripped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from pydantic import BaseModel, model_validator
+
+from rig_sim.parameters import STRICT, Finite, Positive
+
+
+class Source(StrEnum):
+    """What a watchdog looks at."""
+
+    RESPONSE = "response"
+    FOLLOWING_ERROR = "following error"
+    MONITORED = "monitored value"
+
+
+class Range(BaseModel):
+    """Where a monitored value has to stay, in its own unit; either end may be open."""
+
+    model_config = STRICT
+
+    minimum: Finite | None = None
+    maximum: Finite | None = None
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Range:
+        if self.minimum is None and self.maximum is None:
+            raise ValueError("neither minimum nor maximum is given; give at least one")
+        if self.minimum is not None and self.maximum is not None and not self.minimum < self.maximum:
+            raise ValueError(f"minimum is {self.minimum:g}; it must be below maximum, {self.maximum:g}")
+        return self
+
+
+class WatchdogLimits(BaseModel):
+    """Limits of a specimen's watchdogs; what is not named is not watched."""
+
+    model_config = STRICT
+
+    #: Largest magnitude of responses, by channel, in the channel's unit.
+    responses: dict[str, Positive] = {}
+    #: Largest magnitude of command less achieved value, by drive, in the drive's unit. Leave out an actuator that gives
+    #: way under load on purpose.
+    following_errors: dict[str, Positive] = {}
+    #: Monitored values of the elements, pressures above all, e.g. `left_vertical.load_pressure` (share of the largest).
+    monitored: dict[str, Range] = {}
+
+
+@dataclass(frozen=True)
+class Watchdog:
+    """One limit: which row of its source, and where its values have to stay."""
+
+    source: Source
+    name: str
+    row: int
+    unit: str
+    minimum: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class Trip:
+    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s."""
+
+    watchdog: Watchdog
+    value: float
+    limit: float
+    seconds: float
+
+    @property
+    def sentence(self) -> str:
+        """Say it, without the stop at the end."""
+        dog = self.watchdog
+        unit = f" {dog.unit}" if dog.unit else ""
+        return (
+            f"the {dog.source} of {dog.name} was {self.value:.4g}{unit} at {self.seconds:.3f} s, "
+            f"its watchdog allows {dog.minimum:g} to {dog.maximum:g}{unit}"
+        )
+
+
+def set_up_watchdogs(
+    limits: WatchdogLimits,
+    *,
+    responses: Mapping[str, str],
+    drives: Mapping[str, str],
+    followed: Sequence[str],
+    monitored: Sequence[str],
+) -> tuple[Watchdog, ...]:
+    """Find what the limits name.
+
+    Parameters
+    ----------
+    limits : WatchdogLimits
+        Of a specimen.
+    responses, drives : mapping of str to str
+        Units by channel, in the order of their rows.
+    followed : sequence of str
+        Drives that an actuator follows; others have no following error.
+    monitored : sequence of str
+        Names of the monitored values, in the order of their rows.
+
+    Returns
+    -------
+    tuple of Watchdog
+        In the order of the limits.
+
+    Raises
+    ------
+    ValueError
+        Where a name does not exist; the sentence lists those that do.
+    """
+    dogs = []
+    for source, given, rows, allowed in (
+        (Source.RESPONSE, limits.responses, list(responses), list(responses)),
+        (Source.FOLLOWING_ERROR, limits.following_errors, list(drives), list(followed)),
+        (Source.MONITORED, limits.monitored, list(monitored), list(monitored)),
+    ):
+        units = {Source.RESPONSE: responses, Source.FOLLOWING_ERROR: drives, Source.MONITORED: {}}[source]
+        for name, limit in given.items():
+            if name not in allowed:
+                raise ValueError(
+                    f"a watchdog is set on the {source} of {name!r}; there are {', '.join(allowed) or 'none'}."
+                )
+            ends = limit if isinstance(limit, Range) else Range(minimum=-limit, maximum=limit)
+            dogs.append(
+                Watchdog(
+                    source=source,
+                    name=name,
+                    row=rows.index(name),
+                    unit=units.get(name, ""),
+                    minimum=-np.inf if ends.minimum is None else ends.minimum,
+                    maximum=np.inf if ends.maximum is None else ends.maximum,
+                )
+            )
+    return tuple(dogs)
+
+
+def first_trip(
+    watchdogs: Sequence[Watchdog],
+    *,
+    first_sample: int,
+    sample_rate: float,
+    response: np.ndarray,
+    following_error: np.ndarray,
+    monitored: np.ndarray,
+) -> Trip | None:
+    """Look at a block.
+
+    Parameters
+    ----------
+    watchdogs : sequence of Watchdog
+        Of the rig that plays.
+    first_sample : int
+        Index of the block's first sample within the run.
+    sample_rate : float
+        In Hz.
+    response : (responses, samples)
+        As measured, each row in its channel's unit.
+    following_error : (drives, samples)
+        Command less achieved value, each row in its drive's unit; zero where no actuator follows.
+    monitored : (monitored values, samples)
+        In their own units.
+
+    Returns
+    -------
+    Trip or None
+        The earliest violation; of several at one sample, the first in the order of the watchdogs.
+    """
+    values = {Source.RESPONSE: response, Source.FOLLOWING_ERROR: following_error, Source.MONITORED: monitored}
+    earliest: Trip | None = None
+    for source, block in values.items():
+        dogs = [dog for dog in watchdogs if dog.source is source]
+        if not dogs or block.shape[1] == 0:
+            continue
+        rows = block[[dog.row for dog in dogs]]
+        # Written so that a value that is not a number is outside.
+        outside = ~(
+            (rows >= np.array([[dog.minimum] for dog in dogs])) & (rows <= np.array([[dog.maximum] for dog in dogs]))
+        )
+        if not outside.any():
+            continue
+        sample = int(np.argmax(outside.any(axis=0)))
+        which = int(np.argmax(outside[:, sample]))
+        dog, value = dogs[which], float(rows[which, sample])
+        seconds = (first_sample + sample) / sample_rate
+        if earliest is None or seconds < earliest.seconds:
+            earliest = Trip(dog, value, dog.minimum if value < dog.minimum else dog.maximum, seconds)
+    return earliest

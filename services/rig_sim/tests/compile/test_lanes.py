@@ -1,0 +1,218 @@
+"""Lanes: every operation on two sides as scalar code and numpy have it; mirrors found, and refused, for a reason."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig_sim.compile import (
+    absolute,
+    asin,
+    atan2,
+    clamp,
+    compile_model,
+    cos,
+    exp,
+    maximum,
+    minimum,
+    select_positive,
+    sin,
+    sqrt,
+    tanh,
+)
+
+#: What a side computes from its own state (x, y) and a constant of its own.
+OPERATIONS = {
+    "add": lambda x, y, c: x + y * c,
+    "subtract": lambda x, y, c: x * c - y,
+    "multiply": lambda x, y, c: x * y * c,
+    "divide": lambda x, y, c: x / (y + c),
+    "negate": lambda x, y, c: -(x * c) - y,
+    "abs": lambda x, y, c: absolute(x - c * y),
+    "sqrt": lambda x, y, c: sqrt(x * x + c * c),
+    "sin": lambda x, y, c: sin(c * x),
+    "cos": lambda x, y, c: cos(c * x - y),
+    "tanh": lambda x, y, c: tanh(c * x),
+    "exp": lambda x, y, c: exp(c * x),
+    "asin": lambda x, y, c: asin(c * 0.01 * x),
+    "atan2": lambda x, y, c: atan2(c * x, y),
+    "minimum": lambda x, y, c: minimum(c * x, y),
+    "maximum": lambda x, y, c: maximum(x, c),
+    "clamp": lambda x, y, c: clamp(x, -abs(c), y),
+    "select_positive": lambda x, y, c: select_positive(c * x, y, 2.0 * x),
+}
+STATES = ["left x", "left y", "right x", "right y"]
+INPUTS = ["left u", "right u"]
+
+
+def two_sides(operation, constants):
+    """Return a model of two sides that know nothing of each other; a polynomial makes the lanes worth their while."""
+
+    def side(x, y, u, c):
+        value = operation(x, y, c)
+        heavy = value
+        for power in range(6):
+            heavy = heavy * (x + power + 0.5) + y * c
+        return [value + 0.1 * heavy, u - c * x], value
+
+    def model(state, inputs):
+        left, first = side(state[0], state[1], inputs[0], constants[0])
+        right, second = side(state[2], state[3], inputs[1], constants[1])
+        return [*left, *right], [first, second]
+
+    return model
+
+
+def compiled(model, states=STATES, inputs=INPUTS, **options):
+    return compile_model(model, state_names=states, input_names=inputs, **options)
+
+
+@pytest.mark.parametrize("constants", [(0.7, -0.7), (0.7, 1.3), (-0.4, -0.4)])
+@pytest.mark.parametrize("name", sorted(OPERATIONS))
+def test_an_operation_in_lanes_gives_what_the_scalar_code_and_numpy_give(name, constants):
+    model = two_sides(OPERATIONS[name], constants)
+    lanes, scalar = compiled(model), compiled(model, lanes=False)
+    assert (lanes.lanes, scalar.lanes) == (2, 1)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        state, inputs = rng.uniform(-3.0, 3.0, 4), rng.normal(size=2)
+        plain = [np.array(values, dtype=float) for values in model(state, inputs)]
+        for other, values in ((scalar.derivative, plain[0]), (scalar.outputs, plain[1])):
+            ours = (lanes.derivative if values is plain[0] else lanes.outputs)(state, inputs)
+            scale = np.abs(values).max()
+            np.testing.assert_allclose(ours, values, rtol=1e-13, atol=1e-13 * scale)
+            np.testing.assert_allclose(ours, other(state, inputs), rtol=1e-13, atol=1e-13 * scale)
+
+
+def test_without_fusing_lanes_give_the_bits_of_the_scalar_code():
+    model = two_sides(lambda x, y, c: (x - c * y) * sin(c * x) / (y - 4.0), (0.7, -0.7))
+    lanes, scalar = (compiled(model, contract=False, lanes=wanted) for wanted in (True, False))
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        state, inputs = rng.normal(size=4), rng.normal(size=2)
+        np.testing.assert_array_equal(lanes.derivative(state, inputs), scalar.derivative(state, inputs))
+
+
+@pytest.mark.parametrize("edge", [0.0, -0.0, math.nan, math.inf, 1e300])
+def test_a_value_beyond_numbers_stays_on_its_side(edge):
+    lanes = compiled(two_sides(OPERATIONS["clamp"], (0.7, -0.7)))
+    quiet = lanes.derivative([0.5, 0.25, 0.5, 0.25], [0.0, 0.0])
+    np.testing.assert_array_equal(lanes.derivative([0.5, 0.25, edge, 1.0], [0.0, 0.0])[:2], quiet[:2])
+    np.testing.assert_array_equal(lanes.derivative([edge, 1.0, 0.5, 0.25], [0.0, 0.0])[2:], quiet[2:])
+
+
+def chain(state, inputs, *, coupling, mirror=-1.0):
+    """Two chains of masses, one the mirror of the other, with a rack between them."""
+    rates, outputs = [], []
+    rack, rack_speed = state[0], state[1]
+    pull = 0.0
+    for side, sign in enumerate((1.0, mirror)):
+        x, y, vx, vy = state[2 + 4 * side : 6 + 4 * side]
+        stretch = x - sign * coupling * rack
+        length = sqrt(1.0 + stretch * stretch + y * y)
+        force = stretch * (40.0 + 5.0 * length) + 2.0 * vx / length
+        rates += [vx, vy, -force + 3.0 * tanh(y) + inputs[side], -sign * 20.0 * y + sin(x) * vx - vy]
+        pull = pull + sign * coupling * force
+        outputs += [force * sign, length]
+    return [rack_speed, pull - 8.0 * rack - rack_speed, *rates], [*outputs, rack]
+
+
+CHAIN_STATES = ["rack", "rack speed", *(f"{side} {x}" for side in ("left", "right") for x in ("x", "y", "vx", "vy"))]
+
+
+def looking_across(state, inputs):
+    """Return two sides of which each reads what the other computes, with the sign that a mirror gives it."""
+    (a, b), (c, d) = state[:2], state[2:]
+    left, right = b - a * a * b, c * c * d - d  # the right one is the mirror of the left one, turned
+    rates = []
+    for (x, y), own, other, u in (((a, b), left, right, inputs[0]), ((c, d), -right, -left, inputs[1])):
+        bend = sqrt(1.0 + own * own + x * x) * tanh(other * x) / (2.0 + other * other * y * y)
+        rates += [bend * other - y, u - x * own + bend * bend * y]
+    return rates, [left, right, left * right]
+
+
+def test_what_looks_across_takes_the_other_lane_with_its_sign():
+    lanes = compiled(looking_across)
+    assert lanes.lanes == 2
+    rng = np.random.default_rng(7)
+    for _ in range(30):
+        state, inputs = rng.normal(size=4), rng.normal(size=2)
+        rates, outputs = looking_across(state, inputs)
+        np.testing.assert_allclose(lanes.derivative(state, inputs), np.array(rates, dtype=float), rtol=1e-12)
+        np.testing.assert_allclose(lanes.outputs(state, inputs), np.array(outputs, dtype=float), rtol=1e-12)
+
+
+@pytest.mark.parametrize("coupling", [0.0, 1.0])
+def test_sides_with_a_rack_between_them_play_in_lanes_as_the_scalar_code_does(coupling):
+    def model(state, inputs):
+        return chain(state, inputs, coupling=coupling)
+
+    lanes, scalar = (compiled(model, CHAIN_STATES, INPUTS, lanes=wanted) for wanted in (True, False))
+    assert lanes.lanes == 2
+    time = np.arange(2001) / 1000.0
+    commands = np.array([np.sin(9.0 * time), 0.5 * np.cos(7.0 * time)])
+    rest = np.linspace(-0.2, 0.3, 10)
+    ours, theirs = (m.play(rest, commands, sample_interval=1e-3, substeps=2) for m in (lanes, scalar))
+    assert np.abs(ours.outputs).max() > 0.1
+    np.testing.assert_allclose(ours.outputs, theirs.outputs, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(ours.state, theirs.state, rtol=1e-11, atol=1e-12)
+
+
+def test_chunks_in_lanes_give_the_bits_of_one_call():
+    lanes = compiled(lambda state, inputs: chain(state, inputs, coupling=1.0), CHAIN_STATES, INPUTS)
+    commands = np.random.default_rng(6).normal(size=(2, 301))
+    whole = lanes.play(np.zeros(10), commands, sample_interval=1e-3, substeps=2)
+    state, pieces = np.zeros(10), []
+    for begin, end in ((0, 1), (1, 120), (120, 300)):
+        piece = lanes.play(state, commands[:, begin : end + 1], sample_interval=1e-3, substeps=2)
+        state = piece.state
+        pieces.append(piece.outputs)
+    assert np.hstack(pieces).tobytes() == whole.outputs.tobytes()
+    assert state.tobytes() == whole.state.tobytes()
+
+
+def test_bounds_and_names_of_what_diverged_keep_the_models_order():
+    model = two_sides(OPERATIONS["add"], (0.7, -0.7))
+    bounds = [1e9, 1e9, 1e9, 1e-3]
+    played = compiled(model).play([0, 0, 0, 0], np.ones((2, 100)), sample_interval=1e-3, substeps=1, bounds=bounds)
+    assert played.diverged_states == ("right y",)
+
+
+def test_unlike_sides_stay_scalar():
+    def model(state, inputs):
+        a, b, c, d = state
+        return [
+            a * b * b - inputs[0],
+            sin(a) / (b + 5.0),
+            exp(-d) - c / (2.0 + inputs[1] * d),
+            sqrt(1.0 + c * d) + c,
+        ], []
+
+    assert compiled(model).lanes == 1
+
+
+def test_a_single_chain_stays_scalar():
+    def model(state, inputs):
+        rates = [state[1] * inputs[0]]
+        for k in range(1, 6):
+            rates.append(sin(state[k - 1]) * (k + 1.0) - state[k] / (1.0 + rates[-1] * rates[-1]))
+        return rates, []
+
+    assert compiled(model, [f"x{k}" for k in range(6)], ["u"]).lanes == 1
+
+
+def test_the_order_in_which_states_are_listed_does_not_matter():
+    model = two_sides(OPERATIONS["atan2"], (0.7, -0.7))
+    order = np.array([3, 0, 2, 1])
+
+    def shuffled(state, inputs):
+        listed = np.empty(4, dtype=object)
+        listed[order] = state
+        rates, outputs = model(listed, inputs)
+        return [rates[k] for k in order], outputs
+
+    lanes = compiled(shuffled, [STATES[k] for k in order])
+    assert lanes.lanes == 2
+    state = np.array([0.3, -0.4, 0.5, 0.6])
+    expected = np.array(model(state, [0.1, 0.2])[0], dtype=float)
+    np.testing.assert_allclose(lanes.derivative(state[order], [0.1, 0.2]), expected[order], rtol=1e-13)

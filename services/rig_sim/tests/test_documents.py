@@ -1,0 +1,60 @@
+"""A YAML that is a variant of another: lists and mappings grow, single values change, nonsense is refused."""
+
+import shutil
+
+import pytest
+import yaml
+
+from rig_sim import load_rig, shipped_specimens
+from rig_sim.documents import SpecimenError, document_files, read_document
+from rig_sim.specimen import load_specimen
+
+
+def written(folder, name, content):
+    path = folder / name
+    path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+    return path
+
+
+def test_a_variant_adds_to_lists_and_mappings_and_changes_values(tmp_path):
+    written(tmp_path, "base.yaml", {"a": 1, "list": [1], "map": {"x": 1, "deep": {"y": 2}}})
+    changes = {"variant_of": "base.yaml", "a": 2, "list": [3], "map": {"z": 4, "deep": {"y": 5}}, "new": [6]}
+    path = written(tmp_path, "mine.yaml", changes)
+    assert read_document(path) == {"a": 2, "list": [1, 3], "map": {"x": 1, "z": 4, "deep": {"y": 5}}, "new": [6]}
+    assert document_files(path) == (path, tmp_path / "base.yaml")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"variant_of": "../base.yaml"}, "variant_of is '../base.yaml'; it must name a YAML beside it"),
+        ({"variant_of": 3}, "variant_of is 3"),
+        ({"variant_of": "none.yaml"}, "none.yaml cannot be read: No such file or directory"),
+        ({"variant_of": "mine.yaml"}, "mine.yaml is itself a variant"),
+        ({"variant_of": "base.yaml", "list": 3}, "list is a list in what it varies; give a list of what to add"),
+        ({"variant_of": "base.yaml", "map": {"deep": []}}, "map.deep is a mapping in what it varies"),
+    ],
+)
+def test_a_variant_of_nonsense_is_refused(tmp_path, content, said):
+    written(tmp_path, "base.yaml", {"a": 1, "list": [1], "map": {"deep": {"y": 2}}})
+    with pytest.raises(SpecimenError) as caught:
+        read_document(written(tmp_path, "mine.yaml", content))
+    assert said in str(caught.value)
+    assert str(caught.value).endswith(".")
+
+
+def test_a_rigs_hash_follows_what_it_is_a_variant_of(tmp_path):
+    shipped = shipped_specimens()
+    for name in ("front_axle.yaml", "front_axle.sdf", "front_axle_sensors.yaml"):
+        shutil.copy(shipped["front_axle"].with_name(name), tmp_path)
+    before = load_rig(tmp_path / "front_axle_sensors.yaml").content_hash
+    base = tmp_path / "front_axle.yaml"
+    base.write_text(base.read_text().replace("preload: 5800.0", "preload: 5801.0"))
+    assert load_rig(tmp_path / "front_axle_sensors.yaml").content_hash != before
+
+
+def test_front_axle_sensors_is_front_axle_with_more_responses():
+    whole, more = (load_specimen(shipped_specimens()[name]) for name in ("front_axle", "front_axle_sensors"))
+    assert more.responses[: len(whole.responses)] == whole.responses
+    same = {"name": whole.name, "title": whole.title, "responses": whole.responses}
+    assert more.model_copy(update=same) == whole

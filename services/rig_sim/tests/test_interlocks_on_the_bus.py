@@ -1,0 +1,239 @@
+"""Every interlock on a real bus: what trips ramps the rig down along its ramp and latches it with the reason."""
+
+import dataclasses
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+import labbus
+from duralab_proto.arrays import from_array, to_record
+from duralab_proto.v1 import rig_pb2
+from rig_sim import load_rig, shipped_specimens
+from rig_sim.faults import NoisySensor, SupplySag
+from rig_sim.service import SERVICE, RigServer
+from rig_sim.watchdogs import WatchdogLimits, set_up_watchdogs
+
+RIG = "front_axle"
+WAIT = 60.0
+RAMP_SAMPLES = 600
+
+
+def guarded(rig, **limits):
+    """Return the rig with these watchdogs and no others."""
+    dogs = set_up_watchdogs(
+        WatchdogLimits(**limits),
+        responses={channel.name: "N" for channel in rig.specimen.responses},
+        drives={channel.name: channel.unit for channel in rig.specimen.drives},
+        followed=rig.model.input_names,
+        monitored=rig.model.output_names[len(rig.specimen.responses) :],
+    )
+    return dataclasses.replace(rig, watchdogs=dogs)
+
+
+def wave(seconds, size=0.03, rows=6):
+    time_ = np.arange(round(1000 * seconds)) / 1000.0
+    return size * np.sin(2 * np.pi * 1.5 * time_) * np.minimum(time_, 1.0) * np.ones((rows, 1))
+
+
+class Client:
+    def __init__(self, bus):
+        self.bus, self.blocks, self.arrived, self.states = bus, [], [], []
+        self.changed = threading.Condition()
+        bus.subscribe(bus.keys.rig_signal(RIG, "*"), rig_pb2.SignalBlock, self._on_block)
+        bus.subscribe(bus.keys.rig_state(RIG), rig_pb2.RigState, self._on_state)
+        self.told = bus.query(bus.keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
+
+    def _on_block(self, item):
+        now = time.monotonic()
+        with self.changed:
+            self.blocks.append(item.message)
+            self.arrived.append(now)
+            self.changed.notify_all()
+
+    def _on_state(self, item):
+        with self.changed:
+            self.states.append(item.message)
+            self.changed.notify_all()
+
+    def wait_for(self, condition):
+        with self.changed:
+            assert self.changed.wait_for(condition, WAIT)
+
+    def play(self, run, drive, *, real_time=False, **options):
+        record = to_record(self.told.drives, 1000.0, drive)
+        request = rig_pb2.PlayRequest(run=run, drive=record, real_time=real_time, seed=1)
+        return self.bus.query(self.bus.keys.rig_play(RIG), request, rig_pb2.PlayResult, **options)
+
+    def fault(self, *arguments, **options):
+        with pytest.raises(labbus.FaultError) as caught:
+            self.play(*arguments, **options)
+        return caught.value
+
+    def ask(self, key, request):
+        return self.bus.query(key, request, rig_pb2.RigState)
+
+    def state(self):
+        return self.ask(self.bus.keys.rig_state(RIG), rig_pb2.StateRequest())
+
+    def stop(self, reason="enough"):
+        return self.ask(self.bus.keys.rig_stop(RIG), rig_pb2.StopRequest(reason=reason))
+
+    def reset(self):
+        return self.ask(self.bus.keys.rig_reset(RIG), rig_pb2.ResetRequest())
+
+    def drive_of(self, run):
+        self.wait_for(lambda: any(block.run == run and block.last for block in self.blocks))
+        return np.hstack([from_array(block.drive) for block in self.blocks if block.run == run])
+
+
+@contextmanager
+def served(rig):
+    with labbus.open_bus(service=SERVICE) as server_bus:
+        server = RigServer(server_bus, rig)
+        server_bus.declare_live(SERVICE, RIG)
+        with labbus.open_bus(labbus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:
+            bus.wait_for_live({(SERVICE, RIG)}, WAIT)
+            yield Client(bus)
+        server.close()
+
+
+def readings(rig, drive):
+    playback = rig.playback(drive, seed=1)
+    blocks = list(playback.blocks())
+    monitored = dict(zip(rig.model.output_names[6:], np.hstack([block.monitored for block in blocks]), strict=True))
+    return playback.response, np.hstack([block.following_error for block in blocks]), monitored
+
+
+def tripped_at(values, limit):
+    return int(np.argmax(np.abs(values) > limit))
+
+
+@pytest.mark.parametrize("what", ["force", "following error", "pressure", "noisy sensor"])
+def test_a_watchdog_ramps_down_and_latches_with_value_limit_and_time(front_axle, what):
+    drive, rig = wave(4.0), front_axle
+    if what == "noisy sensor":
+        rig = dataclasses.replace(
+            rig, faults=(NoisySensor(kind="noisy_sensor", channel="left_lateral", rms=5e3, start=2.0),)
+        )
+    response, following, monitored = readings(rig, drive)
+    match what:
+        case "force" | "noisy sensor":
+            values, name, source = response[1], "left_lateral", "response"
+            # Of a healthy sensor the noise of 5 kN is beyond the limit, the signal is not.
+            limit = 0.5 * np.abs(values).max() if what == "force" else 1.1 * np.abs(values[:2000]).max() + 5e3
+            limits = {"responses": {name: limit}}
+        case "following error":
+            values, name, source = following[0], "left_vertical", "following error"
+            limit = 0.5 * np.abs(values).max()
+            limits = {"following_errors": {name: limit}}
+        case "pressure":
+            values, name, source = monitored["left_vertical.load_pressure"], "left_vertical.load_pressure", "monitored"
+            limit = 0.5 * (values.max() + values[0])
+            values = np.maximum(values, 0.0)
+            limits = {"monitored": {name: {"maximum": limit}}}
+    sample = tripped_at(values, limit)
+    assert sample > 100
+    with served(guarded(rig, **limits)) as client:
+        fault = client.fault("watched", drive)
+        assert (fault.code_name, fault.field) == ("FAILED_PRECONDITION", "drive.samples")
+        state = client.state()
+        assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
+        assert state.reason.startswith(f"the {source}")
+        assert f"of {name} was {values[sample]:.4g}" in state.reason
+        assert f"at {sample / 1000.0:.3f} s" in state.reason
+        assert state.reason in fault.message
+        # It went on to the end of the block, then along the ramp to zero and stayed there.
+        done = (sample // 100 + 1) * 100
+        whole = client.drive_of("watched")
+        np.testing.assert_array_equal(whole[:, :done], drive[:, :done])
+        assert whole.shape[1] == done + RAMP_SAMPLES
+        assert not whole[:, -100:].any()
+        assert np.abs(np.diff(whole)).max() * 1000.0 <= np.abs(np.diff(drive)).max() * 1000.0 + np.pi * 0.03
+        # Latched: it stays, everybody was told, nothing plays before a reset.
+        assert client.fault("after", np.zeros((6, 100))).code_name == "FAILED_PRECONDITION"
+        client.wait_for(lambda: client.states[-1].mode == rig_pb2.RIG_MODE_INTERLOCKED and not client.states[-1].run)
+        assert client.states[-1].reason == state.reason
+        assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+        assert client.play("after", np.zeros((6, 100))).run == "after"
+
+
+@pytest.fixture(scope="module")
+def client(front_axle):
+    with served(front_axle) as client:
+        yield client
+
+
+def test_a_supply_that_sags_trips_the_shipped_watchdog():
+    sagged = load_rig(shipped_specimens()[RIG], faults=[SupplySag(kind="supply_sag", share=0.6)])
+    with served(sagged) as client:
+        assert "FAULTS INJECTED: supply sagged to 60 %" in client.told.specimen
+        assert client.fault("sagged", wave(1.0)).code_name == "FAILED_PRECONDITION"
+        reason = client.state().reason
+        assert reason.startswith("the monitored value of supply.pressure was 1.68e+07")
+
+
+def test_the_shipped_watchdogs_let_a_drive_at_half_the_limits_pass(client):
+    assert client.play("usual", wave(3.0)).blocks == 30
+
+
+def test_a_commander_that_goes_latches_the_rig(client):
+    gone = threading.Event()
+    threading.Timer(0.6, gone.set).start()
+    fault = client.fault("alone", wave(60.0), real_time=True, cancel=gone)
+    assert fault.code_name == "CANCELLED"
+    client.wait_for(lambda: client.states[-1].mode == rig_pb2.RIG_MODE_INTERLOCKED and not client.states[-1].run)
+    assert client.state().reason == "its commander is gone"
+    assert not client.drive_of("alone")[:, -1].any()
+    assert client.drive_of("alone").shape[1] < 10_000
+    assert client.fault("next", np.zeros((6, 100))).code_name == "FAILED_PRECONDITION"
+    client.reset()
+
+
+def in_background(client, run, drive, *, real_time):
+    thread = threading.Thread(target=lambda: client.fault(run, drive, real_time=real_time))
+    thread.start()
+    client.wait_for(lambda: sum(block.run == run for block in client.blocks) >= 5)
+    return thread
+
+
+def acted_after(client, run, drive, *, real_time):
+    """Stop a playback; return after how many seconds of wall time the drive began to go down."""
+    thread = in_background(client, run, drive, real_time=real_time)
+    # Somewhere within a block, which a clock of the rig does not know.
+    time.sleep(0.037)
+    asked = time.monotonic()
+    client.stop()
+    thread.join(WAIT)
+    whole = client.drive_of(run)
+    left = int(np.argmax((whole != drive[:, : whole.shape[1]]).any(axis=0)))
+    mine = [(b, at) for b, at in zip(client.blocks, client.arrived, strict=True) if b.run == run]
+    client.reset()
+    if real_time:
+        # The rig's clock: no block comes before its last sample was due.
+        began = min(at - (b.first_sample + b.drive.shape[1]) / 1000.0 for b, at in mine[:5])
+        return began + left / 1000.0 - asked
+    return next(at for b, at in mine if b.first_sample + b.drive.shape[1] > left) - asked
+
+
+@pytest.mark.parametrize("real_time", [True, False])
+def test_a_stop_acts_within_50_ms_of_wall_time(client, real_time):
+    # The best of five: what else this machine does is not the rig's.
+    drive = wave(20.0 if real_time else 300.0)
+    drive[0] += 1e-9 * np.arange(drive.shape[1]) / drive.shape[1]
+    waits = []
+    for attempt in range(5):
+        waits.append(acted_after(client, f"stop-{real_time}-{attempt}".lower(), drive, real_time=real_time))
+        if waits[-1] < 0.05:
+            break
+    assert -0.01 < min(waits) < 0.05
+
+
+def test_a_paced_playback_has_the_same_bytes_and_blocks(client):
+    drive = wave(0.75)
+    first, second = client.play("fast", drive), client.play("paced", drive, real_time=True)
+    assert first.response.samples.data == second.response.samples.data
+    assert first.blocks == second.blocks == 8
+    assert [b.response.shape[1] for b in client.blocks if b.run == "paced"] == [100] * 7 + [50]

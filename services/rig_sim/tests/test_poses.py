@@ -1,0 +1,68 @@
+"""Poses for a view: against Drake, and quaternions against scipy in every corner."""
+
+import numpy as np
+from pydrake.multibody.tree import BodyIndex
+from scipy.spatial.transform import Rotation
+
+from rig_sim import shipped_specimens
+from rig_sim.multibody.drake_reader import load_plant
+from rig_sim.pose_stream import PoseStream
+from rig_sim.poses import to_poses
+from rig_sim.proof import random_state
+
+
+def test_poses_are_drakes(rig):
+    plant = load_plant(shipped_specimens()[rig.specimen.name].with_suffix(".sdf"))
+    context = plant.CreateDefaultContext()
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        positions = random_state(rig.model, rng)[: rig.model.position_count]
+        plant.SetPositions(context, positions)
+        poses = to_poses(rig.poses.frames(positions)[None])[0]
+        for index, name in enumerate(rig.poses.bodies):
+            body = plant.get_body(BodyIndex(index + 1))
+            assert body.name() == name
+            right = plant.EvalBodyPoseInWorld(context, body)
+            np.testing.assert_allclose(poses[index, :3], right.translation(), atol=1e-12)
+            matrix = Rotation.from_quat(poses[index, [4, 5, 6, 3]]).as_matrix()
+            np.testing.assert_allclose(matrix, right.rotation().matrix(), atol=1e-12)
+
+
+def test_quaternions_are_right_in_every_corner():
+    halves = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3), [[0.6, 0.8, 0.0]]]))
+    some = Rotation.concatenate([halves, Rotation.random(200, random_state=0), Rotation.identity()])
+    frames = np.concatenate([some.as_matrix().reshape(-1, 1, 9), np.ones((len(some), 1, 3))], axis=2)
+    quaternions = to_poses(frames)[:, 0, 3:]
+    assert (quaternions[:, 0] >= 0.0).all()
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-14)
+    back = Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
+    np.testing.assert_allclose((back.inv() * some).magnitude(), 0.0, atol=1e-7)
+
+
+class Wire:
+    """A bus and its publisher that keep what is put."""
+
+    def __init__(self):
+        self.keys, self.sent = self, []
+
+    def rig_pose(self, rig):
+        return rig
+
+    def publisher(self, key):
+        return self
+
+    def put(self, message):
+        self.sent.append(message)
+
+
+def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
+    wire = Wire()
+    stream = PoseStream(wire, "front_axle", front_axle.poses)
+    stream.begin("a")
+    for sample in range(1, 2001):
+        stream.add(sample / 1000.0, front_axle.rest[: front_axle.model.position_count])
+    stream.flush()
+    times = np.concatenate([np.frombuffer(block.time.data) for block in wire.sent])
+    assert 110 <= len(times) <= 120
+    assert np.diff(times).min() >= 1.0 / 60.0
+    assert {block.run for block in wire.sent} == {"a"}

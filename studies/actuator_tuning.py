@@ -1,0 +1,205 @@
+"""Servo-hydraulics in one picture, and the closed loops of the shipped rigs in one table, for docs/rigs/hydraulics.md.
+
+`python studies/actuator_tuning.py` writes both again. The picture is of single actuators on a bench; the table comes
+from the rigs' linearisation at rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from rig_data_sheet import linearise
+
+from rig_sim import Rig, load_rig, shipped_specimens
+from rig_sim.hydraulics.actuator import DisplacementActuator, HydraulicActuator
+from rig_sim.hydraulics.bench import Bench
+from rig_sim.hydraulics.servovalve import Servovalve, port_flows
+from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "rigs"
+BEGIN, END = "<!-- numbers: studies/actuator_tuning.py -->", "<!-- end of numbers -->"
+RIGS = ("front_axle", "spindle_coupled")
+CONSTANT = Supply(2.8e7, 5.0e5)
+#: 60 L/min behind 1.5 L of nitrogen: enough on average, not for a burst.
+SAGGING = dataclasses.replace(
+    CONSTANT,
+    unit=PowerUnit(
+        pump_flow=1.0e-3,
+        compensator_band=1.0e6,
+        pump_time=0.08,
+        drain=1.0e-12,
+        relief_pressure=3.1e7,
+        relief_slope=1.0e-9,
+        accumulator=Accumulator(gas_volume=1.5e-3, precharge=1.8e7, polytropic_exponent=1.25),
+        line_volume=4.0e-3,
+        bulk_modulus=1.2e9,
+    ),
+)
+
+
+def bandwidth(rig: Rig, actuator: HydraulicActuator) -> tuple[float, float, float]:
+    """Return the lowest frequency [Hz] with less than -3 dB, else the highest looked at; the largest gain and where."""
+    frequency = np.arange(0.5, 200.0, 0.25)
+    drive = rig.model.input_names.index(actuator.name)
+    gain = np.abs(linearise(rig).response(actuator.achieved, drive, frequency))
+    below = np.nonzero(gain < np.sqrt(0.5))[0]
+    edge = float(frequency[below[0]]) if below.size else float(frequency[-1])
+    return edge, float(gain.max()), float(frequency[gain.argmax()])
+
+
+def least_damped(rig: Rig) -> tuple[float, float]:
+    """Return frequency [Hz] and damping ratio of the mode that is damped least."""
+    values = np.linalg.eigvals(linearise(rig).a)
+    values = values[values.imag > 1.0]
+    worst = values[np.argmin(-values.real / np.abs(values))]
+    return float(np.abs(worst) / (2.0 * np.pi)), float(-worst.real / np.abs(worst))
+
+
+def table(rigs: dict[str, Rig]) -> str:
+    """Write the closed loops of the rigs, one side of each."""
+    lines = ["| rig | drive | control | -3 dB at | largest gain |", "| --- | --- | --- | --- | --- |"]
+    for name, rig in rigs.items():
+        for element in rig.model.assembly.elements:
+            if not isinstance(element, HydraulicActuator) or "right" in element.name:
+                continue
+            control = "displacement" if isinstance(element, DisplacementActuator) else "force"
+            edge, gain, where = bandwidth(rig, element)
+            follows = "compliant" if edge < 1.0 else f"{edge:.0f} Hz" if edge < 199.0 else "beyond 200 Hz"
+            lines.append(f"| {name} | {element.name} | {control} | {follows} | {gain:.2f} at {where:.0f} Hz |")
+    lines.append("")
+    for name, rig in rigs.items():
+        frequency, damping = least_damped(rig)
+        lines.append(f"Least damped mode of {name}: {damping:.3f} at {frequency:.1f} Hz.")
+    return "\n".join(lines)
+
+
+def draw_flow(axes: Axes) -> None:
+    """Draw the no-load flow of three lappings over the spool's travel."""
+    travel = np.linspace(-0.2, 0.2, 801)
+    middle = 0.5 * (CONSTANT.supply_pressure + CONSTANT.return_pressure)
+    for overlap, name in ((0.04, "overlap 4 %"), (0.0, "line to line"), (-0.04, "underlap 4 %")):
+        valve = Servovalve(2.667e-3, 3.5e6, 110.0, 0.8, overlap=overlap, rounding=0.004)
+        flows = [port_flows(valve, x, (middle, middle), CONSTANT.supply_pressure, 5.0e5) for x in travel]
+        axes.plot(100 * travel, [6.0e4 * flow.into_a for flow in flows], label=f"to A, {name}")
+        if overlap < 0.0:
+            axes.plot(100 * travel, [6.0e4 * flow.drawn for flow in flows], "k:", label="from the supply, underlap")
+    axes.set(title="Flow over spool travel, no load", xlabel="travel, % of stroke", ylabel="flow, L/min")
+
+
+def draw_flow_pressure(axes: Axes) -> None:
+    """Draw steady flow over load pressure, for several openings."""
+    valve = Servovalve(2.667e-3, 3.5e6, 110.0, 0.8)
+    loads = np.linspace(-1.1, 1.1, 401)
+    span = CONSTANT.supply_pressure - CONSTANT.return_pressure
+    for opening in (1.0, 0.5, 0.25, -0.5, -1.0):
+        flows = []
+        for load in loads:
+            chambers = (0.5 * (2.85e7 + load * span), 0.5 * (2.85e7 - load * span))
+            flows.append(6.0e4 * port_flows(valve, opening, chambers, CONSTANT.supply_pressure, 5.0e5).into_a)
+        axes.plot(100 * loads, flows, label=f"opening {100 * opening:g} %")
+    axes.set(title="Steady flow over load pressure", xlabel="load pressure, % of supply", ylabel="flow to A, L/min")
+
+
+def on_bench(rig: Rig, supply: Supply) -> Bench:
+    """Put the vertical actuator of a rig under a quarter of a car: wheel and suspension as one mass on a spring."""
+    actuator = next(item for item in rig.model.assembly.elements if item.name == "left_vertical")
+    if not isinstance(actuator, HydraulicActuator):
+        raise TypeError(f"{actuator.name} of {rig.specimen.name} is no actuator.")
+    alone = dataclasses.replace(actuator, joint_position=0, joint_velocity=0)
+    return Bench(alone, HydraulicSupply(actuator.supply, supply), mass=60.0, stiffness=6.0e4, damping=2.5e3)
+
+
+def draw_step(axes: Axes, bench: Bench) -> None:
+    """Draw steps of the vertical actuator, small and large, over their height."""
+    for height in (0.002, 0.02, 0.06):
+        time, states = bench.play(lambda t, h=height: h if t > 0.005 else 0.0, 0.12, points=601)
+        axes.plot(1e3 * time, states[0] / height, label=f"{1e3 * height:g} mm")
+    axes.set(title="Step of the vertical actuator", xlabel="time, ms", ylabel="stroke / command")
+
+
+def amplitude(time: np.ndarray, values: np.ndarray, frequency: float) -> float:
+    """Return the amplitude of one frequency in the second half of a record (samples,)."""
+    half = len(time) // 2
+    wave = np.exp(-2j * np.pi * frequency * time[half:])
+    return float(2.0 * np.abs(np.mean(values[half:] * wave)))
+
+
+def draw_sweep(axes: Axes, bench: Bench) -> None:
+    """Draw achieved over wanted amplitude for small and large sines: a valve's flow sets the end of the large ones."""
+    for height in (0.0005, 0.005, 0.02):
+        gains = []
+        frequencies = np.array([2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 70.0, 100.0])
+        for f in frequencies:
+            seconds = 8.0 / f
+            time, states = bench.play(lambda t, h=height, f=f: h * np.sin(2 * np.pi * f * t), seconds, points=1601)
+            gains.append(amplitude(time[:-1], states[0][:-1], f) / height)
+        axes.loglog(frequencies, gains, "o-", markersize=3, label=f"{1e3 * height:g} mm")
+    axes.axhline(np.sqrt(0.5), color="grey", linestyle=":")
+    axes.set(title="Sweep of the vertical actuator", xlabel="frequency, Hz", ylabel="achieved / wanted amplitude")
+
+
+def draw_force(axes: Axes, rig: Rig) -> None:
+    """Draw the FRF of the force loops of a rig, from the linearisation at rest."""
+    frequency = np.geomspace(0.5, 150.0, 600)
+    linear = linearise(rig)
+    for direction in ("lateral", "longitudinal"):
+        name = f"left_{direction}"
+        gain = np.abs(linear.response(f"{name}.force", rig.model.input_names.index(name), frequency))
+        axes.loglog(frequency, gain, label=direction)
+    axes.axhline(np.sqrt(0.5), color="grey", linestyle=":")
+    axes.set(title="Force loops of spindle_coupled", xlabel="frequency, Hz", ylabel="achieved / wanted force")
+    axes.set_ylim(0.1, 3.0)
+
+
+def draw_sag(axes: Axes, rig: Rig) -> None:
+    """Draw a supply that sags while a burst is played, and one that does not."""
+
+    def burst(t: float) -> float:
+        return 0.05 * float(np.sin(2.0 * np.pi * 4.0 * t)) if 0.25 < t < 1.25 else 0.0
+
+    bench = on_bench(rig, SAGGING)
+    time, states = bench.play(burst, 2.0, points=1001)
+    pressure = bench.monitored(burst, time, states)["supply.pressure"]
+    axes.plot(time, 1e-5 * pressure, color="#c0562a", label="supply, bar")
+    axes.plot(time, 1e3 * states[0] + 200.0, color="#1b5e9b", label="stroke, mm (+200)")
+    axes.plot(time, [1e3 * burst(t) + 200.0 for t in time], "k:", label="command, mm (+200)")
+    axes.set(title="A burst, a small accumulator", xlabel="time, s", ylabel="bar, mm")
+
+
+def main() -> None:
+    """Draw the picture and write the table."""
+    rigs = {name: load_rig(shipped_specimens()[name]) for name in RIGS}
+    stiff = on_bench(rigs["front_axle"], CONSTANT)
+    figure, all_axes = plt.subplots(2, 3, figsize=(15.0, 8.5), layout="constrained")
+    drawings: list[Callable[[Axes], Any]] = [
+        draw_flow,
+        draw_flow_pressure,
+        lambda axes: draw_step(axes, stiff),
+        lambda axes: draw_sweep(axes, stiff),
+        lambda axes: draw_force(axes, rigs["spindle_coupled"]),
+        lambda axes: draw_sag(axes, rigs["front_axle"]),
+    ]
+    for axes, draw in zip(all_axes.flat, drawings, strict=True):
+        draw(axes)
+        axes.grid(visible=True, alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.savefig(DOCS / "hydraulics.png", dpi=100, metadata={"Software": None})
+    plt.close(figure)
+    page = DOCS / "hydraulics.md"
+    text = page.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    page.write_text(f"{before}{BEGIN}\n\n{table(rigs)}\n\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
