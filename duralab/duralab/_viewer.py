@@ -101,7 +101,8 @@ class Viewer:
 
     def _wait_until_ready(self) -> None:
         deadline = time.monotonic() + START_SECONDS
-        while not _answers(self._port):
+        # Its two ports open one after the other, in either order.
+        while not (_answers(self._port) and _answers(self._web_port)):
             code = self._process.poll()
             if code is not None:
                 raise LabError(f"The viewer ended at once ({describe_exit(code)}): {last_lines(self._log)}.")
