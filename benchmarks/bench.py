@@ -1,17 +1,18 @@
-"""Measure every shipped rig: speed, error, start-up, memory. Writes out/bench.json and a table; figures are one run's.
+"""Measure every shipped rig (speed, error, start-up, memory) and identification; writes out/bench.json and a table.
 
 `python benchmarks/bench.py [--rig NAME …] [--out FILE]`
 """
 
 import argparse
 import json
-import os
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from drives import noise_drive, playable_share
-from processes import memory_growth, startup_seconds
+from identification import measure_identification
+from machine import machine
+from processes import memory, startup_seconds
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
 
 from rig_sim import shipped_specimens
@@ -28,12 +29,15 @@ class Figures:
     """What was measured of one rig; None where it does not apply.
 
     Real-time factors are simulated seconds per wall second, `rtf_two` the sum of two rigs on two threads; `error` is
-    the worst response's, relative; start-up in s; memory in MiB beyond the record of 120 s.
+    the worst response's, relative; start-up in s, without and with a cache of bytecode; memory of a process that plays
+    120 s in MiB, its growth beyond the record itself.
     """
 
     rig: str
     lanes: int | None
     operations: int | None
+    integrator: str | None
+    substeps: int | None
     drive_share: float
     rtf: float
     error: float | None
@@ -41,6 +45,7 @@ class Figures:
     drake_rtf: float | None
     startup_cold: float
     startup_warm: float
+    memory_peak: float
     memory_growth: float
 
 
@@ -51,10 +56,13 @@ def measure(path: Path) -> Figures:
     drive = noise_drive(rig, seconds=SECONDS, share=share)
     integrated = isinstance(rig, Rig)
     cold, warm = startup_seconds(path)
+    taken = memory(path, share=share)
     return Figures(
         rig=rig.specimen.name,
         lanes=rig.compiled.lanes if integrated else None,
         operations=rig.compiled.operation_count if integrated else None,
+        integrator=rig.specimen.integrator.value if integrated else None,
+        substeps=rig.specimen.substeps if integrated else None,
         drive_share=share,
         rtf=real_time_factor(rig, drive),
         error=relative_error(rig, noise_drive(rig, seconds=ERROR_SECONDS, share=share)),
@@ -64,16 +72,20 @@ def measure(path: Path) -> Figures:
         ),
         startup_cold=cold,
         startup_warm=warm,
-        memory_growth=memory_growth(path, share=share),
+        memory_peak=taken.peak,
+        memory_growth=taken.growth,
     )
 
 
 def table(figures: list[Figures]) -> str:
-    """Return the figures as text, one rig a line."""
-    names = list(Figures.__dataclass_fields__)
-    rows = [names, *([_cell(value) for value in asdict(row).values()] for row in figures)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(names))]
-    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    """Return the figures as text, one figure a line, one rig a column."""
+    lines = [asdict(row) for row in figures]
+    rows = [[name, *(_cell(line[name]) for line in lines)] for name in Figures.__dataclass_fields__]
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
+        for row in rows
+    )
 
 
 def _cell(value: object) -> str:
@@ -94,11 +106,12 @@ def main() -> None:
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     document = {
         "seconds": SECONDS,
-        "processors": os.cpu_count(),
+        "machine": machine(),
+        "identification": measure_identification(arguments.out.parent / "peers"),
         "rigs": {row.rig: {name: value for name, value in asdict(row).items() if name != "rig"} for row in figures},
     }
     arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    sys.stdout.write(f"{table(figures)}\n")
+    sys.stdout.write(f"{', '.join(f'{name}: {value}' for name, value in machine().items())}\n{table(figures)}\n")
 
 
 if __name__ == "__main__":

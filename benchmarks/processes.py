@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 PLAYED_SECONDS = 120.0
@@ -22,10 +23,18 @@ def startup_seconds(path: Path) -> tuple[float, float]:
     return cold, _timed(path, dict(os.environ))
 
 
-def memory_growth(path: Path, *, share: float) -> float:
-    """Return by how many MiB a process grows at most over a playback of 120 s, beyond drive and response themselves."""
+@dataclass(frozen=True)
+class Memory:
+    """Of a process that loads a rig and plays 120 s, in MiB: its peak, and its growth beyond the record itself."""
+
+    peak: float
+    growth: float
+
+
+def memory(path: Path, *, share: float) -> Memory:
+    """Return what a process takes at most over a playback of 120 s, and what of it is neither drive nor response."""
     command = [sys.executable, __file__, str(path), str(share)]
-    return json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
+    return Memory(**json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout))
 
 
 def _timed(path: Path, environment: dict[str, str]) -> float:
@@ -34,14 +43,15 @@ def _timed(path: Path, environment: dict[str, str]) -> float:
     return time.perf_counter() - start
 
 
-def _resident(field: str) -> int:
+def resident_bytes(field: str) -> int:
+    """Return a size of this process in bytes, by its name in /proc: VmRSS now, VmHWM at most."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith(f"{field}:"):
             return int(line.split()[1]) * 1024
     raise RuntimeError(f"/proc/self/status has no {field}; measure memory on Linux.")
 
 
-def _measure_growth(path: Path, share: float) -> float:
+def _measure_memory(path: Path, share: float) -> Memory:
     from drives import noise_drive
     from speed import play
 
@@ -52,16 +62,17 @@ def _measure_growth(path: Path, share: float) -> float:
     drive = noise_drive(rig, seconds=PLAYED_SECONDS, share=share)
     response_bytes = len(rig.specimen.responses) * drive.shape[1] * drive.itemsize
     Path("/proc/self/clear_refs").write_text("5")  # the highest so far is forgotten
-    before = _resident("VmRSS")
+    before = resident_bytes("VmRSS")
     play(rig, drive)
-    return (_resident("VmHWM") - before - response_bytes) / _MEBIBYTE
+    peak = resident_bytes("VmHWM")
+    return Memory(peak=peak / _MEBIBYTE, growth=(peak - before - response_bytes) / _MEBIBYTE)
 
 
 def main() -> None:
-    """Load the rig of the first argument; with the share of a drive as the second, also play and write the growth."""
+    """Load the rig of the first argument; with the share of a drive as the second, also play and write the memory."""
     path = Path(sys.argv[1])
     if len(sys.argv) > 2:
-        sys.stdout.write(json.dumps(_measure_growth(path, float(sys.argv[2]))))
+        sys.stdout.write(json.dumps(asdict(_measure_memory(path, float(sys.argv[2])))))
         return
     from rig_sim.loading import load_any_rig
 

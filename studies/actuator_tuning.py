@@ -7,12 +7,16 @@ from the rigs' linearisation at rest.
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import yaml
+from marked_numbers import write_numbers
 from rig_data_sheet import linearise
 
 from rig_sim import Rig, load_rig, shipped_specimens
@@ -20,14 +24,17 @@ from rig_sim.hydraulics.actuator import DisplacementActuator, HydraulicActuator
 from rig_sim.hydraulics.bench import Bench
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows
 from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
+from rig_sim.specimen import load_specimen
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "rigs"
-BEGIN, END = "<!-- numbers: studies/actuator_tuning.py -->", "<!-- end of numbers -->"
-RIGS = ("front_axle", "spindle_coupled")
+RIGS = ("front_axle", "spindle_coupled", "spindle_coupled_braking")
+#: The rig with all force actuators, as delivered with other oil and a wrong compensation.
+TOLERANT = "spindle_coupled_braking"
+DELIVERED = ((1.0, 1.0), (0.8, 1.0), (1.2, 1.0), (1.0, 1.1), (1.0, 0.95), (1.0, 0.9))
 CONSTANT = Supply(2.8e7, 5.0e5)
 #: 60 L/min behind 1.5 L of nitrogen: enough on average, not for a burst.
 SAGGING = dataclasses.replace(
@@ -79,6 +86,43 @@ def table(rigs: dict[str, Rig]) -> str:
     for name, rig in rigs.items():
         frequency, damping = least_damped(rig)
         lines.append(f"Least damped mode of {name}: {damping:.3f} at {frequency:.1f} Hz.")
+    return "\n".join(lines)
+
+
+def delivered(*, oil: float, compensation: float) -> Rig:
+    """Return the rig TOLERANT with its bulk modulus and its motion compensation times these factors."""
+    specimen = load_specimen(shipped_specimens()[TOLERANT])
+    document = specimen.model_dump(mode="json")
+    for kind in document["actuator_kinds"].values():
+        kind["cylinder"]["bulk_modulus"] *= oil
+        if kind["control"] == "force":
+            for name in ("velocity_compensation", "acceleration_compensation"):
+                kind["loop"][name] *= compensation
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "delivered.yaml"
+        path.write_text(yaml.safe_dump(document), encoding="utf-8")
+        shutil.copy(shipped_specimens()[TOLERANT].with_name(specimen.sdf), folder)
+        return load_rig(path)
+
+
+def tolerance_table() -> str:
+    """Write what is left of the force loops with other oil and a wrong compensation."""
+    names = ("left_lateral", "left_longitudinal", "left_brake")
+    head = [f"{name.removeprefix('left_')}: lowest, largest gain to 25 Hz" for name in names]
+    lines = ["| bulk modulus | compensation | least damping | " + " | ".join(head) + " |", "| --- " * 6 + "|"]
+    frequency = np.arange(0.5, 25.1, 0.25)
+    for oil, compensation in DELIVERED:
+        rig = delivered(oil=oil, compensation=compensation)
+        linear = linearise(rig)
+        gains = [
+            np.abs(linear.response(f"{name}.force", rig.model.input_names.index(name), frequency)) for name in names
+        ]
+        cells = [f"{gain.min():.2f}, {gain.max():.2f}" for gain in gains]
+        lines.append(
+            f"| {oil:.0%} | {compensation:.0%} | {least_damped(rig)[1]:.3f} | ".replace("%", " %")
+            + " | ".join(cells)
+            + " |"
+        )
     return "\n".join(lines)
 
 
@@ -148,15 +192,15 @@ def draw_sweep(axes: Axes, bench: Bench) -> None:
 
 
 def draw_force(axes: Axes, rig: Rig) -> None:
-    """Draw the FRF of the force loops of a rig, from the linearisation at rest."""
+    """Draw the FRF of the force loops of a rig, all on its left, from the linearisation at rest."""
     frequency = np.geomspace(0.5, 150.0, 600)
     linear = linearise(rig)
-    for direction in ("lateral", "longitudinal"):
+    for direction in ("lateral", "longitudinal", "brake"):
         name = f"left_{direction}"
         gain = np.abs(linear.response(f"{name}.force", rig.model.input_names.index(name), frequency))
         axes.loglog(frequency, gain, label=direction)
     axes.axhline(np.sqrt(0.5), color="grey", linestyle=":")
-    axes.set(title="Force loops of spindle_coupled", xlabel="frequency, Hz", ylabel="achieved / wanted force")
+    axes.set(title=f"Force loops of {rig.specimen.name}", xlabel="frequency, Hz", ylabel="achieved / wanted force")
     axes.set_ylim(0.1, 3.0)
 
 
@@ -185,7 +229,7 @@ def main() -> None:
         draw_flow_pressure,
         lambda axes: draw_step(axes, stiff),
         lambda axes: draw_sweep(axes, stiff),
-        lambda axes: draw_force(axes, rigs["spindle_coupled"]),
+        lambda axes: draw_force(axes, rigs[TOLERANT]),
         lambda axes: draw_sag(axes, rigs["front_axle"]),
     ]
     for axes, draw in zip(all_axes.flat, drawings, strict=True):
@@ -194,11 +238,7 @@ def main() -> None:
         axes.legend(fontsize=8)
     figure.savefig(DOCS / "hydraulics.png", dpi=100, metadata={"Software": None})
     plt.close(figure)
-    page = DOCS / "hydraulics.md"
-    text = page.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    page.write_text(f"{before}{BEGIN}\n\n{table(rigs)}\n\n{END}{after}", encoding="utf-8")
+    write_numbers(DOCS / "hydraulics.md", f"{table(rigs)}\n\n{tolerance_table()}", script=Path(__file__))
 
 
 if __name__ == "__main__":

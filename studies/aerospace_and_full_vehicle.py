@@ -78,7 +78,11 @@ def draw_full_vehicle() -> None:
     forces = []
     for begin in range(0, len(time), 10):
         played = rig.compiled.play(
-            state, ahead[:, begin : begin + 11], sample_interval=1 / rate, substeps=rig.specimen.substeps
+            state,
+            ahead[:, begin : begin + 11],
+            sample_interval=1 / rate,
+            substeps=rig.specimen.substeps,
+            method=rig.specimen.integrator,
         )
         poses.append(state[[0, 1]] - rig.rest[[0, 1]])
         forces.append(played.outputs[:12])

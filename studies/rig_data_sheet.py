@@ -14,10 +14,12 @@ from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
+from marked_numbers import write_numbers
 
 from rig_sim import Rig, load_rig, shipped_specimens
 from rig_sim.multibody.dynamics import inertia_in_world
 from rig_sim.multibody.kinematics import move
+from rig_sim.step_check import largest_stable_step
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -32,7 +34,6 @@ SPEED = 15.0
 #: Digits after the point that a value at rest deserves, by its unit.
 DIGITS = {"N": 0, "N*m": 1, "m": 4, "m/s^2": 1}
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
-BEGIN, END = "<!-- numbers: studies/rig_data_sheet.py -->", "<!-- end of numbers -->"
 
 
 @dataclass(frozen=True)
@@ -145,14 +146,16 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
     ]
     eigen = [[f"{f:.1f}", f"{damping:.2f}", moving, f"{count}"] for f, damping, moving, count in modes(rig, system)]
     speed = rig.specimen.sample_rate
-    stiffest = np.abs(np.linalg.eigvals(system.a)).max()
+    poles = np.linalg.eigvals(system.a).astype(complex)
+    stiffest = np.abs(poles).max()
     return "\n\n".join(
         [
             table(["drive (left; right alike)", "unit", "limits", "slew limit"], drives),
             table(["response (left; right mirrored)", "unit", "range", "noise, RMS", "at rest"], responses),
             table(["mode at rest, Hz", "damping ratio", "most of the motion", "modes"], eigen),
-            f"Sample rate {speed:g} Hz, {rig.specimen.substeps} Runge-Kutta steps a sample; the fastest eigenvalue\n"
-            f"times the step is {stiffest / speed / rig.specimen.substeps:.2f} (2.8 is the limit of stability). "
+            f"Sample rate {speed:g} Hz, steps a sample: {rig.specimen.substeps} of {rig.specimen.integrator.value}; "
+            f"the fastest eigenvalue\ntimes the step is {stiffest / speed / rig.specimen.substeps:.2f}, "
+            f"the longest stable step {1e3 * largest_stable_step(poles, rig.specimen.integrator):.2f} ms. "
             f"{len(rig.rest)} states, {rig.compiled.operation_count} operations a derivative.\n"
             f"Largest error against Drake: {rig.proof.acceleration_error:.0e} of the accelerations, "
             f"{rig.proof.force_error:.0e} of the responses.",
@@ -164,12 +167,37 @@ def play(rig: Rig, drive: np.ndarray) -> np.ndarray:
     """Return all outputs (outputs, samples) of a drive (drives, samples) that may step as no client's drive may."""
     ahead = np.hstack([drive, drive[:, -1:]])
     sample = 1.0 / rig.specimen.sample_rate
-    return rig.compiled.play(rig.rest, ahead, sample_interval=sample, substeps=rig.specimen.substeps).outputs
+    specimen = rig.specimen
+    return rig.compiled.play(
+        rig.rest, ahead, sample_interval=sample, substeps=specimen.substeps, method=specimen.integrator
+    ).outputs
+
+
+def draw_static(axes: Axes, rig: Rig) -> None:
+    """Draw spindle forces over the travel of both wheels, and of one alone, moved so slowly that dampers hardly act."""
+    rate, period = rig.specimen.sample_rate, 40.0
+    time = np.arange(round(1.25 * period * rate)) / rate
+    travel = 0.09 * np.sin(2 * np.pi * time / period)
+    names = rig.model.input_names
+    loop = slice(round(0.25 * period * rate), None, 20)
+    for moved, style in ((("left", "right"), "-"), (("left",), ":")):
+        drive = np.zeros((len(names), len(time)))
+        for side in moved:
+            drive[names.index(f"{side}_vertical")] = travel
+        outputs = play(rig, drive)
+        stroke = outputs[rig.compiled.output_names.index("left_vertical.stroke")]
+        force = outputs[rig.model.response_names.index("left_vertical")]
+        text = "both wheels" if len(moved) == 2 else "left wheel alone"
+        axes.plot(1000 * stroke[loop], force[loop] / 1e3, style, color=COLOURS["vertical"], lw=1.0, label=text)
+    axes.plot(0.0, rig.static_response[0] / 1e3, "o", color="0.2", ms=4, label="at rest")
+    label(axes, "static equilibrium: vertical force over wheel travel", "travel of the wheel, mm", "spindle force, kN")
+    axes.legend(fontsize=7)
 
 
 def draw_front_axle(rig: Rig, system: Linearisation) -> Figure:
-    """Draw the diagonal of the FRF, the actuators' own FRF, and their answer to a step of 2 mm."""
-    figure, (forces, strokes, steps) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    """Draw the static wheel rate, the FRF's diagonal, the actuators' own FRF, and their answer to a step of 2 mm."""
+    figure, ((static, forces), (strokes, steps)) = plt.subplots(2, 2, figsize=(10, 6.8), layout="constrained")
+    draw_static(static, rig)
     frequency = np.geomspace(0.5, 100.0, 300)
     time = np.arange(250) / rig.specimen.sample_rate
     for index, name in enumerate(SIDE):
@@ -218,8 +246,9 @@ def draw_sensors(rig: Rig, system: Linearisation) -> Figure:
 
 
 def draw_spindle_coupled(rig: Rig, system: Linearisation) -> Figure:
-    """Draw the diagonal of the FRF, what the force actuators do of their command, and their answer to a step."""
-    figure, (responses, loops, steps) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    """Draw the static wheel rate, the diagonal of the FRF, the force loops, and their answer to a step."""
+    figure, ((static, responses), (loops, steps)) = plt.subplots(2, 2, figsize=(10, 6.8), layout="constrained")
+    draw_static(static, rig)
     frequency = np.geomspace(0.5, 100.0, 300)
     time = np.arange(300) / rig.specimen.sample_rate
     texts = {"vertical": "vertical, kN/mm", "brake": "brake, N*m/N"}
@@ -308,10 +337,7 @@ def main() -> None:
         figure = draw(rig, system)
         figure.savefig(DOCS / f"{name}.png", dpi=110, metadata={"Software": None})
         plt.close(figure)
-        page = DOCS / f"{name}.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        _, _, after = rest.partition(END)
-        page.write_text(f"{before}{BEGIN}\n\n{data_sheet(rig, system)}\n\n{END}{after}", encoding="utf-8")
+        write_numbers(DOCS / f"{name}.md", data_sheet(rig, system), script=Path(__file__))
 
 
 if __name__ == "__main__":

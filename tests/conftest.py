@@ -20,7 +20,6 @@ def short_document() -> dict[str, Any]:
     document = yaml.safe_load(shipped.read_text())
     document["target"]["road"].update(duration=12.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
     document["excitation"]["duration"] = 40.0
-    document["estimator"]["block_samples"] = 2048
     document["stop"]["iterations"] = 3
     return document
 

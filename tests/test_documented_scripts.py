@@ -1,4 +1,4 @@
-"""Every Python block of README and contract is run as written, in an empty folder, against a real lab."""
+"""Every Python block of the pages below is run as written, in an empty folder, against a real lab."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGES = ("README.md", "docs/contract.md", "docs/guides/identification.md", "services/identifier/README.md")
 BLOCKS = [
     (page, number, block)
-    for page in ("README.md", "docs/contract.md")
+    for page in PAGES
     for number, block in enumerate(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), flags=re.S), start=1)
 ]
 

@@ -33,14 +33,14 @@ def test_a_killed_service_ends_the_run_with_its_name(service: str, campaign, tmp
     victim = next(child for child in children if service in child.cmdline())
     victim.send_signal(signal.SIGKILL)
     killed = time.monotonic()
-    _, errors = running.communicate(timeout=30)
-    assert time.monotonic() - killed < 15.0
+    _, errors = running.communicate(timeout=120)
+    assert time.monotonic() - killed < 30.0
     assert running.returncode == 1
     assert errors.count("\n") == 1
     assert service in errors
     assert "Traceback" not in errors
     assert [path.name for path in out.iterdir()] == ["logs"]
-    _, alive = psutil.wait_procs(children, timeout=5.0)
+    _, alive = psutil.wait_procs(children, timeout=30.0)
     assert alive == []
 
 
@@ -58,6 +58,6 @@ def test_killing_the_run_itself_leaves_no_orphan(campaign, tmp_path: Path):
     children = psutil.Process(running.pid).children(recursive=True)
     assert len(children) == 4
     running.kill()
-    running.communicate(timeout=30)
-    _, alive = psutil.wait_procs(children, timeout=10.0)
+    running.communicate(timeout=120)
+    _, alive = psutil.wait_procs(children, timeout=30.0)
     assert alive == []

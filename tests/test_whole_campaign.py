@@ -102,6 +102,6 @@ def test_the_command_line_does_the_same_and_leaves_no_process(campaign, tmp_path
     assert sorted(path.name for path in out.iterdir()) == ["live.rrd", "logs", "recording.mcap", "report.html"]
     lines = [process.info["cmdline"] or [] for process in psutil.process_iter(["cmdline"])]
     assert [line for line in lines if any(str(tmp_path) in word for word in line)] == []
-    again = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    again = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
     assert again.returncode == 2
     assert "--replace" in again.stderr

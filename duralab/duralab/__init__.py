@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from duralab.campaign_loading import load_campaign, shipped_campaigns
     from duralab.campaign_result import CampaignResult
     from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
+    from duralab.identification import ExperimentPlan, Identifier
+    from duralab.identification_section import EstimatorSettings, ExcitationSettings
     from duralab.iteration_table import IterationTable
     from duralab.lab import Lab, Played
     from duralab.lab_opening import connect, start
@@ -30,6 +32,8 @@ _MODULES = {
     "duralab.campaign_loading": ("load_campaign", "shipped_campaigns"),
     "duralab.campaign_result": ("CampaignResult",),
     "duralab.errors": ("CampaignFaultError", "InputError", "LabError", "ServiceEndedError"),
+    "duralab.identification": ("ExperimentPlan", "Identifier"),
+    "duralab.identification_section": ("EstimatorSettings", "ExcitationSettings"),
     "duralab.iteration_table": ("IterationTable",),
     "duralab.lab": ("Lab", "Played"),
     "duralab.lab_opening": ("connect", "start"),
@@ -48,6 +52,10 @@ __all__ = [
     "CampaignFaultError",
     "CampaignResult",
     "Channel",
+    "EstimatorSettings",
+    "ExcitationSettings",
+    "ExperimentPlan",
+    "Identifier",
     "InputError",
     "IterationTable",
     "Judgement",

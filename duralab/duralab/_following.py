@@ -29,6 +29,7 @@ class Stage(StrEnum):
 
     TARGET = "target"
     CAMPAIGN = "campaign"
+    IDENTIFICATION = "identification"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from duralab.campaign_file import Algorithm, Campaign
 from duralab.errors import InputError
+from duralab.identification_section import EstimatorSettings, ExcitationKind, ExcitationSettings
 from duralab.rig import Rig
 from duralab.signals import Channel, Signals
 from duralab_proto.arrays import to_array
@@ -17,7 +18,7 @@ _UPDATES = {
 }
 
 GAUSSIAN_CREST = 3.0
-"""Noise passes this multiple of its RMS often enough that a drive which leaves no room for it is refused at once."""
+"""Noise and random phases pass this multiple of their RMS often: a drive without room for it is refused at once."""
 
 
 def check_against_rig(campaign: Campaign, rig: Rig) -> None:
@@ -35,15 +36,26 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
             f"half the sample rate of rig {rig.name!r}.",
             field="excitation.highest_frequency",
         )
-    rms = per_channel(excitation.rms, rig.drives, key="excitation.rms")
-    for channel, level in zip(rig.drives, rms, strict=True):
+    name, given = excitation.levels
+    levels = per_channel(given, rig.drives, key=f"excitation.{name}")
+    # A peak is the drive's largest magnitude itself; a sweep and chosen phases stay near their RMS.
+    near_rms = excitation.minimise_crest_factor or excitation.kind is ExcitationKind.SWEPT_SINE
+    crest = 1.0 if name == "peak" or near_rms else GAUSSIAN_CREST
+    for channel, level in zip(rig.drives, levels, strict=True):
         room = min(-channel.minimum, channel.maximum)
-        if GAUSSIAN_CREST * level > room:
+        if crest * level > room:
             raise InputError(
-                f"excitation.rms of {channel.name} is {level:g} {channel.unit}; the drive's limit of {room:g} "
-                f"{channel.unit} leaves room for {room / GAUSSIAN_CREST:g} {channel.unit} RMS.",
-                field="excitation.rms",
+                f"excitation.{name} of {channel.name} is {level:g} {channel.unit}; the drive's limit of {room:g} "
+                f"{channel.unit} leaves room for {room / crest:g} {channel.unit} {name.replace('rms', 'RMS')}.",
+                field=f"excitation.{name}",
             )
+    drives = [channel.name for channel in rig.drives]
+    unknown = [drive for drive in excitation.drive_spectra or {} if drive not in drives]
+    if unknown:
+        raise InputError(
+            f"excitation.drive_spectra has unknown channel {', '.join(unknown)}; the drives are {', '.join(drives)}.",
+            field="excitation.drive_spectra",
+        )
     per_channel(campaign.update.gain, rig.responses, key="update.gain")
     source = campaign.target.road or campaign.target.opencrg
     for key, seconds in (
@@ -76,6 +88,74 @@ def per_channel(value: float | dict[str, float], channels: tuple[Channel, ...], 
     return np.array([float(value[name]) for name in names])
 
 
+def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
+    """Put the excitation into the words of the contract.
+
+    Parameters
+    ----------
+    excitation : ExcitationSettings
+        What the user wrote.
+    rig : Rig
+        The rig that is identified.
+    seed : int
+        Of what is random in it.
+    """
+    name, given = excitation.levels
+    message = identifier_pb2.Excitation(
+        kind=f"EXCITATION_KIND_{excitation.kind.name}",
+        duration_seconds=excitation.duration,
+        fade_seconds=excitation.fade,
+        seed=seed,
+        delay_blocks=excitation.delay_blocks,
+        capture_blocks=excitation.capture_blocks,
+        repeats=excitation.repeats,
+        realisations=excitation.realisations or 0,
+        odd_lines=excitation.odd_lines,
+        detection_share=excitation.detection_share,
+        minimise_crest_factor=excitation.minimise_crest_factor,
+        burst_share=excitation.burst_share,
+    )
+    getattr(message, name).CopyFrom(to_array(per_channel(given, rig.drives, key=f"excitation.{name}")))
+    common = _white_pink(excitation, excitation.corner_frequency, excitation.decibels_per_octave)
+    if not excitation.drive_spectra:
+        message.spectrum.CopyFrom(common)
+        return message
+    for channel in rig.drives:
+        own, spectrum = excitation.drive_spectra.get(channel.name), message.drive_spectra.add()
+        if own is None:
+            spectrum.white_pink.CopyFrom(common)
+        elif own.table is not None:
+            points = np.array(own.table, dtype=np.float64)
+            spectrum.table.frequency.CopyFrom(to_array(points[:, 0]))
+            spectrum.table.density.CopyFrom(to_array(points[:, 1]))
+        else:
+            corner = own.corner_frequency or excitation.corner_frequency
+            spectrum.white_pink.CopyFrom(_white_pink(excitation, corner, own.decibels_per_octave))
+    return message
+
+
+def _white_pink(
+    excitation: ExcitationSettings, corner_frequency: float, decibels_per_octave: float
+) -> identifier_pb2.WhitePinkSpectrum:
+    return identifier_pb2.WhitePinkSpectrum(
+        lowest_frequency=excitation.lowest_frequency,
+        highest_frequency=excitation.highest_frequency,
+        corner_frequency=corner_frequency,
+        decibels_per_octave=decibels_per_octave,
+    )
+
+
+def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
+    """Put the estimator into the words of the contract."""
+    return identifier_pb2.Estimator(
+        kind=f"ESTIMATOR_KIND_{estimator.kind.name}",
+        block_samples=estimator.block_samples,
+        overlap=estimator.overlap,
+        local_order=estimator.local_order or 0,
+        local_half_width=estimator.local_half_width or 0,
+    )
+
+
 def build_specification(
     campaign: Campaign, *, id: str, rig: Rig, target: Signals, source: str
 ) -> iterator_pb2.CampaignSpec:
@@ -100,24 +180,8 @@ def build_specification(
         rig=rig.name,
         target=target.to_message(),
         target_source=source,
-        excitation=identifier_pb2.Excitation(
-            kind=identifier_pb2.EXCITATION_KIND_PURE_RANDOM,
-            spectrum=identifier_pb2.WhitePinkSpectrum(
-                lowest_frequency=excitation.lowest_frequency,
-                highest_frequency=excitation.highest_frequency,
-                corner_frequency=excitation.corner_frequency,
-                decibels_per_octave=excitation.decibels_per_octave,
-            ),
-            rms=to_array(per_channel(excitation.rms, rig.drives, key="excitation.rms")),
-            duration_seconds=excitation.duration,
-            fade_seconds=excitation.fade,
-            seed=campaign.seed,
-        ),
-        estimator=identifier_pb2.Estimator(
-            kind=identifier_pb2.ESTIMATOR_KIND_H1,
-            block_samples=estimator.block_samples,
-            overlap=estimator.overlap,
-        ),
+        excitation=excitation_message(excitation, rig=rig, seed=campaign.seed),
+        estimator=estimator_message(estimator),
         update=iterator_pb2.UpdateSettings(
             kind=_UPDATES[update.algorithm],
             iteration_gain=to_array(per_channel(update.gain, rig.responses, key="update.gain")),

@@ -4,33 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Gain = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
-Range = tuple[Positive, Positive]
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
-
-ONE_NUMBER, PER_CHANNEL = "one number", "per channel"
-"""The two ways to give a value of every channel; they stand in pydantic's locations, never in the file."""
-
-_how_given = Discriminator(lambda value: PER_CHANNEL if isinstance(value, dict) else ONE_NUMBER)
-PositivePerChannel = Annotated[
-    Annotated[Positive, Tag(ONE_NUMBER)] | Annotated[dict[str, Positive], Tag(PER_CHANNEL)], _how_given
-]
-GainPerChannel = Annotated[Annotated[Gain, Tag(ONE_NUMBER)] | Annotated[dict[str, Gain], Tag(PER_CHANNEL)], _how_given]
+from duralab.campaign_values import GainPerChannel, NotNegative, Positive, Range, Section, Seed
+from duralab.identification_section import EstimatorSettings, ExcitationSettings
 
 
-class _Section(BaseModel):
-    """A part of the file: every key is known and has its type; nothing is guessed."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class Potholes(_Section):
+class Potholes(Section):
     """Rounded holes at random places, each in one wheel track."""
 
     count: int = Field(ge=1, le=1000, description="How many.")
@@ -46,7 +28,7 @@ class Potholes(_Section):
         return self
 
 
-class SyntheticRoad(_Section):
+class SyntheticRoad(Section):
     """A rough road made from a seed."""
 
     iso_class: str = Field(
@@ -58,14 +40,14 @@ class SyntheticRoad(_Section):
     potholes: Potholes | None = Field(default=None, description="Holes in the road; none where left out.")
 
 
-class MeasuredRoad(_Section):
+class MeasuredRoad(Section):
     """A measured road surface in OpenCRG format, run through forward and backward until the time is up."""
 
     path: Path = Field(strict=False, description="The OpenCRG file (.crg), relative to the campaign file.")
     duration: Positive = Field(le=3600, description="How long the vehicle drives on it, in seconds.")
 
 
-class Target(_Section):
+class Target(Section):
     """What to reproduce: the spindle forces of a vehicle on a road, or a measured file."""
 
     road: SyntheticRoad | None = Field(default=None, description="A road made from a seed.")
@@ -92,46 +74,7 @@ class Target(_Section):
         return self
 
 
-class ExcitationKind(StrEnum):
-    """How the rig is excited to identify it."""
-
-    PURE_RANDOM = "pure_random"
-
-
-class ExcitationSettings(_Section):
-    """The experiment that identifies the rig."""
-
-    kind: ExcitationKind = Field(strict=False, description="Gaussian noise, independent per drive.")
-    lowest_frequency: Positive = Field(description="Lower edge of the excited band, in hertz.")
-    highest_frequency: Positive = Field(description="Upper edge of the excited band, in hertz.")
-    corner_frequency: Positive = Field(description="End of the flat part of the spectrum, in hertz.")
-    decibels_per_octave: NotNegative = Field(description="Fall of the spectrum above the corner; 0 is white.")
-    rms: PositivePerChannel = Field(
-        description="RMS of the drives in their unit: one number for all, or one for each drive by name."
-    )
-    duration: Positive = Field(le=36000, description="Length of the experiment, in seconds.")
-    fade: NotNegative = Field(description="Linear fade at its start and end, in seconds.")
-
-    @model_validator(mode="after")
-    def _check_band(self) -> Self:
-        if not self.lowest_frequency < self.corner_frequency <= self.highest_frequency:
-            raise ValueError(
-                f"has lowest_frequency {self.lowest_frequency:g}, corner_frequency {self.corner_frequency:g} and "
-                f"highest_frequency {self.highest_frequency:g} Hz; they must rise in this order"
-            )
-        if 2 * self.fade >= self.duration:
-            raise ValueError(f"has fades of {self.fade:g} s in {self.duration:g} s; nothing would be left")
-        return self
-
-
-class EstimatorSettings(_Section):
-    """How the rig's frequency response is estimated from the experiment."""
-
-    block_samples: int = Field(ge=256, le=2**20, multiple_of=2, description="Samples in a block, even.")
-    overlap: float = Field(ge=0, lt=1, description="Overlap of neighbouring blocks, as a share of one.")
-
-
-class ControlBand(_Section):
+class ControlBand(Section):
     """Where the target is reproduced and judged."""
 
     lowest_frequency: Positive = Field(description="In hertz.")
@@ -154,7 +97,7 @@ class Algorithm(StrEnum):
     BASIC_TWR = "basic_twr"
 
 
-class UpdateSection(_Section):
+class UpdateSection(Section):
     """How each next drive is made from the error of the last playback."""
 
     algorithm: Algorithm = Field(strict=False, description="The update of the drive.")
@@ -174,7 +117,7 @@ class UpdateSection(_Section):
     )
 
 
-class StopSection(_Section):
+class StopSection(Section):
     """When the iteration ends."""
 
     iterations: int = Field(ge=1, le=1000, description="Most playbacks of the target.")
@@ -186,13 +129,13 @@ class StopSection(_Section):
     )
 
 
-class Acceptance(_Section):
+class Acceptance(Section):
     """What the report and the exit code judge the result by."""
 
     relative_rms_error: Positive = Field(description="Largest relative RMS error of any channel that is accepted.")
 
 
-class Campaign(_Section):
+class Campaign(Section):
     """A whole campaign: the content of a campaign file."""
 
     name: str = Field(
@@ -221,6 +164,11 @@ class Campaign(_Section):
                 f"the excited band from {excited.lowest_frequency:g} to {excited.highest_frequency:g} Hz"
             )
         return self
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """The rigs it needs: its own and, where a road is driven, the vehicle's."""
+        return tuple(dict.fromkeys(name for name in (self.rig, self.target.vehicle) if name is not None))
 
     @property
     def folder(self) -> Path:

@@ -12,7 +12,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from duralab.campaign_file import ONE_NUMBER, PER_CHANNEL, Campaign
+from duralab.campaign_file import Campaign
+from duralab.campaign_values import ONE_NUMBER, PER_CHANNEL
 from duralab.errors import InputError
 
 _SUFFIX = ".yaml"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import numpy as np
 from google.protobuf.message import Message
 
+from duralab._drive_signals import drive_signals
 from duralab._fetching import fetch_result
 from duralab._following import RunProgress, Stage, follow_campaign, progress_of
 from duralab._specification import build_specification, check_against_rig
@@ -21,10 +22,10 @@ from duralab.campaign_file import Campaign
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
 from duralab.errors import CampaignFaultError, InputError, LabError
+from duralab.identification import Identifier
 from duralab.recording_content import ActuatorUse, actuator_use
 from duralab.rig import Rig
 from duralab.signals import Signals
-from duralab_proto.arrays import ArrayError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import Bus, BusError, FaultError
 
@@ -98,10 +99,18 @@ class Lab:
         """Process id of each service that this process started."""
         return self._supervisor.process_ids if self._supervisor is not None else {}
 
+    def rig_names(self) -> list[str]:
+        """Return the names of all rigs that are there; one that cannot be used says why when it is asked."""
+        return sorted(instance for _, instance in self._bus.live("rig_sim"))
+
+    @property
+    def identifier(self) -> Identifier:
+        """Identifies rigs without a campaign around it."""
+        return Identifier(query=self._query, describe=self.describe, keys=self._bus.keys)
+
     def rigs(self) -> list[Rig]:
-        """Return all rigs that are there, by name."""
-        names = sorted(instance for _, instance in self._bus.live("rig_sim"))
-        return [self.describe(name) for name in names]
+        """Return all rigs that are there, by name; raises `LabError` where one of them cannot be used."""
+        return [self.describe(name) for name in self.rig_names()]
 
     def describe(self, rig: str) -> Rig:
         """Return what a rig is and what it can play.
@@ -112,7 +121,7 @@ class Lab:
             There is no such rig.
         """
         key = self._key("rig", self._bus.keys.rig_description, rig)
-        known = sorted(instance for _, instance in self._bus.live("rig_sim"))
+        known = self.rig_names()
         if rig not in known and self.failure() is None:
             there = (
                 f"there are {', '.join(known)}"
@@ -155,7 +164,7 @@ class Lab:
             The rig refused the drive (`InputError`), stopped, or is gone.
         """
         description = self.describe(rig)
-        signals = _as_signals(drive, description)
+        signals = drive_signals(drive, description)
         name = run or f"script-{uuid.uuid4().hex[:12]}"
         request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=real_time)
 
@@ -327,21 +336,3 @@ class Lab:
 
 def _tell_nobody(progress: RunProgress) -> None:
     del progress
-
-
-def _as_signals(drive: np.ndarray | xarray.DataArray | Signals, rig: Rig) -> Signals:
-    if isinstance(drive, Signals):
-        return drive
-    samples = np.ascontiguousarray(drive, dtype=np.float64)
-    if samples.ndim != 2 or samples.shape[0] != len(rig.drives):
-        names = ", ".join(channel.name for channel in rig.drives)
-        raise InputError(
-            f"The drive has the shape {samples.shape}; rig {rig.name!r} needs ({len(rig.drives)}, samples): {names}.",
-            field="drive.samples",
-        )
-    signals = Signals(rig.drives, rig.sample_rate, samples)
-    try:
-        signals.to_message()
-    except ArrayError as error:
-        raise InputError(str(error), field=error.field) from error
-    return signals

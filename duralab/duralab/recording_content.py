@@ -94,6 +94,12 @@ class Model:
         Blocks averaged.
     independent_averages : float
         Equivalent independent averages.
+    frf_deviation : np.ndarray, shape (lines, responses, drives)
+        Standard deviation of each element of `frf`; 0 where it is not known, as in older recordings.
+    verdicts : tuple of str
+        How linear each response is, in words; empty in older recordings.
+    warnings : tuple of str
+        What the identifier found suspicious, in words.
     """
 
     id: str
@@ -107,6 +113,9 @@ class Model:
     response_psd: np.ndarray
     blocks: int
     independent_averages: float
+    frf_deviation: np.ndarray
+    verdicts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
@@ -129,15 +138,23 @@ class Model:
             response_psd=spectrum("response_psd", n_y),
             blocks=message.blocks,
             independent_averages=message.independent_averages,
+            frf_deviation=(
+                np.sqrt(spectrum("frf_variance", n_y, n_u))
+                if message.HasField("frf_variance")
+                else np.zeros((lines, n_y, n_u))
+            ),
+            verdicts=tuple(message.verdicts),
+            warnings=tuple(warning.sentence for warning in message.warnings),
         )
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return frf, coherence and condition number with the dimensions `frequency`, `response` and `drive`."""
+        """Return frf, its deviation, coherence and condition number over `frequency`, `response` and `drive`."""
         import xarray
 
         return xarray.Dataset(
             {
                 "frf": (("frequency", "response", "drive"), self.frf),
+                "frf_deviation": (("frequency", "response", "drive"), self.frf_deviation),
                 "coherence": (("frequency", "response"), self.coherence),
                 "condition_number": (("frequency",), self.condition_number),
             },

@@ -160,6 +160,9 @@ def _model(generator: np.random.Generator) -> identifier_pb2.Model:
         independent_averages=49.5,
         rig_content_hash=description().content_hash,
         run="demo.identify",
+        frf_variance=to_array(0.02**2 * np.abs(plant(lines)) ** 2),
+        verdicts=["Nonlinear 6 % of the response at 14 Hz in left longitudinal; noise 1 % over the band."],
+        warnings=[identifier_pb2.ModelWarning(sentence="Response right_vertical is clipped.")],
     )
 
 

@@ -69,7 +69,7 @@ def hall():
             Gateway(served, f"rig_{defect}", defect)
         connect = labbus.BusConfig(connect=tuple(served.listening))
         with labbus.open_bus(connect, service="duralab") as bus:
-            bus.wait_for_live({("rig_sim", f"rig_{defect}") for defect in Defect}, 10.0)
+            bus.wait_for_live({("rig_sim", f"rig_{defect}") for defect in Defect}, 120.0)
             yield bus, served.listening[0]
 
 

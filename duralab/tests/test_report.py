@@ -106,6 +106,18 @@ def test_recording_without_playback_or_model_is_explained_or_reported(tmp_path, 
     assert "ended early, 1 playback done" in html
 
 
+def test_the_model_is_shown_with_its_verdicts_warnings_and_uncertainty(html, recording_path):
+    section = body(html)[body(html).index('id="model"') : body(html).index('id="actuators"')]
+    assert "<li>Nonlinear 6 % of the response at 14 Hz in left longitudinal; noise 1 % over the band.</li>" in section
+    assert "<li>Response right_vertical is clipped.</li>" in section
+    upper, lower, magnitude = figures_in(html)["frf-0-0"]["data"][:3]
+    size = values(magnitude["y"])
+    # A deviation of 2 % of the magnitude, twice to either side.
+    np.testing.assert_allclose(values(upper["y"]) / size, 1.04, rtol=5e-3)
+    np.testing.assert_allclose(values(lower["y"]) / size, 0.96, rtol=5e-3)
+    assert open_recording(recording_path).model.warnings == ("Response right_vertical is clipped.",)
+
+
 def test_envelope_keeps_every_peak():
     samples = np.zeros(LARGEST_POINTS * 30)
     samples[123_457], samples[200_001] = 5.0, -7.0

@@ -127,9 +127,29 @@ class Keys:
         """Query: IdentifyRequest → Progress, then Model."""
         return self._key("identifier", "identify")
 
+    def experiment_plan(self) -> str:
+        """Query: PlanRequest → ExperimentPlan."""
+        return self._key("identifier", "plan")
+
+    def identify_levels(self) -> str:
+        """Query: LevelsRequest → Progress, then LevelsResult."""
+        return self._key("identifier", "levels")
+
+    def level_advice(self) -> str:
+        """Query: AdviceRequest → LevelAdvice."""
+        return self._key("identifier", "advise")
+
     def model(self, id: str) -> str:
         """Query: ModelRequest → Model."""
         return self._key("identifier", "model", _or_any(id, check_id))
+
+    def prediction(self, id: str) -> str:
+        """Query: PredictRequest → Prediction."""
+        return self._key("identifier", "predict", _or_any(id, check_id))
+
+    def convergence(self, id: str) -> str:
+        """Query: ConvergenceRequest → Convergence."""
+        return self._key("identifier", "convergence", _or_any(id, check_id))
 
     def campaign_start(self) -> str:
         """Query: CampaignSpec → CampaignStatus."""
@@ -213,7 +233,14 @@ def run_of(key: str) -> str:
 
 
 _NAMED_BY_ID: Final = frozenset(
-    {("identifier", "model"), ("iterator", "campaign"), ("iterator", "event"), ("recorder", "recording")}
+    {
+        ("identifier", "model"),
+        ("identifier", "predict"),
+        ("identifier", "convergence"),
+        ("iterator", "campaign"),
+        ("iterator", "event"),
+        ("recorder", "recording"),
+    }
 )
 
 

@@ -28,6 +28,8 @@ def test_id_comes_back_out_of_every_key_that_holds_one(lab, name):
     k = Keys(lab)
     for key in (
         k.model(name),
+        k.prediction(name),
+        k.convergence(name),
         k.campaign(name),
         k.campaign_stop(name),
         k.campaign_resume(name),

@@ -34,18 +34,25 @@ def up(
     recordings: Annotated[
         Path, typer.Option("--recordings", metavar="DIR", help="Where recordings and logs go.")
     ] = Path("recordings"),
+    rig: Annotated[
+        list[str] | None,
+        typer.Option("--rig", metavar="NAME", help="A shipped rig to start; give it again for more of them."),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C."""
     from duralab.cli.lab_commands import run_lab
 
     with ended_well():
-        run_lab(listen=listen, recordings=recordings, view=view)
+        run_lab(listen=listen, recordings=recordings, rigs=rig, view=view)
 
 
 @app.command()
 def run(
-    campaign: Annotated[str, typer.Argument(help="A campaign file, or a shipped one: front_axle_demo, belgian_block.")],
+    campaign: Annotated[
+        str,
+        typer.Argument(help="A campaign file, or a shipped one: front_axle_demo, spindle_coupled_demo, belgian_block."),
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
     ] = None,
@@ -77,7 +84,7 @@ def report(
 
 @app.command()
 def rigs(connect: Connect = None) -> None:
-    """List the rigs with their channels, limits and sample rates."""
+    """List the rigs with their channels, limits and sample rates, and what else is shipped."""
     from duralab.cli.lab_commands import list_rigs
 
     with ended_well():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
@@ -11,10 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from duralab._viewer import GRPC_PORT, WEB_PORT, Viewer
-from duralab.errors import InputError
+from duralab.errors import InputError, LabError
 from duralab.lab import Lab
-from duralab.lab_opening import connect, start
+from duralab.lab_opening import DEFAULT_RIGS, connect, start
 from duralab.rig import Rig
+from duralab.shipped_rigs import shipped_rigs
 from duralab.signals import Channel
 
 _WATCH_SECONDS = 0.25
@@ -37,14 +39,16 @@ def _say_where(viewer: Viewer, console: Console) -> None:
     console.print(f"Live viewer: {where}", highlight=False, markup=False)
 
 
-def run_lab(*, listen: str, recordings: Path, view: bool) -> None:
-    """Run a lab until it is interrupted, or a service of it ends."""
+def run_lab(*, listen: str, recordings: Path, rigs: Sequence[str] | None, view: bool) -> None:
+    """Run a lab until it is interrupted, or a service of it ends; with the usual rigs where none are named."""
     console = Console(soft_wrap=True)
     with ExitStack() as stack:
         viewer = open_viewer(stack, console) if view else None
         address = viewer.address if viewer is not None else None
         with console.status("Starting the lab …"):
-            lab = stack.enter_context(start(recordings, listen=listen, recordings=recordings, viewer=address))
+            lab = stack.enter_context(
+                start(recordings, listen=listen, recordings=recordings, rigs=rigs or DEFAULT_RIGS, viewer=address)
+            )
         services = ", ".join(f"{name} ({pid})" for name, pid in lab.process_ids.items())
         console.print(f"The lab is up at {', '.join(lab.endpoints)}: {services}", highlight=False, markup=False)
         console.print(
@@ -63,17 +67,26 @@ def open_lab(endpoint: str | None) -> AbstractContextManager[Lab]:
 
 
 def list_rigs(*, endpoint: str | None) -> None:
-    """Print the rigs of a lab."""
+    """Print the rigs of a lab, and those that the simulator ships beside them."""
     console = Console()
     waiting = "Asking the lab …" if endpoint is not None else "Starting a lab of its own to ask …"
     with ExitStack() as stack:
         with console.status(waiting):
             lab = stack.enter_context(open_lab(endpoint))
-            rigs = lab.rigs()
-        for rig in rigs:
-            console.print(_rig_table(rig))
-        if not rigs:
+            names = lab.rig_names()
+            for name in names:
+                try:
+                    console.print(_rig_table(lab.describe(name)))
+                except LabError as error:
+                    # One that cannot be used hides none of the others.
+                    console.print(f"{name}: {error.message}", style="red", highlight=False, markup=False)
+        if not names:
             console.print("There is no rig in this lab.")
+        others = {name: title for name, title in shipped_rigs().items() if name not in names}
+    if others:
+        console.print("Shipped as well; start them with duralab up --rig NAME [--rig NAME ...]:", highlight=False)
+        for name, title in others.items():
+            console.print(f"  {name}: {title}", highlight=False, markup=False)
 
 
 def _rig_table(rig: Rig) -> Table:

@@ -45,7 +45,7 @@ def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view:
         address = viewer.address if viewer is not None else None
         with console.status("Joining the lab …" if endpoint is not None else "Starting a lab of its own …"):
             lab = stack.enter_context(
-                connect(endpoint, out=folder) if endpoint is not None else start(folder, viewer=address)
+                connect(endpoint, out=folder) if endpoint is not None else start(folder, rigs=plan.rigs, viewer=address)
             )
         where = f"the lab at {endpoint}" if endpoint is not None else f"a lab of its own at {lab.endpoints[0]}"
         ends = "" if endpoint is not None else ", which ends with it"

@@ -115,9 +115,13 @@ def contributions(model: Model, band: tuple[float, float]) -> np.ndarray:
 
 
 def model_element(model: Model, response: int, drive: int, *, band: tuple[float, float]) -> Figure:
-    """Magnitude, phase and coherence of one element of the FRF matrix."""
+    """Magnitude with its uncertainty, phase and coherence of one element of the FRF matrix."""
     lines = _lines(model)
     frequency, element = encode(model.frequency[lines]), model.frf[lines, response, drive]
+    deviation = np.nan_to_num(model.frf_deviation[lines, response, drive])
+    # Two deviations of the complex element to either side; a tenth of the magnitude is as far down as the axis goes.
+    largest = np.abs(element) + 2.0 * deviation
+    smallest = np.maximum(np.abs(element) - 2.0 * deviation, 0.1 * np.abs(element))
     y, u = model.responses[response], model.drives[drive]
 
     def trace(values: np.ndarray, axis: str, color: str) -> Figure:
@@ -134,6 +138,8 @@ def model_element(model: Model, response: int, drive: int, *, band: tuple[float,
 
     return {
         "data": [
+            trace(largest, "y", "@line") | {"name": "upper limit (2 σ)", "hoverinfo": "skip"},
+            trace(smallest, "y", "@line") | {"name": "lower limit (2 σ)", "hoverinfo": "skip", "fill": "tonexty"},
             trace(np.abs(element), "y", "@last") | {"name": "magnitude"},
             trace(np.degrees(np.angle(element)), "y2", "@last") | {"name": "phase"},
             trace(model.coherence[lines, response], "y3", "@error") | {"name": "coherence"},

@@ -12,6 +12,7 @@ import spectra
 from duralab.iteration_table import IterationTable
 from duralab.recording import Recording
 from duralab.recording_content import ActuatorUse
+from duralab.report.identification_words import identification_in_words
 from duralab.signals import Channel, Signals
 from duralab_proto.v1 import iterator_pb2
 
@@ -165,7 +166,6 @@ def matrix_cells(contributions: np.ndarray) -> list[list[Cell]]:
 
 def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
     """Return what was done, as terms and their values."""
-    excitation, spectrum = specification.excitation, specification.excitation.spectrum
     samples = specification.target.samples.shape
     seconds = samples[1] / specification.target.sample_rate if len(samples) == 2 else 0.0
     stop = specification.stop
@@ -173,13 +173,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
     return [
         ("Target", f"{specification.target_source}; {seconds:g} s at {specification.target.sample_rate:g} Hz"),
         ("Control band", f"{specification.lowest_frequency:g} to {specification.highest_frequency:g} Hz"),
-        (
-            "Identification",
-            f"pure random, {spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz, flat to "
-            f"{spectrum.corner_frequency:g} Hz, then −{spectrum.decibels_per_octave:g} dB per octave, "
-            f"{excitation.duration_seconds:g} s; H1, Hann blocks of {specification.estimator.block_samples} samples, "
-            f"{100 * specification.estimator.overlap:g} % overlap",
-        ),
+        ("Identification", identification_in_words(specification.excitation, specification.estimator)),
         ("Update", f"{_ALGORITHMS.get(specification.update.kind, 'unknown')}, gain {', '.join(gains)}"),
         (
             "End",

@@ -11,7 +11,7 @@ import yaml
 import labbus
 
 HERE = Path(__file__).parent
-WAIT = 20.0
+WAIT = 120.0
 """Longest wait of a test for another process, in seconds; none of them takes so long unless it is broken."""
 
 

@@ -17,6 +17,8 @@ from duralab_proto.keys import rig_of
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 
 RIG = "bench"
+#: Reason of one of two stops that must be worked on at once.
+TOGETHER = "together"
 
 
 class RigProcessConfig(labbus.ServiceConfig):
@@ -27,6 +29,7 @@ class Rig:
     def __init__(self, bus):
         self.bus = bus
         self.calls = Counter()
+        self.pair = threading.Barrier(2)
         self.states = bus.publisher(bus.keys.rig_state(RIG))
         bus.serve(bus.keys.rig_play(RIG), rig_pb2.PlayRequest, self.play)
         bus.serve(bus.keys.rig_state(RIG), rig_pb2.StateRequest, self.state)
@@ -36,8 +39,12 @@ class Rig:
         return rig_pb2.RigState(rig=rig_of(call.key), reason=str(dict(self.calls)))
 
     def stop(self, request, call):
-        # As long as a ramp takes; not for an empty reason.
-        time.sleep(0.6 if request.reason else 0.0)
+        if request.reason == TOGETHER:
+            # Answered only once the other one is here as well.
+            self.pair.wait(120.0)
+        elif request.reason:
+            # As long as a ramp takes.
+            time.sleep(0.6)
         return self.state(request, call)
 
     def play(self, request, call):
@@ -51,7 +58,7 @@ class Rig:
         return rig_pb2.PlayResult(run=request.run, blocks=5)
 
     def quiet(self, request, _call):
-        time.sleep(2.2)
+        time.sleep(4.5)
         return rig_pb2.PlayResult(run=request.run)
 
     def refuse(self, _request, _call):
@@ -77,7 +84,7 @@ class Rig:
         """Go on until nobody waits any more, and say so on the state stream."""
         call.progress("waiting", 0.0)
         self.states.put(rig_pb2.RigState(rig=RIG, run=request.run, mode=rig_pb2.RIG_MODE_PLAYING))
-        until = time.monotonic() + 20
+        until = time.monotonic() + 120
         while not call.cancelled and time.monotonic() < until:
             time.sleep(0.01)
         self.states.put(rig_pb2.RigState(rig=RIG, run=request.run, mode=rig_pb2.RIG_MODE_IDLE))

@@ -9,7 +9,7 @@ import pytest
 import labbus
 from duralab_proto.v1 import query_pb2
 
-WAIT = 20.0
+WAIT = 120.0
 
 
 def test_service_is_seen_coming_and_being_killed(hub, processes):
@@ -22,7 +22,8 @@ def test_service_is_seen_coming_and_being_killed(hub, processes):
     process.send_signal(signal.SIGKILL)
     killed = time.monotonic()
     assert {events.get(timeout=WAIT) for _ in range(2)} == {("rig_sim", "one", False), ("rig_sim", "two", False)}
-    assert time.monotonic() - killed < 2.0
+    # Its connection told, not the lease of 10 s that runs out.
+    assert time.monotonic() - killed < 8.0
     assert hub.live() == set()
     watch.close()
 

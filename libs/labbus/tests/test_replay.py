@@ -13,7 +13,7 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import _replay
 from labbus._spool import Spool
 
-WAIT = 20.0
+WAIT = 120.0
 RUN = "spooled.1"
 
 
@@ -169,8 +169,9 @@ def test_frozen_viewer_holds_up_neither_play_nor_stop_nor_a_receiver_that_repair
     result = hub.query(hub.keys.rig_play("bench"), request, rig_pb2.PlayResult)
     played = time.monotonic() - began
     stopping.join(WAIT)
-    assert played < 2.0
-    assert stopped[0] < 2.0
+    # Zenoh's own patience with a link that takes nothing is 5 s.
+    assert played < 4.5
+    assert stopped[0] < 4.5
     subscription.close()
     tail = range(received[-1].seq + 1, 3000)
     received += hub.replay(key, rig_pb2.SignalBlock, epoch=result.epoch, ranges=[tail])

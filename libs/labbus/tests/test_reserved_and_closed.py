@@ -8,17 +8,17 @@ import zenoh
 import labbus
 from duralab_proto.v1 import rig_pb2
 
-WAIT = 20.0
+WAIT = 120.0
 
 
-def ask_at_once(bus, count):
+def ask_at_once(bus, count, *, reason="now"):
     """Ask for so many stops at the same time; return their answers or faults."""
     answers = []
 
     def ask():
         try:
             answers.append(
-                bus.query(bus.keys.rig_stop("bench"), rig_pb2.StopRequest(reason="now"), rig_pb2.RigState).rig
+                bus.query(bus.keys.rig_stop("bench"), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState).rig
             )
         except labbus.FaultError as fault:
             answers.append(fault.message)
@@ -32,9 +32,8 @@ def ask_at_once(bus, count):
 
 
 def test_two_stops_at_once_are_both_answered_without_waiting_for_each_other(lab):
-    began = time.monotonic()
-    assert ask_at_once(lab, 2) == ["bench", "bench"]
-    assert time.monotonic() - began < 1.1
+    # The rig answers neither before it has both.
+    assert ask_at_once(lab, 2, reason="together") == ["bench", "bench"]
 
 
 def test_more_stops_than_workers_are_queued_and_not_refused(lab):
@@ -59,7 +58,7 @@ def test_asker_whose_token_flapped_before_its_query_is_not_cancelled(hub):
         wait_for(lambda: "flapping" not in hub._server._departed)
         encoding = labbus.encoding_of(rig_pb2.StopRequest)
         replies = asker._session.get(
-            key, encoding=encoding, attachment="flapping", consolidation=zenoh.ConsolidationMode.NONE, timeout=5.0
+            key, encoding=encoding, attachment="flapping", consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0
         )
         assert [reply.ok is not None for reply in replies] == [True]
         token.undeclare()
@@ -82,7 +81,7 @@ def test_closed_subscriptions_watches_tokens_and_keys_are_let_go(hub):
 
 
 def wait_for(condition):
-    until = time.monotonic() + 5.0
+    until = time.monotonic() + WAIT
     while not condition():
         assert time.monotonic() < until
         time.sleep(0.01)

@@ -13,7 +13,7 @@ import pytest
 import labbus
 from duralab_proto.v1 import rig_pb2
 
-WAIT = 20.0
+WAIT = 120.0
 
 
 def ended(process, seconds=WAIT):
@@ -113,7 +113,7 @@ def test_stuck_handler_does_not_keep_the_service_from_ending(hub, processes):
     asking.start()
     assert began.wait(WAIT)
     process.terminate()
-    process.wait(3.5)
+    process.wait(WAIT)
     asking.join(WAIT)
     assert [fault.code_name for fault in faults] == ["UNAVAILABLE"]
 
@@ -129,7 +129,7 @@ def test_service_ends_when_the_other_end_of_its_input_closes(hub, processes):
     # As after kill -9 of the supervisor: both pipes lose their other end at once.
     process.stderr.close()
     process.stdin.close()
-    assert process.wait(3.5) == 0
+    assert process.wait(WAIT) == 0
 
 
 def test_service_told_to_end_while_it_is_set_up_ends(processes):
@@ -149,12 +149,13 @@ def test_service_told_to_end_while_it_is_set_up_ends(processes):
             began = time.monotonic()
             process.stdin.close()
             process.wait(WAIT)
-            assert time.monotonic() - began < 4.0
+            # Not the 60 s for which it may try to connect.
+            assert time.monotonic() - began < 30.0
 
 
 def test_service_is_gone_from_the_bus_when_it_has_ended(hub, bench):
     bench.terminate()
-    assert bench.wait(3.5) == 0
+    assert bench.wait(WAIT) == 0
     with pytest.raises(ProcessLookupError):
         os.kill(bench.pid, 0)
     with pytest.raises(labbus.FaultError) as caught:

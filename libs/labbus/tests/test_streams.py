@@ -10,7 +10,7 @@ import labbus
 from duralab_proto.keys import run_of
 from duralab_proto.v1 import query_pb2, rig_pb2
 
-WAIT = 20.0
+WAIT = 120.0
 
 
 def test_five_thousand_blocks_from_another_process_are_contiguous(lab):

@@ -12,7 +12,8 @@ from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
 from spectra.lines import line_frequencies, smooth_lines
 from spectra.metrics import overall_relative_rms_error, peak_ratio, relative_rms_error, rms, rms_response
 from spectra.records import as_record, require_sample_rate
-from spectra.welch import CrossSpectra, SpectraEstimate, auto_spectra, cross_spectra, paired_spectra
+from spectra.running_spectra import CrossSpectra, SpectraEstimate
+from spectra.welch import auto_spectra, cross_spectra, paired_spectra
 from spectra.windows import hann_periodic
 
 __all__ = [

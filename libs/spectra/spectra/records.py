@@ -42,6 +42,30 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
     return record
 
 
+def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check two records that were sampled together.
+
+    Parameters
+    ----------
+    a, b
+        Shape (channels, samples) each, as many samples.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Both as `as_record` returns them.
+
+    Raises
+    ------
+    ValueError
+        Where one is no record or their lengths differ.
+    """
+    first, second = as_record(a, name="a"), as_record(b, name="b")
+    if first.shape[1] != second.shape[1]:
+        raise ValueError(f"The records have {first.shape[1]} and {second.shape[1]} samples; both need as many.")
+    return first, second
+
+
 def require_sample_rate(sample_rate: float) -> None:
     """Refuse a sample rate that is not a positive, finite number of hertz.
 

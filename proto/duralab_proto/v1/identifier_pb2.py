@@ -25,27 +25,59 @@ _sym_db = _symbol_database.Default()
 from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1b\x64uralab/v1/identifier.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x7f\n\x11WhitePinkSpectrum\x12\x18\n\x10lowest_frequency\x18\x01 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x02 \x01(\x01\x12\x18\n\x10\x63orner_frequency\x18\x03 \x01(\x01\x12\x1b\n\x13\x64\x65\x63ibels_per_octave\x18\x04 \x01(\x01\"\xc5\x01\n\nExcitation\x12(\n\x04kind\x18\x01 \x01(\x0e\x32\x1a.duralab.v1.ExcitationKind\x12/\n\x08spectrum\x18\x02 \x01(\x0b\x32\x1d.duralab.v1.WhitePinkSpectrum\x12\x1e\n\x03rms\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10\x64uration_seconds\x18\x04 \x01(\x01\x12\x14\n\x0c\x66\x61\x64\x65_seconds\x18\x05 \x01(\x01\x12\x0c\n\x04seed\x18\x06 \x01(\x04\"\\\n\tEstimator\x12\'\n\x04kind\x18\x01 \x01(\x0e\x32\x19.duralab.v1.EstimatorKind\x12\x15\n\rblock_samples\x18\x02 \x01(\r\x12\x0f\n\x07overlap\x18\x03 \x01(\x01\"\xa7\x01\n\x0fIdentifyRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12*\n\nexcitation\x18\x02 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x03 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08rig_seed\x18\x05 \x01(\x04\x12\x12\n\ncheck_only\x18\x06 \x01(\x08\"\x0e\n\x0cModelRequest\"\xeb\x04\n\x05Model\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12#\n\x06\x64rives\x18\x03 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x04 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12$\n\tfrequency\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tcoherence\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10\x63ondition_number\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tdrive_psd\x18\n \x01(\x0b\x32\x11.duralab.v1.Array\x12\'\n\x0cresponse_psd\x18\x0b \x01(\x0b\x32\x11.duralab.v1.Array\x12*\n\nexcitation\x18\x0c \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\r \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0e\n\x06\x62locks\x18\x0e \x01(\r\x12\x1c\n\x14independent_averages\x18\x0f \x01(\x01\x12\x18\n\x10rig_content_hash\x18\x10 \x01(\t\x12\x0b\n\x03run\x18\x11 \x01(\t\x12\x14\n\x0csignal_epoch\x18\x12 \x01(\x04\x12\x15\n\rsignal_blocks\x18\x13 \x01(\x04\x12\'\n\x0c\x66rf_variance\x18\x14 \x01(\x0b\x32\x11.duralab.v1.Array*R\n\x0e\x45xcitationKind\x12\x1f\n\x1b\x45XCITATION_KIND_UNSPECIFIED\x10\x00\x12\x1f\n\x1b\x45XCITATION_KIND_PURE_RANDOM\x10\x01*F\n\rEstimatorKind\x12\x1e\n\x1a\x45STIMATOR_KIND_UNSPECIFIED\x10\x00\x12\x15\n\x11\x45STIMATOR_KIND_H1\x10\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1b\x64uralab/v1/identifier.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x7f\n\x11WhitePinkSpectrum\x12\x18\n\x10lowest_frequency\x18\x01 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x02 \x01(\x01\x12\x18\n\x10\x63orner_frequency\x18\x03 \x01(\x01\x12\x1b\n\x13\x64\x65\x63ibels_per_octave\x18\x04 \x01(\x01\"]\n\x11TabulatedSpectrum\x12$\n\tfrequency\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12\"\n\x07\x64\x65nsity\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\"x\n\x08Spectrum\x12\x33\n\nwhite_pink\x18\x01 \x01(\x0b\x32\x1d.duralab.v1.WhitePinkSpectrumH\x00\x12.\n\x05table\x18\x02 \x01(\x0b\x32\x1d.duralab.v1.TabulatedSpectrumH\x00\x42\x07\n\x05shape\"\xc8\x03\n\nExcitation\x12(\n\x04kind\x18\x01 \x01(\x0e\x32\x1a.duralab.v1.ExcitationKind\x12/\n\x08spectrum\x18\x02 \x01(\x0b\x32\x1d.duralab.v1.WhitePinkSpectrum\x12\x1e\n\x03rms\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10\x64uration_seconds\x18\x04 \x01(\x01\x12\x14\n\x0c\x66\x61\x64\x65_seconds\x18\x05 \x01(\x01\x12\x0c\n\x04seed\x18\x06 \x01(\x04\x12+\n\rdrive_spectra\x18\x07 \x03(\x0b\x32\x14.duralab.v1.Spectrum\x12\x1f\n\x04peak\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x14\n\x0c\x64\x65lay_blocks\x18\t \x01(\r\x12\x16\n\x0e\x63\x61pture_blocks\x18\n \x01(\r\x12\x0f\n\x07repeats\x18\x0b \x01(\r\x12\x14\n\x0crealisations\x18\x0c \x01(\r\x12\x11\n\todd_lines\x18\r \x01(\x08\x12\x17\n\x0f\x64\x65tection_share\x18\x0e \x01(\x01\x12\x1d\n\x15minimise_crest_factor\x18\x0f \x01(\x08\x12\x13\n\x0b\x62urst_share\x18\x10 \x01(\x01\"\x8b\x01\n\tEstimator\x12\'\n\x04kind\x18\x01 \x01(\x0e\x32\x19.duralab.v1.EstimatorKind\x12\x15\n\rblock_samples\x18\x02 \x01(\r\x12\x0f\n\x07overlap\x18\x03 \x01(\x01\x12\x13\n\x0blocal_order\x18\x04 \x01(\r\x12\x18\n\x10local_half_width\x18\x05 \x01(\r\"\xa7\x01\n\x0fIdentifyRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12*\n\nexcitation\x18\x02 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x03 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08rig_seed\x18\x05 \x01(\x04\x12\x12\n\ncheck_only\x18\x06 \x01(\x08\"<\n\x0bPlanRequest\x12-\n\x08identify\x18\x01 \x01(\x0b\x32\x1b.duralab.v1.IdentifyRequest\"\xac\x02\n\x0e\x45xperimentPlan\x12\x18\n\x10\x64uration_seconds\x18\x01 \x01(\x01\x12\x0f\n\x07samples\x18\x02 \x01(\x04\x12\x14\n\x0crealisations\x18\x03 \x01(\r\x12#\n\x1b\x65xperiments_per_realisation\x18\x04 \x01(\r\x12\x0f\n\x07periods\x18\x05 \x01(\r\x12\x13\n\x0b\x64\x65lay_share\x18\x06 \x01(\x01\x12\x0e\n\x06\x62locks\x18\x07 \x01(\r\x12\x1c\n\x14independent_averages\x18\x08 \x01(\x01\x12\x1c\n\x14\x66requency_resolution\x18\t \x01(\x01\x12\r\n\x05lines\x18\n \x01(\r\x12\x18\n\x10lowest_frequency\x18\x0b \x01(\x01\x12\x19\n\x11highest_frequency\x18\x0c \x01(\x01\"b\n\rLevelsRequest\x12-\n\x08identify\x18\x01 \x01(\x0b\x32\x1b.duralab.v1.IdentifyRequest\x12\"\n\x07\x66\x61\x63tors\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\"\xa7\x01\n\x0fModelDifference\x12\x10\n\x08\x66irst_id\x18\x01 \x01(\t\x12\x11\n\tsecond_id\x18\x02 \x01(\t\x12.\n\x13relative_difference\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12,\n\x11\x65xpected_by_noise\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x11\n\tsentences\x18\x05 \x03(\t\"c\n\x0cLevelsResult\x12!\n\x06models\x18\x01 \x03(\x0b\x32\x11.duralab.v1.Model\x12\x30\n\x0b\x64ifferences\x18\x02 \x03(\x0b\x32\x1b.duralab.v1.ModelDifference\"\x90\x01\n\rAdviceRequest\x12\x10\n\x08model_id\x18\x01 \x01(\t\x12\"\n\x06target\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x18\n\x10lowest_frequency\x18\x03 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x04 \x01(\x01\x12\x14\n\x0c\x63rest_factor\x18\x05 \x01(\x01\"\xe5\x01\n\x0bLevelAdvice\x12\x1e\n\x03rms\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12%\n\nwanted_rms\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12&\n\x0blargest_rms\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12)\n\x0eidentified_rms\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12)\n\x0eresponse_ratio\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x11\n\tsentences\x18\x06 \x03(\t\"3\n\x0ePredictRequest\x12!\n\x05\x64rive\x18\x01 \x01(\x0b\x32\x12.duralab.v1.Record\"\x8d\x01\n\nPrediction\x12$\n\x08response\x18\x01 \x01(\x0b\x32\x12.duralab.v1.Record\x12*\n\x0funcertainty_rms\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12-\n\x12share_outside_band\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\"\x8a\x01\n\x12\x43onvergenceRequest\x12)\n\x0eiteration_gain\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10lowest_frequency\x18\x02 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x03 \x01(\x01\x12\x14\n\x0crig_model_id\x18\x04 \x01(\t\"\xed\x01\n\x0b\x43onvergence\x12$\n\tfrequency\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12*\n\x0fspectral_radius\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12-\n\x12spectral_radius_95\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x31\n\x16largest_singular_value\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10\x63onverging_share\x18\x05 \x01(\x01\x12\x10\n\x08sentence\x18\x06 \x01(\t\"\x92\x01\n\x0cModelWarning\x12*\n\x04\x63ode\x18\x01 \x01(\x0e\x32\x1c.duralab.v1.ModelWarningCode\x12\x0f\n\x07\x63hannel\x18\x02 \x01(\t\x12\x18\n\x10lowest_frequency\x18\x03 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x04 \x01(\x01\x12\x10\n\x08sentence\x18\x05 \x01(\t\"\x91\x02\n\nDistortion\x12$\n\tnoise_psd\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12)\n\x0e\x64istortion_psd\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12-\n\x12odd_distortion_psd\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12.\n\x13\x65ven_distortion_psd\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10\x64istortion_share\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12&\n\x0bnoise_share\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\"\x0e\n\x0cModelRequest\"\x9e\x07\n\x05Model\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12#\n\x06\x64rives\x18\x03 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x04 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12$\n\tfrequency\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tcoherence\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10\x63ondition_number\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12$\n\tdrive_psd\x18\n \x01(\x0b\x32\x11.duralab.v1.Array\x12\'\n\x0cresponse_psd\x18\x0b \x01(\x0b\x32\x11.duralab.v1.Array\x12*\n\nexcitation\x18\x0c \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\r \x01(\x0b\x32\x15.duralab.v1.Estimator\x12\x0e\n\x06\x62locks\x18\x0e \x01(\r\x12\x1c\n\x14independent_averages\x18\x0f \x01(\x01\x12\x18\n\x10rig_content_hash\x18\x10 \x01(\t\x12\x0b\n\x03run\x18\x11 \x01(\t\x12\x14\n\x0csignal_epoch\x18\x12 \x01(\x04\x12\x15\n\rsignal_blocks\x18\x13 \x01(\x04\x12\'\n\x0c\x66rf_variance\x18\x14 \x01(\x0b\x32\x11.duralab.v1.Array\x12\'\n\x0cresidual_psd\x18\x15 \x01(\x0b\x32\x11.duralab.v1.Array\x12)\n\x0erow_covariance\x18\x16 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x18\n\x10lowest_frequency\x18\x17 \x01(\x01\x12\x19\n\x11highest_frequency\x18\x18 \x01(\x01\x12\x14\n\x0cinterpolated\x18\x19 \x03(\x08\x12*\n\x08warnings\x18\x1a \x03(\x0b\x32\x18.duralab.v1.ModelWarning\x12*\n\ndistortion\x18\x1b \x01(\x0b\x32\x16.duralab.v1.Distortion\x12(\n\x04plan\x18\x1c \x01(\x0b\x32\x1a.duralab.v1.ExperimentPlan\x12\x10\n\x08verdicts\x18\x1d \x03(\t*\xa0\x02\n\x0e\x45xcitationKind\x12\x1f\n\x1b\x45XCITATION_KIND_UNSPECIFIED\x10\x00\x12\x1f\n\x1b\x45XCITATION_KIND_PURE_RANDOM\x10\x01\x12 \n\x1c\x45XCITATION_KIND_BURST_RANDOM\x10\x02\x12\x1e\n\x1a\x45XCITATION_KIND_SWEPT_SINE\x10\x03\x12!\n\x1d\x45XCITATION_KIND_PSEUDO_RANDOM\x10\x04\x12\x1c\n\x18\x45XCITATION_KIND_HADAMARD\x10\x05\x12\"\n\x1e\x45XCITATION_KIND_ORTHOGONAL_DFT\x10\x06\x12%\n!EXCITATION_KIND_RANDOM_ORTHOGONAL\x10\x07*\xbc\x01\n\rEstimatorKind\x12\x1e\n\x1a\x45STIMATOR_KIND_UNSPECIFIED\x10\x00\x12\x15\n\x11\x45STIMATOR_KIND_H1\x10\x01\x12\x15\n\x11\x45STIMATOR_KIND_H2\x10\x02\x12\x15\n\x11\x45STIMATOR_KIND_HV\x10\x03\x12#\n\x1f\x45STIMATOR_KIND_LOCAL_POLYNOMIAL\x10\x04\x12!\n\x1d\x45STIMATOR_KIND_LOCAL_RATIONAL\x10\x05*\xc0\x01\n\x10ModelWarningCode\x12\"\n\x1eMODEL_WARNING_CODE_UNSPECIFIED\x10\x00\x12\x1c\n\x18MODEL_WARNING_CODE_OTHER\x10\x01\x12%\n!MODEL_WARNING_CODE_TRANSIENT_LEFT\x10\x02\x12\x1e\n\x1aMODEL_WARNING_CODE_CLIPPED\x10\x03\x12#\n\x1fMODEL_WARNING_CODE_FEW_AVERAGES\x10\x04\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.identifier_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_EXCITATIONKIND']._serialized_start=1298
-  _globals['_EXCITATIONKIND']._serialized_end=1380
-  _globals['_ESTIMATORKIND']._serialized_start=1382
-  _globals['_ESTIMATORKIND']._serialized_end=1452
+  _globals['_EXCITATIONKIND']._serialized_start=4248
+  _globals['_EXCITATIONKIND']._serialized_end=4536
+  _globals['_ESTIMATORKIND']._serialized_start=4539
+  _globals['_ESTIMATORKIND']._serialized_end=4727
+  _globals['_MODELWARNINGCODE']._serialized_start=4730
+  _globals['_MODELWARNINGCODE']._serialized_end=4922
   _globals['_WHITEPINKSPECTRUM']._serialized_start=67
   _globals['_WHITEPINKSPECTRUM']._serialized_end=194
-  _globals['_EXCITATION']._serialized_start=197
-  _globals['_EXCITATION']._serialized_end=394
-  _globals['_ESTIMATOR']._serialized_start=396
-  _globals['_ESTIMATOR']._serialized_end=488
-  _globals['_IDENTIFYREQUEST']._serialized_start=491
-  _globals['_IDENTIFYREQUEST']._serialized_end=658
-  _globals['_MODELREQUEST']._serialized_start=660
-  _globals['_MODELREQUEST']._serialized_end=674
-  _globals['_MODEL']._serialized_start=677
-  _globals['_MODEL']._serialized_end=1296
+  _globals['_TABULATEDSPECTRUM']._serialized_start=196
+  _globals['_TABULATEDSPECTRUM']._serialized_end=289
+  _globals['_SPECTRUM']._serialized_start=291
+  _globals['_SPECTRUM']._serialized_end=411
+  _globals['_EXCITATION']._serialized_start=414
+  _globals['_EXCITATION']._serialized_end=870
+  _globals['_ESTIMATOR']._serialized_start=873
+  _globals['_ESTIMATOR']._serialized_end=1012
+  _globals['_IDENTIFYREQUEST']._serialized_start=1015
+  _globals['_IDENTIFYREQUEST']._serialized_end=1182
+  _globals['_PLANREQUEST']._serialized_start=1184
+  _globals['_PLANREQUEST']._serialized_end=1244
+  _globals['_EXPERIMENTPLAN']._serialized_start=1247
+  _globals['_EXPERIMENTPLAN']._serialized_end=1547
+  _globals['_LEVELSREQUEST']._serialized_start=1549
+  _globals['_LEVELSREQUEST']._serialized_end=1647
+  _globals['_MODELDIFFERENCE']._serialized_start=1650
+  _globals['_MODELDIFFERENCE']._serialized_end=1817
+  _globals['_LEVELSRESULT']._serialized_start=1819
+  _globals['_LEVELSRESULT']._serialized_end=1918
+  _globals['_ADVICEREQUEST']._serialized_start=1921
+  _globals['_ADVICEREQUEST']._serialized_end=2065
+  _globals['_LEVELADVICE']._serialized_start=2068
+  _globals['_LEVELADVICE']._serialized_end=2297
+  _globals['_PREDICTREQUEST']._serialized_start=2299
+  _globals['_PREDICTREQUEST']._serialized_end=2350
+  _globals['_PREDICTION']._serialized_start=2353
+  _globals['_PREDICTION']._serialized_end=2494
+  _globals['_CONVERGENCEREQUEST']._serialized_start=2497
+  _globals['_CONVERGENCEREQUEST']._serialized_end=2635
+  _globals['_CONVERGENCE']._serialized_start=2638
+  _globals['_CONVERGENCE']._serialized_end=2875
+  _globals['_MODELWARNING']._serialized_start=2878
+  _globals['_MODELWARNING']._serialized_end=3024
+  _globals['_DISTORTION']._serialized_start=3027
+  _globals['_DISTORTION']._serialized_end=3300
+  _globals['_MODELREQUEST']._serialized_start=3302
+  _globals['_MODELREQUEST']._serialized_end=3316
+  _globals['_MODEL']._serialized_start=3319
+  _globals['_MODEL']._serialized_end=4245
 # @@protoc_insertion_point(module_scope)

@@ -15,11 +15,13 @@ class RigMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     RIG_MODE_SETTLING: _ClassVar[RigMode]
     RIG_MODE_PLAYING: _ClassVar[RigMode]
     RIG_MODE_INTERLOCKED: _ClassVar[RigMode]
+    RIG_MODE_RAMPING_DOWN: _ClassVar[RigMode]
 RIG_MODE_UNSPECIFIED: RigMode
 RIG_MODE_IDLE: RigMode
 RIG_MODE_SETTLING: RigMode
 RIG_MODE_PLAYING: RigMode
 RIG_MODE_INTERLOCKED: RigMode
+RIG_MODE_RAMPING_DOWN: RigMode
 
 class DescriptionRequest(_message.Message):
     __slots__ = ()

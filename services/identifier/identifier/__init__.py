@@ -1,37 +1,122 @@
-"""Identification of a rig: excitation, the H1 estimator, its uncertainty; a pure core and a service around it.
+"""Identification of a rig: excitations, estimators, uncertainty; a pure core and a service around it.
 
-Core: `pure_random` makes a drive, `estimate_h1` the FRF matrix from a drive and its response, `frf_variance` says how
-far to trust it. The service (`python -m identifier --config FILE`) plays on a rig of the bus and answers a model.
+Core: `design_experiment` makes drives and says where their captures lie, `estimate` makes an FRF matrix of drive and
+response, `separate_distortion` tells noise and nonlinearity apart, `predict_convergence` says what an iteration with it
+will do. The service (`python -m identifier --config FILE`) plays on a rig of the bus and answers a model.
 """
 
-from identifier.excitation import check_levels, linear_fades, make_drive, pure_random
+from identifier.estimators import (
+    LARGEST_CONDITION,
+    Estimation,
+    EstimatorKind,
+    EstimatorOptions,
+    FrfEstimate,
+    ModelWarning,
+    SpectralSums,
+    WarningCode,
+    estimate,
+    require_same_rate,
+)
+from identifier.excitation import (
+    ExcitationKind,
+    ExcitationSettings,
+    Experiment,
+    ExperimentPlan,
+    LevelKind,
+    PowerSpectrum,
+    TabulatedSpectrum,
+    White,
+    WhitePink,
+    check_levels,
+    crest_factors,
+    design_experiment,
+    hadamard_matrix,
+    linear_fades,
+    make_experiment,
+    minimise_crest_factor,
+    plan_experiment,
+    pure_random,
+    schedule_experiment,
+    shortest_delay_seconds,
+    sign_matrix,
+)
 from identifier.experiment import estimate_experiment
-from identifier.h1 import LARGEST_CONDITION, FrfEstimate, estimate_h1, h1_from_spectra
+from identifier.layout import Capture, Layout, Window
 from identifier.model import IdentifiedModel, content_hash, from_message, to_message, with_id
 from identifier.rig_under_test import RigUnderTest, check_against_rig
-from identifier.settings import ExperimentSettings, SettingError, WhitePink
-from identifier.uncertainty import frf_variance, relative_magnitude_variance
+from identifier.setting_error import SettingError
+from identifier.settings import EstimatorSettings, IdentificationSettings
+from identifier.uncertainty import (
+    DistortionLevels,
+    ValidBand,
+    advise_levels,
+    element_variance,
+    model_difference,
+    predict_convergence,
+    predict_response,
+    relative_magnitude_variance,
+    row_covariance,
+    separate_distortion,
+    separated_verdicts,
+    spectral_radius,
+)
 
 __all__ = [
     "LARGEST_CONDITION",
-    "ExperimentSettings",
+    "Capture",
+    "DistortionLevels",
+    "Estimation",
+    "EstimatorKind",
+    "EstimatorOptions",
+    "EstimatorSettings",
+    "ExcitationKind",
+    "ExcitationSettings",
+    "Experiment",
+    "ExperimentPlan",
     "FrfEstimate",
+    "IdentificationSettings",
     "IdentifiedModel",
+    "Layout",
+    "LevelKind",
+    "ModelWarning",
+    "PowerSpectrum",
     "RigUnderTest",
     "SettingError",
+    "SpectralSums",
+    "TabulatedSpectrum",
+    "ValidBand",
+    "WarningCode",
+    "White",
     "WhitePink",
+    "Window",
+    "advise_levels",
     "check_against_rig",
     "check_levels",
     "content_hash",
+    "crest_factors",
+    "design_experiment",
+    "element_variance",
+    "estimate",
     "estimate_experiment",
-    "estimate_h1",
-    "frf_variance",
     "from_message",
-    "h1_from_spectra",
+    "hadamard_matrix",
     "linear_fades",
-    "make_drive",
+    "make_experiment",
+    "minimise_crest_factor",
+    "model_difference",
+    "plan_experiment",
+    "predict_convergence",
+    "predict_response",
     "pure_random",
     "relative_magnitude_variance",
+    "require_same_rate",
+    "row_covariance",
+    "schedule_experiment",
+    "separate_distortion",
+    "separated_verdicts",
+    "shortest_delay_seconds",
+    "sign_matrix",
+    "spectral_radius",
     "to_message",
     "with_id",
 ]

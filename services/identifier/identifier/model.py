@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2
+from identifier.uncertainty import ValidBand, element_variance
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,14 @@ class IdentifiedModel:
         Shape (lines, responses), 0 to 1.
     condition_number
         Shape (lines), 1 or more in the band.
-    frf_variance
-        Shape (lines, responses, drives), unit of `frf` squared; 0 outside the band, see `frf_variance`.
+    residual_psd
+        Shape (lines, responses), unit squared per Hz: what the drives do not explain; 0 outside the band, as the next.
+    row_covariance
+        Complex, shape (lines, drives, drives): covariance of a row of `frf` for a residual of 1.
+    interpolated
+        Shape (lines): where all of the above was laid between neighbouring lines.
+    band
+        Where it is valid.
     drive_psd
         Shape (lines, drives), unit squared per Hz.
     response_psd
@@ -48,6 +55,14 @@ class IdentifiedModel:
         The playback it was made from.
     signal_epoch, signal_blocks
         Epoch and number of that playback's signal blocks.
+    plan
+        What the experiment took and gave.
+    warnings
+        What is suspicious.
+    verdicts
+        How linear each response is, in words.
+    distortion
+        Noise and nonlinear distortion apart; None where the experiment does not tell them apart.
     id
         Hash of all the rest; empty before `with_id`.
     """
@@ -60,7 +75,10 @@ class IdentifiedModel:
     frf: NDArray[np.complex128]
     coherence: NDArray[np.float64]
     condition_number: NDArray[np.float64]
-    frf_variance: NDArray[np.float64]
+    residual_psd: NDArray[np.float64]
+    row_covariance: NDArray[np.complex128]
+    interpolated: NDArray[np.bool_]
+    band: ValidBand
     drive_psd: NDArray[np.float64]
     response_psd: NDArray[np.float64]
     excitation: identifier_pb2.Excitation
@@ -71,7 +89,16 @@ class IdentifiedModel:
     run: str
     signal_epoch: int
     signal_blocks: int
+    plan: identifier_pb2.ExperimentPlan
+    warnings: tuple[identifier_pb2.ModelWarning, ...]
+    verdicts: tuple[str, ...]
+    distortion: identifier_pb2.Distortion | None
     id: str = ""
+
+    @property
+    def frf_variance(self) -> NDArray[np.float64]:
+        """Variance ``E|H - E H|^2`` of every element, shape (lines, responses, drives), unit of `frf` squared."""
+        return element_variance(self.residual_psd, self.row_covariance)
 
 
 def with_id(model: IdentifiedModel) -> IdentifiedModel:
@@ -143,6 +170,15 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         run=model.run,
         signal_epoch=model.signal_epoch,
         signal_blocks=model.signal_blocks,
+        residual_psd=to_array(model.residual_psd),
+        row_covariance=to_array(model.row_covariance),
+        lowest_frequency=model.band.lowest,
+        highest_frequency=model.band.highest,
+        interpolated=model.interpolated.tolist() if model.interpolated.any() else (),
+        warnings=model.warnings,
+        distortion=model.distortion,
+        plan=model.plan,
+        verdicts=model.verdicts,
     )
 
 
@@ -184,7 +220,17 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         condition_number=from_array(
             message.condition_number, field="condition_number", shape=(lines,), dtype=np.float64
         ),
-        frf_variance=from_array(message.frf_variance, field="frf_variance", shape=(lines, n_y, n_u), dtype=np.float64),
+        residual_psd=from_array(message.residual_psd, field="residual_psd", shape=(lines, n_y), dtype=np.float64),
+        row_covariance=from_array(
+            message.row_covariance, field="row_covariance", shape=(lines, n_u, n_u), dtype=np.complex128
+        ),
+        interpolated=_interpolated(message, lines),
+        band=ValidBand(
+            lowest=message.lowest_frequency,
+            highest=message.highest_frequency,
+            sample_rate=message.sample_rate,
+            block_samples=2 * (lines - 1),
+        ),
         drive_psd=from_array(message.drive_psd, field="drive_psd", shape=(lines, n_u), dtype=np.float64),
         response_psd=from_array(message.response_psd, field="response_psd", shape=(lines, n_y), dtype=np.float64),
         excitation=message.excitation,
@@ -195,4 +241,14 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         run=message.run,
         signal_epoch=message.signal_epoch,
         signal_blocks=message.signal_blocks,
+        plan=message.plan,
+        warnings=tuple(message.warnings),
+        verdicts=tuple(message.verdicts),
+        distortion=message.distortion if message.HasField("distortion") else None,
     )
+
+
+def _interpolated(message: identifier_pb2.Model, lines: int) -> NDArray[np.bool_]:
+    if len(message.interpolated) not in (0, lines):
+        raise ValueError(f"The model tells of {len(message.interpolated)} lines whether they are laid; it has {lines}.")
+    return np.array(message.interpolated, dtype=np.bool_) if message.interpolated else np.zeros(lines, dtype=np.bool_)

@@ -1,18 +1,34 @@
-"""From an IdentifyRequest to settings, and from settings and estimate to a model."""
+"""From an IdentifyRequest to settings."""
+
+from typing import Final
 
 import numpy as np
 
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.keys import check_rig, check_run
-from duralab_proto.v1 import identifier_pb2, rig_pb2
-from identifier.h1 import FrfEstimate
-from identifier.model import IdentifiedModel, with_id
-from identifier.rig_under_test import RigUnderTest
-from identifier.settings import ExperimentSettings, SettingError, WhitePink
-from identifier.uncertainty import frf_variance
+from duralab_proto.v1 import array_pb2, identifier_pb2
+from identifier.estimators import EstimatorKind
+from identifier.excitation import (
+    ExcitationKind,
+    ExcitationSettings,
+    LevelKind,
+    PowerSpectrum,
+    TabulatedSpectrum,
+    WhitePink,
+)
+from identifier.setting_error import SettingError
+from identifier.settings import EstimatorSettings, IdentificationSettings
+
+# The names of the contract are those of the enums with a prefix, so that neither can grow without the other being seen.
+_EXCITATIONS: Final = {
+    identifier_pb2.ExcitationKind.Value(f"EXCITATION_KIND_{kind.name}"): kind for kind in ExcitationKind
+}
+_ESTIMATORS: Final = {identifier_pb2.EstimatorKind.Value(f"ESTIMATOR_KIND_{kind.name}"): kind for kind in EstimatorKind}
+
+_DEFAULT_BURST_SHARE: Final = 0.5
 
 
-def settings_of(request: identifier_pb2.IdentifyRequest) -> ExperimentSettings:
+def settings_of(request: identifier_pb2.IdentifyRequest) -> IdentificationSettings:
     """Read and check a request.
 
     Parameters
@@ -22,7 +38,7 @@ def settings_of(request: identifier_pb2.IdentifyRequest) -> ExperimentSettings:
 
     Returns
     -------
-    ExperimentSettings
+    IdentificationSettings
         Sound by themselves, not yet checked against the rig.
 
     Raises
@@ -32,83 +48,108 @@ def settings_of(request: identifier_pb2.IdentifyRequest) -> ExperimentSettings:
     """
     _check_names(request)
     excitation, estimator = request.excitation, request.estimator
-    if excitation.kind != identifier_pb2.EXCITATION_KIND_PURE_RANDOM:
+    kind = _EXCITATIONS.get(excitation.kind)
+    if kind is None:
         raise SettingError(
-            f"The excitation is of kind {excitation.kind}; this identifier plays EXCITATION_KIND_PURE_RANDOM "
-            f"({identifier_pb2.EXCITATION_KIND_PURE_RANDOM}).",
+            f"The excitation is of kind {excitation.kind}; offered are "
+            f"{', '.join(f'{known.name} ({number})' for number, known in _EXCITATIONS.items())}.",
             field="excitation.kind",
         )
-    if estimator.kind != identifier_pb2.ESTIMATOR_KIND_H1:
+    estimator_kind = _ESTIMATORS.get(estimator.kind)
+    if estimator_kind is None:
         raise SettingError(
-            f"The estimator is of kind {estimator.kind}; this identifier estimates by ESTIMATOR_KIND_H1 "
-            f"({identifier_pb2.ESTIMATOR_KIND_H1}).",
+            f"The estimator is of kind {estimator.kind}; offered are "
+            f"{', '.join(f'{known.name} ({number})' for number, known in _ESTIMATORS.items())}.",
             field="estimator.kind",
         )
+    level_kind, levels = _levels(excitation)
+    return IdentificationSettings(
+        excitation=ExcitationSettings(
+            kind=kind,
+            spectra=_spectra(excitation, drives=len(levels)),
+            levels=levels,
+            level_kind=level_kind,
+            duration_seconds=excitation.duration_seconds,
+            block_samples=estimator.block_samples,
+            fade_seconds=excitation.fade_seconds,
+            seed=excitation.seed,
+            # Other kinds have no use for it; whatever stands there must not be refused.
+            overlap=estimator.overlap if kind is ExcitationKind.PURE_RANDOM else 0.0,
+            delay_blocks=excitation.delay_blocks or 1,
+            capture_blocks=excitation.capture_blocks or 1,
+            repeats=excitation.repeats or 1,
+            realisations=excitation.realisations or None,
+            burst_share=excitation.burst_share or _DEFAULT_BURST_SHARE,
+            odd_lines=excitation.odd_lines,
+            detection_share=excitation.detection_share,
+            minimise_crest_factor=excitation.minimise_crest_factor,
+        ),
+        estimator=EstimatorSettings(
+            kind=estimator_kind,
+            local_order=estimator.local_order or None,
+            local_half_width=estimator.local_half_width or None,
+        ),
+    )
+
+
+def _levels(excitation: identifier_pb2.Excitation) -> tuple[LevelKind, tuple[float, ...]]:
+    if excitation.HasField("peak") and excitation.HasField("rms"):
+        raise SettingError(
+            "The excitation has an RMS and a peak for its drives; give one of the two.", field="excitation.peak"
+        )
+    if excitation.HasField("peak"):
+        return LevelKind.PEAK, _values(excitation.peak, field="excitation.peak")
+    return LevelKind.RMS, _values(excitation.rms, field="excitation.rms")
+
+
+def _spectra(excitation: identifier_pb2.Excitation, *, drives: int) -> tuple[PowerSpectrum, ...]:
+    if not excitation.drive_spectra:
+        return (_white_pink(excitation.spectrum),) * drives
+    if excitation.HasField("spectrum"):
+        raise SettingError(
+            "The excitation has one spectrum for all drives and one for each; give one of the two.",
+            field="excitation.drive_spectra",
+        )
+    if len(excitation.drive_spectra) != drives:
+        raise SettingError(
+            f"The excitation has {len(excitation.drive_spectra)} spectra and {drives} levels; give one of each for "
+            "every drive.",
+            field="excitation.drive_spectra",
+        )
+    spectra: list[PowerSpectrum] = []
+    for index, message in enumerate(excitation.drive_spectra):
+        field = f"excitation.drive_spectra.{index}"
+        try:
+            spectra.append(_spectrum(message, field=field))
+        except SettingError as error:
+            # The shapes know only that they are wrong, not whose they are.
+            raise SettingError(str(error), field=field) from error
+    return tuple(spectra)
+
+
+def _spectrum(message: identifier_pb2.Spectrum, *, field: str) -> PowerSpectrum:
+    if message.WhichOneof("shape") == "table":
+        return TabulatedSpectrum(
+            frequencies=_values(message.table.frequency, field=f"{field}.table.frequency"),
+            densities=_values(message.table.density, field=f"{field}.table.density"),
+        )
+    return _white_pink(message.white_pink)
+
+
+def _white_pink(message: identifier_pb2.WhitePinkSpectrum) -> WhitePink:
+    return WhitePink(
+        lowest_frequency=message.lowest_frequency,
+        highest_frequency=message.highest_frequency,
+        corner_frequency=message.corner_frequency,
+        decibels_per_octave=message.decibels_per_octave,
+    )
+
+
+def _values(array: array_pb2.Array, *, field: str) -> tuple[float, ...]:
     try:
-        rms = from_array(excitation.rms, field="excitation.rms", shape=(None,), dtype=np.float64)
+        return tuple(from_array(array, field=field, shape=(None,), dtype=np.float64).tolist())
     except ArrayError as error:
         raise SettingError(str(error), field=error.field) from error
-    spectrum = excitation.spectrum
-    return ExperimentSettings(
-        spectrum=WhitePink(
-            lowest_frequency=spectrum.lowest_frequency,
-            highest_frequency=spectrum.highest_frequency,
-            corner_frequency=spectrum.corner_frequency,
-            decibels_per_octave=spectrum.decibels_per_octave,
-        ),
-        rms=tuple(rms.tolist()),
-        duration_seconds=excitation.duration_seconds,
-        fade_seconds=excitation.fade_seconds,
-        seed=excitation.seed,
-        block_samples=estimator.block_samples,
-        overlap=estimator.overlap,
-    )
-
-
-def model_of(
-    request: identifier_pb2.IdentifyRequest, *, rig: RigUnderTest, estimate: FrfEstimate, played: rig_pb2.PlayResult
-) -> IdentifiedModel:
-    """Put together what was asked, played and estimated.
-
-    Parameters
-    ----------
-    request
-        What was asked for.
-    rig
-        What it was played on.
-    estimate
-        From that playback.
-    played
-        The playback's result, for its epoch and number of signal blocks.
-
-    Returns
-    -------
-    IdentifiedModel
-        With its id.
-    """
-    return with_id(
-        IdentifiedModel(
-            rig=rig.name,
-            drives=rig.drives,
-            responses=rig.responses,
-            sample_rate=rig.sample_rate,
-            frequency=estimate.frequency,
-            frf=estimate.frf,
-            coherence=estimate.coherence,
-            condition_number=estimate.condition_number,
-            frf_variance=frf_variance(estimate),
-            drive_psd=estimate.drive_psd,
-            response_psd=estimate.response_psd,
-            excitation=request.excitation,
-            estimator=request.estimator,
-            blocks=estimate.blocks,
-            independent_averages=estimate.independent_averages,
-            rig_content_hash=rig.content_hash,
-            run=request.run,
-            signal_epoch=played.epoch,
-            signal_blocks=played.blocks,
-        )
-    )
 
 
 def _check_names(request: identifier_pb2.IdentifyRequest) -> None:

@@ -1,17 +1,16 @@
 """The rig an experiment is for, and whether the experiment fits it."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from duralab_proto.v1 import array_pb2, rig_pb2
-from identifier.settings import ExperimentSettings, SettingError
-from spectra import count_blocks, hann_periodic, hop_samples, independent_averages, line_frequencies
-
-AVERAGES_PER_DRIVE = 2
-"""Independent averages needed for each drive; with as many averages as drives S_uu is singular by chance alone."""
+from identifier.estimators import EstimatorKind
+from identifier.excitation import ExcitationKind, ExcitationSettings, LevelKind, schedule_experiment
+from identifier.setting_error import SettingError
+from identifier.settings import IdentificationSettings
+from spectra import count_blocks
 
 LARGEST_AVERAGED_SAMPLES = 2**28
 """Blocks times samples of a block: about half a minute of transforms."""
@@ -81,7 +80,7 @@ class RigUnderTest:
         )
 
 
-def check_against_rig(settings: ExperimentSettings, rig: RigUnderTest) -> None:
+def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> None:
     """Refuse an experiment that a rig cannot play or that would not identify it.
 
     Parameters
@@ -94,71 +93,51 @@ def check_against_rig(settings: ExperimentSettings, rig: RigUnderTest) -> None:
     Raises
     ------
     SettingError
-        Where the number of RMS values, the band, the duration, the block or the overlap does not fit the rig.
+        Where the number of levels, the duration, the blocks or the estimator do not fit the rig. What follows from the
+        excitation alone (lines, averages, realisations) `schedule_experiment` refuses.
     """
-    if len(settings.rms) != len(rig.drives):
+    excitation = settings.excitation
+    if len(excitation.levels) != len(rig.drives):
+        name = "RMS" if excitation.level_kind is LevelKind.RMS else "peak"
         raise SettingError(
-            f"{len(settings.rms)} RMS values were given; rig {rig.name!r} has {len(rig.drives)} drives "
+            f"{len(excitation.levels)} {name} values were given; rig {rig.name!r} has {len(rig.drives)} drives "
             f"({_names(rig.drives)}) and needs one for each.",
-            field="excitation.rms",
+            field=f"excitation.{excitation.level_kind.value}",
         )
-    nyquist = rig.sample_rate / 2.0
-    if settings.spectrum.highest_frequency >= nyquist:
+    if excitation.duration_seconds > rig.longest_drive_seconds:
         raise SettingError(
-            f"The band ends at {settings.spectrum.highest_frequency:g} Hz; rig {rig.name!r} samples at "
-            f"{rig.sample_rate:g} Hz, so it must end below {nyquist:g} Hz.",
-            field="excitation.spectrum.highest_frequency",
-        )
-    if settings.duration_seconds > rig.longest_drive_seconds:
-        raise SettingError(
-            f"The excitation lasts {settings.duration_seconds:g} s; rig {rig.name!r} plays at most "
+            f"The excitation lasts {excitation.duration_seconds:g} s; rig {rig.name!r} plays at most "
             f"{rig.longest_drive_seconds:g} s.",
             field="excitation.duration_seconds",
         )
-    # The number of averages first: it refuses blocks longer than the record before their lines are counted.
-    _check_averages(settings, rig)
-    _check_lines(settings, rig.sample_rate)
-
-
-def _check_lines(settings: ExperimentSettings, sample_rate: float) -> None:
-    spectrum = settings.spectrum
-    if not spectrum.contains(line_frequencies(settings.block_samples, sample_rate)).any():
+    _check_blocks(excitation, rig.sample_rate)
+    if settings.estimator.kind is EstimatorKind.H2 and len(rig.responses) != len(rig.drives):
         raise SettingError(
-            f"Blocks of {settings.block_samples} samples have a line every {sample_rate / settings.block_samples:.4g} "
-            f"Hz and none in the band from {spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz; "
-            "take longer blocks or a wider band.",
+            f"Rig {rig.name!r} has {len(rig.responses)} responses and {len(rig.drives)} drives; H2 needs as many of "
+            "both: take H1 or Hv.",
+            field="estimator.kind",
+        )
+    schedule_experiment(excitation, drives=len(rig.drives), sample_rate=rig.sample_rate)
+
+
+def _check_blocks(excitation: ExcitationSettings, sample_rate: float) -> None:
+    """Refuse blocks longer than the record before their lines are counted, and more blocks than can be averaged."""
+    block = excitation.block_samples
+    used = excitation.samples(sample_rate) - 2 * excitation.fade_samples(sample_rate)
+    if block > used:
+        raise SettingError(
+            f"A block of {block} samples lasts {block / sample_rate:g} s; between the fades the excitation lasts only "
+            f"{used / sample_rate:g} s, so take shorter blocks or a longer excitation.",
             field="estimator.block_samples",
         )
-
-
-def _check_averages(settings: ExperimentSettings, rig: RigUnderTest) -> None:
-    rate, block, overlap = rig.sample_rate, settings.block_samples, settings.overlap
-    used = settings.samples(rate) - 2 * settings.fade_samples(rate)
-    blocks = count_blocks(used, block, overlap)
-    if blocks == 0:
-        raise SettingError(
-            f"A block of {block} samples lasts {block / rate:g} s; between the fades the excitation lasts only "
-            f"{used / rate:g} s, so take shorter blocks or a longer excitation.",
-            field="estimator.block_samples",
-        )
+    if excitation.kind is not ExcitationKind.PURE_RANDOM:
+        return
+    blocks = count_blocks(used, block, excitation.overlap)
     if blocks * block > LARGEST_AVERAGED_SAMPLES:
         raise SettingError(
-            f"An overlap of {overlap:g} cuts the record into {blocks} blocks of {block} samples; at most "
+            f"An overlap of {excitation.overlap:g} cuts the record into {blocks} blocks of {block} samples; at most "
             f"{LARGEST_AVERAGED_SAMPLES // block} such blocks are averaged, so take a smaller overlap.",
             field="estimator.overlap",
-        )
-    window, hop = hann_periodic(block), hop_samples(block, overlap)
-    needed = AVERAGES_PER_DRIVE * len(rig.drives)
-    averages = independent_averages(window, hop, blocks)
-    if averages < needed:
-        # A long record holds the fewest independent averages per block, so its ratio is always enough.
-        long_record = 10**9
-        enough = math.ceil(needed * long_record / independent_averages(window, hop, long_record))
-        least = ((enough - 1) * hop + block) / rate + 2.0 * settings.fade_seconds
-        raise SettingError(
-            f"An excitation of {settings.duration_seconds:g} s gives {averages:.3g} independent averages; {needed} are "
-            f"needed for {len(rig.drives)} drives, so take {math.ceil(least)} s or more, or shorter blocks.",
-            field="excitation.duration_seconds",
         )
 
 

@@ -1,21 +1,28 @@
 """The identifier on the bus: queries in, models and faults out."""
 
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
 
-import numpy as np
 import structlog
 from pydantic import Field
 
-from duralab_proto.arrays import ArrayError, from_record, to_record
-from duralab_proto.keys import id_of
-from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
-from identifier.excitation import make_drive
+from duralab_proto.keys import ANY, id_of
+from duralab_proto.v1 import identifier_pb2, query_pb2
+from identifier.excitation import Experiment, make_experiment
 from identifier.experiment import estimate_experiment
-from identifier.model import to_message
+from identifier.level_series import level_series
+from identifier.line_filling import valid_band
+from identifier.model import IdentifiedModel, from_message, to_message
+from identifier.model_building import distortion_of, model_of, plan_message
+from identifier.model_queries import advise, converge, difference, predict
 from identifier.model_shelf import ModelShelf
-from identifier.request import model_of, settings_of
+from identifier.request import settings_of
+from identifier.rig_playback import describe_rig, play_experiment
 from identifier.rig_under_test import RigUnderTest, check_against_rig
-from identifier.settings import SettingError
+from identifier.setting_error import SettingError
+from identifier.settings import IdentificationSettings
 from labbus import Bus, Call, FaultError, ServiceConfig
 
 SERVICE = "identifier"
@@ -27,12 +34,21 @@ _PLAYING_FROM, _PLAYING_TO = 0.02, 0.95
 class IdentifierConfig(ServiceConfig):
     """Configuration of the identifier."""
 
-    # Models that identifier/model/<id> can answer; a model of six drives and 1025 lines takes 0.7 MB.
+    # Models that identifier/model/<id> can answer; a model of six drives and 2049 lines takes 3.4 MB.
     kept_models: int = Field(default=32, ge=1, le=10_000)
 
 
+@dataclass(frozen=True)
+class _Prepared:
+    """An experiment that the rig can play."""
+
+    settings: IdentificationSettings
+    rig: RigUnderTest
+    experiment: Experiment
+
+
 class IdentifierService:
-    """Serves identifier/identify and identifier/model/<id>.
+    """Serves everything under identifier/.
 
     Parameters
     ----------
@@ -46,8 +62,14 @@ class IdentifierService:
         self._bus = bus
         self._shelf = ModelShelf(config.kept_models)
         self._log = structlog.get_logger(SERVICE)
-        bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
-        bus.serve(bus.keys.model("*"), identifier_pb2.ModelRequest, self.model)
+        keys = bus.keys
+        bus.serve(keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
+        bus.serve(keys.experiment_plan(), identifier_pb2.PlanRequest, self.plan)
+        bus.serve(keys.identify_levels(), identifier_pb2.LevelsRequest, self.levels)
+        bus.serve(keys.level_advice(), identifier_pb2.AdviceRequest, self.advice)
+        bus.serve(keys.model(ANY), identifier_pb2.ModelRequest, self.model)
+        bus.serve(keys.prediction(ANY), identifier_pb2.PredictRequest, self.prediction)
+        bus.serve(keys.convergence(ANY), identifier_pb2.ConvergenceRequest, self.convergence)
 
     def identify(self, request: identifier_pb2.IdentifyRequest, call: Call) -> identifier_pb2.Model:
         """Run an experiment on a rig and answer with the model.
@@ -62,36 +84,76 @@ class IdentifierService:
         Returns
         -------
         identifier_pb2.Model
-            Also held for identifier/model/<id>; empty where the request was only to be checked.
+            Also held for identifier/model/<id>; only plan and band where the request was only to be checked.
 
         Raises
         ------
         FaultError
             Where the request is not allowed, the rig is not there, does not play, or cannot be identified.
         """
-        log = self._log.bind(run=request.run, rig=request.rig)
-        try:
-            settings = settings_of(request)
-            call.progress("asking the rig what it is", 0.0)
-            rig = self._describe(request.rig)
-            check_against_rig(settings, rig)
-            drive = make_drive(settings, rig)
-        except SettingError as error:
-            raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field) from error
+        prepared = self._prepare(request, call)
         if request.check_only:
-            return identifier_pb2.Model()
-        log.info("playing", seconds=settings.duration_seconds, drives=len(rig.drives))
-        played = self._play(request, rig, drive, call)
-        response = _response_of(played, rig, drive.shape[1])
-        call.progress("estimating the FRF", _PLAYING_TO)
-        try:
-            estimate = estimate_experiment(settings, drive=drive, response=response, sample_rate=rig.sample_rate)
-        except ValueError as error:
-            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
-        message = to_message(model_of(request, rig=rig, estimate=estimate, played=played))
-        self._shelf.put(message)
-        log.info("identified", model=message.id, blocks=message.blocks)
-        return message
+            plan = self._plan_of(prepared)
+            return identifier_pb2.Model(
+                plan=plan, lowest_frequency=plan.lowest_frequency, highest_frequency=plan.highest_frequency
+            )
+        return self._identified(request, prepared, call, progress=(_PLAYING_FROM, _PLAYING_TO))
+
+    def plan(self, request: identifier_pb2.PlanRequest, call: Call) -> identifier_pb2.ExperimentPlan:
+        """Answer what an experiment takes and gives; nothing moves.
+
+        Parameters
+        ----------
+        request
+            The experiment.
+        call
+            Takes the progress.
+
+        Returns
+        -------
+        identifier_pb2.ExperimentPlan
+            Of an experiment that the rig can play.
+
+        Raises
+        ------
+        FaultError
+            Where the request is not allowed or the rig is not there.
+        """
+        with _within("identify"):
+            return self._plan_of(self._prepare(request.identify, call))
+
+    def levels(self, request: identifier_pb2.LevelsRequest, call: Call) -> identifier_pb2.LevelsResult:
+        """Run one experiment at several levels and answer what changes.
+
+        Parameters
+        ----------
+        request
+            The experiment and the factors.
+        call
+            Takes the progress.
+
+        Returns
+        -------
+        identifier_pb2.LevelsResult
+            Models from the lowest level to the highest.
+
+        Raises
+        ------
+        FaultError
+            Where the request is not allowed, or an experiment fails; all are checked before the first is played.
+        """
+        with _invalid():
+            series = level_series(request)
+        with _within("identify"):
+            prepared = [self._prepare(one, call) for one in series]
+        messages: list[identifier_pb2.Model] = []
+        for index, (one, ready) in enumerate(zip(series, prepared, strict=True)):
+            share = (_PLAYING_TO - _PLAYING_FROM) / len(series)
+            begin = _PLAYING_FROM + index * share
+            messages.append(self._identified(one, ready, call, progress=(begin, begin + share)))
+        models = [from_message(message) for message in messages]
+        differences = [difference(*pair) for pair in pairwise(models)]
+        return identifier_pb2.LevelsResult(models=messages, differences=differences)
 
     def model(self, _request: identifier_pb2.ModelRequest, call: Call) -> identifier_pb2.Model:
         """Answer with a model made earlier.
@@ -113,62 +175,155 @@ class IdentifierService:
         FaultError
             Where it is not held.
         """
-        wanted = id_of(call.key)
+        return self._held(id_of(call.key))
+
+    def prediction(self, request: identifier_pb2.PredictRequest, call: Call) -> identifier_pb2.Prediction:
+        """Answer what a model expects of a drive.
+
+        Parameters
+        ----------
+        request
+            The drive.
+        call
+            Knows the key.
+
+        Returns
+        -------
+        identifier_pb2.Prediction
+            The response and how sure it is.
+
+        Raises
+        ------
+        FaultError
+            Where the model is not held or the drive does not fit it.
+        """
+        with _invalid():
+            return predict(self._held_model(id_of(call.key)), request)
+
+    def convergence(self, request: identifier_pb2.ConvergenceRequest, call: Call) -> identifier_pb2.Convergence:
+        """Answer how fast Time Waveform Replication with a model converges.
+
+        Parameters
+        ----------
+        request
+            Gains and band.
+        call
+            Knows the key.
+
+        Returns
+        -------
+        identifier_pb2.Convergence
+            Line by line, with its confidence.
+
+        Raises
+        ------
+        FaultError
+            Where a model is not held or a value is not allowed.
+        """
+        rig = self._held_model(request.rig_model_id, field="rig_model_id") if request.rig_model_id else None
+        call.progress("judging the convergence", 0.0)
+        with _invalid():
+            return converge(self._held_model(id_of(call.key)), request, rig=rig)
+
+    def advice(self, request: identifier_pb2.AdviceRequest, call: Call) -> identifier_pb2.LevelAdvice:
+        """Answer which drive levels give responses like a target's.
+
+        Parameters
+        ----------
+        request
+            Model, target and band.
+        call
+            Takes the progress.
+
+        Returns
+        -------
+        identifier_pb2.LevelAdvice
+            For each drive.
+
+        Raises
+        ------
+        FaultError
+            Where the model is not held or a value is not allowed.
+        """
+        call.progress("looking for levels", 0.0)
+        with _invalid():
+            return advise(self._held_model(request.model_id, field="model_id"), request)
+
+    def _prepare(self, request: identifier_pb2.IdentifyRequest, call: Call) -> _Prepared:
+        with _invalid():
+            settings = settings_of(request)
+            call.progress("asking the rig what it is", 0.0)
+            rig = describe_rig(self._bus, request.rig)
+            check_against_rig(settings, rig)
+            call.progress("making the drives", 0.0)
+            return _Prepared(settings=settings, rig=rig, experiment=make_experiment(settings.excitation, rig))
+
+    def _plan_of(self, prepared: _Prepared) -> identifier_pb2.ExperimentPlan:
+        band = valid_band(prepared.experiment.layout)
+        return plan_message(prepared.settings.excitation, rig=prepared.rig, band=band)
+
+    def _identified(
+        self,
+        request: identifier_pb2.IdentifyRequest,
+        prepared: _Prepared,
+        call: Call,
+        *,
+        progress: tuple[float, float],
+    ) -> identifier_pb2.Model:
+        rig, layout, drive = prepared.rig, prepared.experiment.layout, prepared.experiment.drive
+        log = self._log.bind(run=request.run, rig=request.rig)
+        log.info("playing", seconds=layout.samples / layout.sample_rate, drives=len(rig.drives))
+        played, response = play_experiment(self._bus, request, rig=rig, drive=drive, call=call, progress=progress)
+        call.progress("estimating the FRF", progress[1])
+        try:
+            estimate = estimate_experiment(prepared.settings.estimator, layout, drive=drive, response=response)
+            levels = distortion_of(drive, response, layout)
+        except ValueError as error:
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
+        model = model_of(
+            request,
+            settings=prepared.settings.excitation,
+            rig=rig,
+            layout=layout,
+            estimate=estimate,
+            played=played,
+            levels=levels,
+        )
+        message = to_message(model)
+        self._shelf.put(message)
+        log.info("identified", model=message.id, blocks=message.blocks, warnings=len(message.warnings))
+        return message
+
+    def _held(self, wanted: str, *, field: str = "") -> identifier_pb2.Model:
         message = self._shelf.get(wanted)
         if message is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
                 f"The identifier holds no model {wanted!r}; it keeps the {self._shelf.capacity} used last since it was "
                 "started, so read older ones from the recording of their campaign.",
+                field=field,
             )
         return message
 
-    def _describe(self, rig: str) -> RigUnderTest:
-        key = self._bus.keys.rig_description(rig)
-        description = self._bus.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
-        try:
-            return RigUnderTest.from_message(description)
-        except ValueError as error:
-            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
-
-    def _play(
-        self, request: identifier_pb2.IdentifyRequest, rig: RigUnderTest, drive: np.ndarray, call: Call
-    ) -> rig_pb2.PlayResult:
-        given_up = threading.Event()
-        if call.cancelled:
-            raise FaultError(
-                query_pb2.FAULT_CODE_CANCELLED, f"Run {request.run!r} was given up before it was played; nothing moved."
-            )
-
-        def pass_on(progress: query_pb2.Progress) -> None:
-            # The rig keeps sending progress, so this also notices a client that is gone, within a second.
-            if call.cancelled:
-                given_up.set()
-            share = progress.fraction if 0.0 <= progress.fraction <= 1.0 else 0.0
-            fraction = _PLAYING_FROM + (_PLAYING_TO - _PLAYING_FROM) * share
-            remaining = progress.remaining_seconds if np.isfinite(progress.remaining_seconds) else -1.0
-            call.progress(progress.phase, fraction, remaining_seconds=remaining, detail=progress.detail)
-
-        play = rig_pb2.PlayRequest(
-            run=request.run, drive=to_record(rig.drives, rig.sample_rate, drive), seed=request.rig_seed
-        )
-        key = self._bus.keys.rig_play(request.rig)
-        return self._bus.query(key, play, rig_pb2.PlayResult, on_progress=pass_on, cancel=given_up)
+    def _held_model(self, wanted: str, *, field: str = "") -> IdentifiedModel:
+        return from_message(self._held(wanted, field=field))
 
 
-def _response_of(played: rig_pb2.PlayResult, rig: RigUnderTest, samples: int) -> np.ndarray:
-    """Check that a playback answered what was asked."""
+@contextmanager
+def _invalid() -> Iterator[None]:
+    """Make a fault of a setting that is not allowed."""
     try:
-        channels, sample_rate, response = from_record(played.response, field="response")
-    except ArrayError as error:
-        raise FaultError(
-            query_pb2.FAULT_CODE_DATA_LOSS, f"Rig {rig.name!r} answered a damaged response: {error}"
-        ) from error
-    names, expected = [c.name for c in channels], [c.name for c in rig.responses]
-    if names != expected or sample_rate != rig.sample_rate or response.shape[1] != samples:
-        raise FaultError(
-            query_pb2.FAULT_CODE_DATA_LOSS,
-            f"Rig {rig.name!r} answered {response.shape[1]} samples of {names} at {sample_rate:g} Hz; "
-            f"{samples} of {expected} at {rig.sample_rate:g} Hz were expected.",
-        )
-    return response
+        yield
+    except SettingError as error:
+        raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field) from error
+
+
+@contextmanager
+def _within(field: str) -> Iterator[None]:
+    """Name the field of a request that holds the one a fault is about."""
+    try:
+        yield
+    except FaultError as fault:
+        if not fault.field:
+            raise
+        raise FaultError(fault.code, fault.message, field=f"{field}.{fault.field}", service=fault.service) from fault

@@ -1,20 +1,24 @@
 import numpy as np
 import pytest
 
-from duralab_proto.arrays import to_array
+from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from duralab_proto.v1.array_pb2 import Channel
 from identifier import (
+    EstimatorKind,
+    EstimatorSettings,
+    ExcitationKind,
     RigUnderTest,
     SettingError,
     check_against_rig,
     content_hash,
     estimate_experiment,
     from_message,
-    make_drive,
+    make_experiment,
     to_message,
 )
-from identifier.request import model_of, settings_of
+from identifier.model_building import distortion_of, model_of
+from identifier.request import settings_of
 
 
 def request(**changes):
@@ -38,8 +42,8 @@ def request(**changes):
         target = message
         for parent in parents:
             target = getattr(target, parent)
-        if leaf == "rms":
-            target.rms.CopyFrom(to_array(np.asarray(value, dtype=float)))
+        if leaf in ("rms", "peak"):
+            getattr(target, leaf).CopyFrom(to_array(np.asarray(value, dtype=float)))
         else:
             setattr(target, leaf, value)
     return message
@@ -60,11 +64,55 @@ RIG = RigUnderTest.from_message(
 def plan(message):
     settings = settings_of(message)
     check_against_rig(settings, RIG)
-    return make_drive(settings, RIG)
+    return make_experiment(settings.excitation, RIG)
+
+
+def multisine(**changes):
+    return request(
+        excitation__kind=identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL,
+        **{"excitation__capture_blocks": 2, "excitation__duration_seconds": 30.0, **changes},
+    )
 
 
 def test_a_sound_request_passes_every_check():
-    assert plan(request()).shape == (2, 20_000)
+    assert plan(request()).drive.shape == (2, 20_000)
+
+
+@pytest.mark.parametrize("kind", list(ExcitationKind))
+def test_every_kind_of_excitation_can_be_asked_for(kind):
+    number = identifier_pb2.ExcitationKind.Value(f"EXCITATION_KIND_{kind.name}")
+    message = request(excitation__kind=number, excitation__fade_seconds=0.1, excitation__rms=[0.005, 0.005])
+    assert settings_of(message).excitation.kind is kind
+    assert plan(message).drive.shape[0] == 2
+
+
+@pytest.mark.parametrize("kind", list(EstimatorKind))
+def test_every_estimator_can_be_asked_for(kind):
+    number = identifier_pb2.EstimatorKind.Value(f"ESTIMATOR_KIND_{kind.name}")
+    settings = settings_of(request(estimator__kind=number, estimator__local_order=3))
+    assert (settings.estimator.kind, settings.estimator.local_order) == (kind, 3)
+
+
+def test_drives_of_different_kinds_have_spectra_of_their_own_and_levels_may_be_peaks():
+    message = multisine(excitation__peak=[0.03, 0.02])
+    message.excitation.ClearField("rms")
+    shape = message.excitation.spectrum
+    message.excitation.drive_spectra.add().white_pink.CopyFrom(shape)
+    table = message.excitation.drive_spectra.add().table
+    table.frequency.CopyFrom(to_array(np.array([0.5, 10.0, 50.0])))
+    table.density.CopyFrom(to_array(np.array([1.0, 1.0, 0.01])))
+    message.excitation.ClearField("spectrum")
+    experiment = plan(message)
+    np.testing.assert_allclose(np.max(np.abs(experiment.drive), axis=1), [0.03, 0.02], rtol=1e-12)
+    lines = np.abs(np.fft.rfft(experiment.drive[:, experiment.layout.captures[0].start :][:, :1024]))
+    frequency = experiment.layout.frequency
+    at = [int(np.argmin(np.abs(frequency - f))) for f in (2.0, 48.0)]
+    # 6 dB per octave over the 3.26 octaves from 5 to 48 Hz, and the table's -20 dB at 50 Hz.
+    np.testing.assert_allclose((lines[:, at[1]] / lines[:, at[0]]) ** 2, [10 ** (-0.6 * 3.26), 0.0125], rtol=0.1)
+    table.density.CopyFrom(to_array(np.array([1.0, -1.0, 0.01])))
+    with pytest.raises(SettingError, match="must be finite and greater") as refusal:
+        settings_of(message)
+    assert refusal.value.field == "excitation.drive_spectra.1"
 
 
 @pytest.mark.parametrize(
@@ -75,8 +123,13 @@ def test_a_sound_request_passes_every_check():
         ({"run": "a/b"}, "run", "a/b"),
         ({"excitation__kind": 0}, "excitation.kind", "kind 0"),
         ({"estimator__kind": 7}, "estimator.kind", "kind 7"),
+        ({"estimator__kind": identifier_pb2.ESTIMATOR_KIND_H2}, "estimator.kind", "3 responses and 2 drives; H2"),
+        ({"estimator__local_order": 7}, "estimator.local_order", "from 1 to 6"),
+        ({"excitation__peak": [0.01, 0.01]}, "excitation.peak", "one of the two"),
+        ({"excitation__odd_lines": True}, "excitation.odd_lines", "only a multisine"),
         ({"excitation__rms": [0.01]}, "excitation.rms", "1 RMS values were given; .* 2 drives"),
         ({"excitation__rms": [0.01, 0.0]}, "excitation.rms", "RMS of drive 1 is 0.0"),
+        ({"excitation__rms": []}, "excitation.rms", "of each for every drive"),
         ({"excitation__rms": [0.01, np.nan]}, "excitation.rms", "nan"),
         ({"excitation__rms": [[0.01, 0.01]]}, "excitation.rms", "shape"),
         ({"excitation__rms": [0.01, 0.05]}, "excitation.rms", "drive_1 would reach .* limit of"),
@@ -105,7 +158,7 @@ def test_a_sound_request_passes_every_check():
                 "excitation__spectrum__highest_frequency": 0.7,
             },
             "estimator.block_samples",
-            "none in the band",
+            "none to excite from",
         ),
     ],
 )
@@ -124,50 +177,120 @@ def test_the_duration_asked_for_is_enough():
     check_against_rig(settings_of(request(excitation__duration_seconds=asked, estimator__overlap=0.75)), RIG)
 
 
-def test_a_static_response_does_not_reach_the_estimate():
-    settings = settings_of(request())
-    drive = make_drive(settings, RIG)
+def test_a_multisine_that_does_not_fit_is_refused_with_its_field():
+    with pytest.raises(SettingError, match="realisations of") as refusal:
+        plan(multisine(excitation__realisations=50))
+    assert refusal.value.field == "excitation.duration_seconds"
+
+
+ESTIMATOR = EstimatorSettings()
+
+
+@pytest.mark.parametrize("message", [request(), multisine()])
+def test_a_static_response_does_not_reach_the_estimate(message):
+    experiment = plan(message)
     gain = np.array([[1e5, 2e4], [0.0, 3e5], [5e4, -1e5]])
     estimates = [
-        estimate_experiment(settings, drive=drive, response=gain @ drive + offset, sample_rate=1000.0)
+        estimate_experiment(
+            ESTIMATOR, experiment.layout, drive=experiment.drive, response=gain @ experiment.drive + offset
+        )
         for offset in (0.0, 3600.0)
     ]
-    band = estimates[0].condition_number > 0
+    band = estimates[0].valid
     np.testing.assert_allclose(estimates[1].frf, estimates[0].frf, atol=1e-7 * 3e5)
     np.testing.assert_allclose(estimates[1].frf[band], np.broadcast_to(gain, (band.sum(), 3, 2)), atol=1e-7 * 3e5)
 
 
 def test_the_fades_are_dropped():
-    settings = settings_of(request())
-    drive = make_drive(settings, RIG)
-    response = np.vstack([drive, drive[:1]])
+    experiment = plan(request())
+    response = np.vstack([experiment.drive, experiment.drive[:1]])
     spoilt = response.copy()
     spoilt[:, :1000] = 1e6
     spoilt[:, -1000:] = -1e6
     first, second = (
-        estimate_experiment(settings, drive=drive, response=r, sample_rate=1000.0) for r in (response, spoilt)
+        estimate_experiment(ESTIMATOR, experiment.layout, drive=experiment.drive, response=r)
+        for r in (response, spoilt)
     )
     np.testing.assert_array_equal(first.frf, second.frf)
 
 
-def make_model():
-    settings = settings_of(request())
-    drive = make_drive(settings, RIG)
+def make_model(message=None):
+    message = message or request()
+    settings, experiment = settings_of(message), plan(message)
+    drive, layout = experiment.drive, experiment.layout
     noise = np.random.default_rng(0).standard_normal((3, drive.shape[1]))
     response = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) @ drive + 0.001 * noise
-    estimate = estimate_experiment(settings, drive=drive, response=response, sample_rate=1000.0)
-    return model_of(request(), rig=RIG, estimate=estimate, played=rig_pb2.PlayResult(epoch=2**63 + 1, blocks=200))
+    return model_of(
+        message,
+        settings=settings.excitation,
+        rig=RIG,
+        layout=layout,
+        estimate=estimate_experiment(settings.estimator, layout, drive=drive, response=response),
+        played=rig_pb2.PlayResult(epoch=2**63 + 1, blocks=200),
+        levels=distortion_of(drive, response, layout),
+    )
 
 
-def test_a_model_survives_the_bus_unchanged():
-    model = make_model()
+@pytest.mark.parametrize("message", [request(), multisine(), multisine(excitation__odd_lines=True)])
+def test_a_model_survives_the_bus_unchanged(message):
+    model = make_model(message)
     message = identifier_pb2.Model.FromString(to_message(model).SerializeToString())
     again = from_message(message)
     assert again.id == model.id == content_hash(message)
     assert (again.signal_epoch, again.signal_blocks) == (2**63 + 1, 200)
-    for name in ("frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd"):
+    for name in (
+        "frequency",
+        "frf",
+        "coherence",
+        "condition_number",
+        "residual_psd",
+        "row_covariance",
+        "frf_variance",
+        "interpolated",
+        "drive_psd",
+        "response_psd",
+    ):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     assert again.frf.shape == (513, 3, 2)
+    assert (again.band, again.verdicts, again.plan) == (model.band, model.verdicts, model.plan)
+    assert message.plan.samples > 0
+    np.testing.assert_array_equal(from_array(message.frf_variance), model.frf_variance)
+
+
+def test_a_model_says_how_linear_the_rig_is():
+    together, apart = make_model(), make_model(multisine())
+    assert len(together.verdicts) == len(apart.verdicts) == 3
+    assert together.distortion is None
+    assert together.verdicts[0].startswith("Noise and nonlinearity together ")
+    assert apart.distortion is not None
+    assert apart.verdicts[0].startswith("No nonlinearity beyond the noise in force 0; noise ")
+    noise = from_array(apart.distortion.noise_psd)
+    assert np.mean(noise[noise > 0.0]) == pytest.approx(2.0 * 0.001**2 / 1000.0, rel=0.1)
+
+
+def test_lines_left_out_are_laid_between_their_neighbours_and_marked():
+    model = make_model(multisine(excitation__odd_lines=True, excitation__detection_share=0.2))
+    known = (model.frequency >= model.band.lowest) & (model.frequency <= model.band.highest)
+    assert np.all(np.abs(model.frf[known, 0, 0]) > 0.9)
+    np.testing.assert_array_equal(model.interpolated & ~known, False)
+    # Every even line, and a fifth of the odd ones.
+    assert np.mean(model.interpolated[known]) == pytest.approx(0.6, abs=0.03)
+    line = int(
+        np.flatnonzero(model.interpolated & np.roll(~model.interpolated, 1) & np.roll(~model.interpolated, -1))[3]
+    )
+    np.testing.assert_allclose(model.frf[line], (model.frf[line - 1] + model.frf[line + 1]) / 2.0, rtol=1e-12)
+    assert np.all(model.frf_variance[known] > 0.0)
+
+
+def test_the_plan_is_what_is_played():
+    message = multisine(excitation__odd_lines=True)
+    experiment, model = plan(message), make_model(message)
+    assert model.plan.samples == experiment.drive.shape[1]
+    assert model.plan.duration_seconds == experiment.drive.shape[1] / 1000.0
+    assert model.plan.lines == int(experiment.layout.excited.sum())
+    assert (model.plan.lowest_frequency, model.plan.highest_frequency) == (model.band.lowest, model.band.highest)
+    # The noise averages over the periods of each experiment, the distortion does not.
+    assert model.plan.independent_averages == 2 * model.independent_averages
 
 
 def test_the_same_experiment_gives_the_same_id_and_any_change_another():

@@ -1,30 +1,21 @@
-import importlib.util
-import subprocess
-import sys
 import threading
 import time
-from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
+from identifier_on_the_bus import identifier_and_rigs, load_linear_rig
 
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from identifier import from_message
 from labbus import BusConfig, FaultError, open_bus
 
-LINEAR_RIG = Path(__file__).with_name("linear_rig.py")
 LAB = "identifier_test"
 
 
 @pytest.fixture(scope="module")
 def linear_rig():
-    spec = importlib.util.spec_from_file_location("linear_rig", LINEAR_RIG)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_linear_rig()
 
 
 @pytest.fixture(scope="module")
@@ -33,34 +24,11 @@ def bus():
         yield opened
 
 
-@contextmanager
-def process(bus, folder, *command, **config):
-    file = folder / f"{Path(command[-1]).stem}_{config.get('rig', 'main')}.yaml"
-    settings = {"bus": {"lab": LAB, "connect": list(bus.listening)}, "exit_with_parent": True, **config}
-    file.write_text(yaml.safe_dump(settings))
-    with subprocess.Popen(
-        [sys.executable, *command, "--config", str(file)], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as running:
-        try:
-            yield running
-        finally:
-            running.terminate()
-            try:
-                running.wait(5.0)
-            except subprocess.TimeoutExpired:
-                running.kill()
-
-
 @pytest.fixture(scope="module")
 def lab(bus, tmp_path_factory):
     folder = tmp_path_factory.mktemp("lab")
-    with (
-        process(bus, folder, "-m", "identifier", kept_models=2),
-        process(bus, folder, str(LINEAR_RIG), rig="linear"),
-        process(bus, folder, str(LINEAR_RIG), rig="mortal") as mortal,
-    ):
-        bus.wait_for_live({("identifier", "main"), ("rig_sim", "linear"), ("rig_sim", "mortal")}, 20.0)
-        yield mortal
+    with identifier_and_rigs(bus, LAB, folder, rigs=("linear", "mortal"), kept_models=2) as rigs:
+        yield rigs["mortal"]
 
 
 def request(run, *, rig="linear", seed=1, rms=(0.005, 0.005), seconds=60.0):

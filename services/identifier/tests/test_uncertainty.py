@@ -1,10 +1,20 @@
 import numpy as np
 import pytest
+from known_plants import noise_layout
 
-from identifier import estimate_h1, frf_variance, relative_magnitude_variance
+from identifier import EstimatorKind, element_variance, estimate, relative_magnitude_variance, row_covariance
+from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
 
-RATE = 100.0
-WELCH = {"block_samples": 128, "overlap": 0.5, "sample_rate": RATE, "lowest": 1.0, "highest": 49.0}
+RATE, BLOCK = 1000.0, 128
+
+
+def estimated(drive, response):
+    layout = noise_layout(drive.shape[1], block=BLOCK, lowest=10.0, highest=490.0)
+    return estimate(EstimatorKind.H1, drive, response, layout)
+
+
+def variance_of(found):
+    return element_variance(found.residual_psd, row_covariance(found.s_uu, averages=found.averages))
 
 
 @pytest.mark.parametrize("coherence", [0.5, 0.8, 0.95])
@@ -15,10 +25,10 @@ def test_eq_11_predicts_the_empirical_variance(coherence):
     for _ in range(runs):
         drive = generator.standard_normal((1, samples))
         response = drive + noise * generator.standard_normal((1, samples))
-        estimate = estimate_h1(drive, response, **WELCH)
-        band = estimate.condition_number > 0
-        magnitudes.append(np.abs(estimate.frf[band, 0, 0]))
-        averages = estimate.independent_averages
+        found = estimated(drive, response)
+        band = found.valid
+        magnitudes.append(np.abs(found.frf[band, 0, 0]))
+        averages = found.independent_averages
     empirical = np.mean(np.var(magnitudes, axis=0, ddof=1))
     predicted = relative_magnitude_variance(coherence, averages)
     assert 0.95 <= empirical / predicted <= 1.05
@@ -32,13 +42,15 @@ def test_the_variance_of_a_matrix_follows_from_residual_and_drives():
     for _ in range(150):
         drive = mixing @ generator.standard_normal((2, 12_000))
         response = true @ drive + np.array([[0.5], [1.0], [2.0]]) * generator.standard_normal((3, 12_000))
-        estimate = estimate_h1(drive, response, **WELCH)
-        band = estimate.condition_number > 0
-        frfs.append(estimate.frf[band])
-        predicted.append(frf_variance(estimate)[band])
-        assert not np.any(frf_variance(estimate)[~band])
+        found = estimated(drive, response)
+        band = found.valid
+        frfs.append(found.frf[band])
+        predicted.append(variance_of(found)[band])
+        assert not np.any(variance_of(found)[~band])
     empirical = np.mean(np.var(frfs, axis=0, ddof=1), axis=0)
-    np.testing.assert_allclose(empirical / np.mean(predicted, axis=(0, 1)), 1.0, atol=0.08)
+    ratio = empirical / np.mean(predicted, axis=(0, 1))
+    np.testing.assert_allclose(ratio, 1.0, atol=0.08)
+    assert 0.95 <= np.mean(ratio) <= 1.05
 
 
 def test_the_variance_holds_for_many_drives_and_few_averages():
@@ -48,13 +60,64 @@ def test_the_variance_holds_for_many_drives_and_few_averages():
     for _ in range(200):
         drive = generator.standard_normal((6, 1100))
         response = drive[:2] + 0.5 * generator.standard_normal((2, 1100))
-        estimate = estimate_h1(drive, response, **WELCH)
-        band = estimate.condition_number > 0
-        frfs.append(estimate.frf[band])
-        predicted.append(frf_variance(estimate)[band])
-    assert 10.0 < estimate.independent_averages < 20.0
+        found = estimated(drive, response)
+        band = found.valid
+        frfs.append(found.frf[band])
+        predicted.append(variance_of(found)[band])
+    assert 10.0 < found.independent_averages < 20.0
     empirical = np.mean(np.var(frfs, axis=0, ddof=1))
     assert empirical / np.mean(predicted) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_covariance_of_a_row_holds_between_the_drives():
+    generator = np.random.default_rng(31)
+    mixing = np.array([[1.0, 0.0], [0.6, 0.8]])
+    errors, predicted = [], []
+    for _ in range(150):
+        drive = mixing @ generator.standard_normal((2, 6000))
+        # A delay between the drives makes their covariance complex.
+        drive[1] = np.roll(drive[1], 3)
+        response = drive[:1] - 2.0 * drive[1:] + 0.7 * generator.standard_normal((1, 6000))
+        found = estimated(drive, response)
+        errors.append((found.frf - [[1.0, -2.0]])[found.valid, 0])
+        covariance = row_covariance(found.s_uu, averages=found.averages)
+        predicted.append((covariance * found.residual_psd[:, :1, None])[found.valid])
+    empirical = np.einsum("rfj,rfk->fjk", errors, np.conj(errors)) / len(errors)
+    expected = np.mean(predicted, axis=0)
+    # The delay turns the phase of the off-diagonal from line to line; turned back it is one number.
+    turn = np.exp(1j * np.angle(expected[:, 0, 1]))
+    ratio = np.mean(empirical[:, 0, 1] / turn) / np.mean(np.abs(expected[:, 0, 1]))
+    assert abs(ratio - 1.0) < 0.05
+    assert np.mean(np.abs(expected[:, 0, 1])) > 0.3 * np.mean(expected[:, 0, 0].real)
+
+
+@pytest.mark.parametrize("kind", [ExcitationKind.RANDOM_ORTHOGONAL, ExcitationKind.PSEUDO_RANDOM])
+def test_the_variance_holds_for_periodic_experiments(kind):
+    settings = ExcitationSettings(
+        kind=kind,
+        spectra=(White(lowest_frequency=10.0, highest_frequency=490.0),) * 3,
+        levels=(1.0, 2.0, 0.5),
+        duration_seconds=13.9,
+        block_samples=256,
+        fade_seconds=0.0,
+        seed=4,
+        delay_blocks=1,
+        capture_blocks=2,
+    )
+    experiment = design_experiment(settings, drives=3, sample_rate=RATE)
+    drive, generator = experiment.drive, np.random.default_rng(5)
+    true = np.array([[1.0, 0.5, -1.0], [0.3, 2.0, 0.0]])
+    clean = true @ drive
+    errors, predicted, coherence = [], [], 1.0
+    for _ in range(60):
+        response = clean + np.array([[1.0], [3.0]]) * generator.standard_normal(clean.shape)
+        found = estimate(EstimatorKind.H1, drive, response, experiment.layout)
+        errors.append((found.frf - true)[found.valid])
+        predicted.append(variance_of(found)[found.valid])
+        coherence = np.mean(found.coherence[found.valid])
+    assert coherence > 0.5
+    empirical = np.mean(np.abs(errors) ** 2, axis=0)
+    assert 0.95 <= np.mean(empirical / np.mean(predicted, axis=0)) <= 1.05
 
 
 @pytest.mark.parametrize(("coherence", "averages"), [(0.0, 10.0), (1.1, 10.0), (0.5, 0.0), (np.nan, 1.0)])

@@ -56,7 +56,7 @@ class Campaign:
         self._step = "starting"
         self._moving_run = ""
         self._estimate = ProgressEstimate(
-            identification_seconds=plan.spec.excitation.duration_seconds,
+            identification_seconds=plan.experiment.duration_seconds,
             playback_seconds=plan.target_in_band.shape[1] / plan.description.sample_rate,
             iterations=plan.settings.stop.largest_iterations,
         )

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_proto.arrays import from_array, from_record
-from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.adaptive_modelling import FEWEST_BLOCKS
 from iterator.control_band import ControlBand, control_band
 from iterator.drive_limits import DriveLimits
 from iterator.drive_update import CorrectionSettings, UpdateKind, UpdateSettings
-from iterator.identification_checks import check_estimator, check_excitation, invalid
 from iterator.iteration_loop import CampaignSettings
+from iterator.rig_model import FEWEST_LINES
 from iterator.stop_criteria import StopCriteria
 from labbus import FaultError
 from spectra import count_blocks, rms
@@ -45,6 +45,8 @@ class CampaignPlan:
         How to iterate and when to end.
     limits : DriveLimits
         Of the rig.
+    experiment : ExperimentPlan
+        Of the identification, as the identifier told it.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -52,15 +54,24 @@ class CampaignPlan:
     target_in_band: NDArray[np.float64]
     settings: CampaignSettings
     limits: DriveLimits
+    experiment: identifier_pb2.ExperimentPlan
 
     @property
     def identified_band(self) -> tuple[float, float]:
-        """Lowest and highest frequency of the excitation, Hz."""
-        spectrum = self.spec.excitation.spectrum
-        return spectrum.lowest_frequency, spectrum.highest_frequency
+        """Lowest and highest frequency at which the model will be valid, Hz."""
+        return self.experiment.lowest_frequency, self.experiment.highest_frequency
 
 
-def plan_campaign(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> CampaignPlan:
+def invalid(message: str, *, field: str) -> FaultError:
+    """Return the fault for a value of a specification that is not allowed."""
+    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, message, field=field)
+
+
+def plan_campaign(
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    experiment: identifier_pb2.ExperimentPlan,
+) -> CampaignPlan:
     """Check a specification against the rig it is for.
 
     Parameters
@@ -69,6 +80,8 @@ def plan_campaign(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescr
         As received; nothing in it is trusted. Its id and rig are names that the contract allows.
     description : RigDescription
         Of that rig.
+    experiment : ExperimentPlan
+        Of the identification: the identifier has checked the excitation and the estimator.
 
     Returns
     -------
@@ -90,9 +103,8 @@ def plan_campaign(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescr
             field="rig",
         )
     target = _checked_target(spec, description)
-    check_excitation(spec, description)
-    check_estimator(spec, description)
-    band = _checked_band(spec, description)
+    _check_experiment(spec, experiment)
+    band = _checked_band(spec, description, experiment)
     update = _checked_update(spec, band, responses=len(description.responses))
     stop = _checked_stop(spec.stop)
     _check_target_length(spec, update, samples=target.shape[1])
@@ -111,7 +123,25 @@ def plan_campaign(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescr
         target_in_band=target_in_band,
         settings=CampaignSettings(update=update, stop=stop),
         limits=_limits(description),
+        experiment=experiment,
     )
+
+
+def _check_experiment(spec: iterator_pb2.CampaignSpec, experiment: identifier_pb2.ExperimentPlan) -> None:
+    """Check what the campaign asks of its identification beyond what the identifier does."""
+    if spec.excitation.seed not in (0, spec.seed):
+        raise invalid(
+            f"The excitation's seed is {spec.excitation.seed}; leave it 0, every seed comes from the campaign's own.",
+            field="excitation.seed",
+        )
+    width = experiment.highest_frequency - experiment.lowest_frequency
+    if not width >= FEWEST_LINES * experiment.frequency_resolution > 0.0:
+        raise invalid(
+            f"Blocks of {spec.estimator.block_samples} samples have lines {experiment.frequency_resolution:g} Hz "
+            f"apart, too far for the excitation's band of {width:g} Hz; at least {FEWEST_LINES} must fit: take "
+            "longer blocks.",
+            field="estimator.block_samples",
+        )
 
 
 def _checked_target(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> NDArray[np.float64]:
@@ -154,21 +184,24 @@ def _names(channels: Iterable[array_pb2.Channel]) -> str:
     return ", ".join(channel.name for channel in channels)
 
 
-def _checked_band(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> ControlBand:
-    spectrum = spec.excitation.spectrum
+def _checked_band(
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    experiment: identifier_pb2.ExperimentPlan,
+) -> ControlBand:
     try:
         band = control_band(spec.lowest_frequency, spec.highest_frequency, sample_rate=description.sample_rate)
     except ValueError as error:
         above = spec.highest_frequency > description.sample_rate / 2.0
         raise invalid(str(error), field="highest_frequency" if above else "lowest_frequency") from error
     for field, inside in (
-        ("lowest_frequency", band.lowest >= spectrum.lowest_frequency),
-        ("highest_frequency", band.highest <= spectrum.highest_frequency),
+        ("lowest_frequency", band.lowest >= experiment.lowest_frequency),
+        ("highest_frequency", band.highest <= experiment.highest_frequency),
     ):
         if not inside:
             raise invalid(
                 f"The control band is {band.lowest:g} to {band.highest:g} Hz; it must lie within the excitation's, "
-                f"{spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz, where the model is known.",
+                f"{experiment.lowest_frequency:g} to {experiment.highest_frequency:g} Hz, where the model is known.",
                 field=field,
             )
     return band

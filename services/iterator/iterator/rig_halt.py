@@ -10,7 +10,6 @@ import structlog
 from duralab_proto.v1 import rig_pb2
 from labbus import Bus, FaultError
 
-_MOVING: Final = frozenset({rig_pb2.RIG_MODE_SETTLING, rig_pb2.RIG_MODE_PLAYING})
 # A cancelled playback reaches the rig through the identifier too; it needs this long to be let go and ramp down.
 _PATIENCE_SECONDS: Final = 2.0
 _POLL_SECONDS: Final = 0.1
@@ -47,7 +46,8 @@ def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> bool:
                 bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
             )
             now = time.monotonic()
-            if state.mode in _MOVING and state.run == run:
+            if state.run == run:
+                # In whatever mode: a rig that is latched may still be on its way down.
                 resting_since = now
             elif now - resting_since >= _REST_SECONDS or state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
                 return True

@@ -108,11 +108,12 @@ class IteratorService:
         self._take(spec)
         try:
             call.progress("checking", 0.0, detail=f"campaign {spec.id}")
-            plan = plan_campaign(spec, self._described_rig(spec.rig))
+            description = self._described_rig(spec.rig)
             self._expect_free(spec)
             # The identifier makes the very drive and checks it, before anything is stored or moves.
             request = identification_request(spec, check_only=True)
-            self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model)
+            experiment = self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model).plan
+            plan = plan_campaign(spec, description, experiment)
             board = StatusBoard(spec.id, publish=self._publishing(spec.id))
             campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._ended(spec))
         except BaseException:

@@ -6,7 +6,7 @@ import time
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import FaultError
 
-from .linear_rig import exact_model
+from .linear_rig import exact_model, experiment_plan
 
 FINAL = {
     iterator_pb2.CAMPAIGN_PHASE_FINISHED,
@@ -66,7 +66,7 @@ class Identifier:
                 raise FaultError(
                     query_pb2.FAULT_CODE_INVALID_ARGUMENT, "The drive passes a limit.", field="excitation.rms"
                 )
-            return identifier_pb2.Model()
+            return identifier_pb2.Model(plan=experiment_plan(request))
         self.requests[request.run] = request
         call.progress("playing", 0.5)
         if request.run in self.refused:

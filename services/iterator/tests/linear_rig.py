@@ -55,6 +55,16 @@ def exact_model(request):
     )
 
 
+def experiment_plan(request):
+    spectrum = request.excitation.spectrum
+    return identifier_pb2.ExperimentPlan(
+        duration_seconds=request.excitation.duration_seconds,
+        frequency_resolution=SAMPLE_RATE / max(1, request.estimator.block_samples),
+        lowest_frequency=spectrum.lowest_frequency,
+        highest_frequency=spectrum.highest_frequency,
+    )
+
+
 def specification(id="try", *, rig="front", samples=8000, iterations=3, gain=(0.5, 0.5), level=(900.0, 40.0)):
     return iterator_pb2.CampaignSpec(
         id=id,

@@ -16,7 +16,7 @@ from iterator.service import IteratorService
 from labbus import BusConfig, Continuity, FaultError, open_bus
 
 from .fake_lab import FINAL, Identifier, Lab, Recorder
-from .linear_rig import description, exact_model, specification
+from .linear_rig import description, exact_model, experiment_plan, specification
 
 LAB = "iterator_test"
 RIG_PROCESS = Path(__file__).with_name("rig_process.py")
@@ -51,7 +51,7 @@ def lab(tmp_path_factory):
         ):
             lab = Lab(hub, Recorder(recorder), Identifier(identifier))
             wanted = {("iterator", "main"), ("rig_sim", "front"), ("rig_sim", "slow")}
-            hub.wait_for_live(wanted | {("recorder", "main"), ("identifier", "main")}, 20.0)
+            hub.wait_for_live(wanted | {("recorder", "main"), ("identifier", "main")}, 120.0)
             yield lab
 
 
@@ -144,7 +144,7 @@ def test_a_stopped_campaign_leaves_the_rig_at_rest_and_the_recording_closed(lab)
 
 def test_a_rig_killed_in_mid_playback_ends_the_campaign_with_a_clear_sentence(lab, tmp_path):
     with process(lab.bus, tmp_path, str(RIG_PROCESS), rigs={"mortal": 30.0}) as rig:
-        lab.bus.wait_for_live({("rig_sim", "mortal")}, 20.0)
+        lab.bus.wait_for_live({("rig_sim", "mortal")}, 120.0)
         lab.start(specification("orphan", rig="mortal"))
         lab.wait("orphan", lambda status: status.activity.startswith("playing iteration 1"))
         time.sleep(0.3)
@@ -250,7 +250,12 @@ def test_resume_is_not_offered_yet(lab):
 
 
 def checked_or(identify, recorder):
-    return lambda request, call: identifier_pb2.Model() if request.check_only else identify(recorder, request, call)
+    def answer(request, call):
+        if request.check_only:
+            return identifier_pb2.Model(plan=experiment_plan(request))
+        return identify(recorder, request, call)
+
+    return answer
 
 
 @contextmanager

@@ -159,7 +159,11 @@ class LiveView:
             from_array(message.coherence, field="coherence", finite=False),
             responses=[with_unit(channel) for channel in message.responses],
             drives=[with_unit(channel) for channel in message.drives],
-            band=(spectrum.lowest_frequency, spectrum.highest_frequency),
+            # Models of older recordings do not tell their band themselves.
+            band=(
+                message.lowest_frequency or spectrum.lowest_frequency,
+                message.highest_frequency or spectrum.highest_frequency,
+            ),
         )
         _log_drawing(self._stream, drawing)
 

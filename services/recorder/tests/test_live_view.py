@@ -10,7 +10,7 @@ import pytest
 from duralab_proto.v1 import iterator_pb2
 from recorder.live_view import LiveView
 
-START_SECONDS = 8.0
+START_SECONDS = 60.0
 
 
 def show_campaign(view: LiveView, campaign) -> None:
@@ -38,7 +38,7 @@ def live_file(tmp_path, campaign):
 
 def run_rerun(program, environment, *arguments):
     return subprocess.run(
-        [program, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=30, check=True
+        [program, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=120, check=True
     ).stdout
 
 

@@ -37,7 +37,7 @@ def test_rerun_finds_the_file_sound(log_file, rerun_program, viewer_environment)
         [rerun_program, "mcap", "check", str(log_file)],
         env=viewer_environment,
         capture_output=True,
-        timeout=30,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -65,8 +65,8 @@ class UseMeter:
         self._load = np.zeros(len(drives))
         self._supply = np.full(len(drives), np.inf)
 
-    def count(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Take a block into account.
+    def following_error(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+        """Return command less achieved value.
 
         Parameters
         ----------
@@ -78,20 +78,32 @@ class UseMeter:
         Returns
         -------
         ndarray, (drives, samples)
-            Command less achieved value, in the drive's unit; zero where no actuator follows.
+            In the drive's unit; zero where no actuator follows.
         """
-        following_error = np.zeros(commands.shape)
+        error = np.zeros(commands.shape)
+        for monitor in self._monitors:
+            error[monitor.drive] = commands[monitor.drive] - outputs[monitor.achieved]
+        return error
+
+    def count(self, following_error: np.ndarray, outputs: np.ndarray) -> None:
+        """Take a block of the drive into account.
+
+        Parameters
+        ----------
+        following_error : (drives, samples)
+            Of `following_error`.
+        outputs : (outputs, samples)
+            Of the player.
+        """
         for monitor in self._monitors:
             index = monitor.drive
             valve, load = np.abs(outputs[monitor.valve_command]), np.abs(outputs[monitor.load_pressure])
             self._saturated[index] += np.count_nonzero(
                 (valve >= monitor.largest_opening) | (load >= FULL_LOAD_PRESSURE)
             )
-            following_error[index] = commands[index] - outputs[monitor.achieved]
             self._following[index] = max(self._following[index], np.max(np.abs(following_error[index])))
             self._load[index] = max(self._load[index], np.max(load))
             self._supply[index] = min(self._supply[index], np.min(outputs[monitor.supply_pressure]))
-        return following_error
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
         """Return how every drive channel was used.

@@ -15,6 +15,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from rig_sim.compile.compiled_model import Playback
+from rig_sim.compile.runge_kutta import Method
 from rig_sim.drake_elements import ElementsSystem, OwnEffects
 from rig_sim.drake_measurement import drake_responses
 from rig_sim.engine import EngineChoice
@@ -82,7 +83,14 @@ class DrakeEngine:
         self._simulator.Initialize()
 
     def play(
-        self, state: np.ndarray, commands: np.ndarray, *, sample_interval: float, substeps: int, bounds: np.ndarray
+        self,
+        state: np.ndarray,
+        commands: np.ndarray,
+        *,
+        sample_interval: float,
+        substeps: int,
+        method: Method = Method.RUNGE_KUTTA_4,
+        bounds: np.ndarray,
     ) -> Playback:
         """Advance over a record of commands; see :class:`rig_sim.engine.Player`. Drake chooses its steps by itself.
 
@@ -96,6 +104,8 @@ class DrakeEngine:
             Of the specimen's rate, in s.
         substeps : int
             Not used.
+        method : Method
+            Not used.
         bounds : (states,)
             The largest magnitude of each state, checked at the samples.
 
@@ -104,7 +114,7 @@ class DrakeEngine:
         Playback
             Outputs (outputs, samples), the state after them, and where it left its bounds.
         """
-        del substeps
+        del substeps, method
         if sample_interval != self._interval:
             raise ValueError(f"the sample interval is {sample_interval:g} s; this rig has {self._interval:g} s.")
         samples = commands.shape[1] - 1

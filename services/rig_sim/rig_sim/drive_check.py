@@ -86,7 +86,7 @@ def check_drive(
     beyond = [
         text
         for channel, row in zip(specimen.drives, drive, strict=True)
-        if (text := _beyond(channel, row, sample_rate))
+        if (text := _beyond(channel, row, sample_rate, steps_in=specimen.approach.ramp == 0.0))
     ]
     if beyond:
         raise DriveError(
@@ -94,7 +94,7 @@ def check_drive(
         )
 
 
-def _beyond(channel: InputChannel, row: np.ndarray, sample_rate: float) -> str:
+def _beyond(channel: InputChannel, row: np.ndarray, sample_rate: float, *, steps_in: bool) -> str:
     """Say what of one channel is beyond its limits, or return an empty text."""
     worst = int(np.argmax(np.maximum(row - channel.maximum, channel.minimum - row)))
     if not channel.minimum <= row[worst] <= channel.maximum:
@@ -103,8 +103,8 @@ def _beyond(channel: InputChannel, row: np.ndarray, sample_rate: float) -> str:
             f"allowed {channel.minimum:g} to {channel.maximum:g}"
         )
     if channel.slew_limit > 0.0:
-        # The rig starts at rest with all drives zero, so the first sample is a step as well.
-        rate = np.abs(np.diff(row, prepend=0.0)) * sample_rate
+        # A rig without a ramp to the first sample starts at rest with all drives zero: that is a step as well.
+        rate = np.abs(np.diff(row, prepend=0.0 if steps_in else row[0])) * sample_rate
         fastest = int(np.argmax(rate))
         if rate[fastest] > channel.slew_limit:
             return (

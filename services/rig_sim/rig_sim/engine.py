@@ -9,13 +9,14 @@ import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from rig_sim.compile.compiled_model import Playback
+from rig_sim.compile.runge_kutta import Method
 from rig_sim.parameters import STRICT, Positive
 
 
 class Engine(StrEnum):
     """A program that integrates a rig."""
 
-    #: Generated code, Runge-Kutta 4, the substeps of the specimen; about 100 times faster than real time.
+    #: Generated code, the integrator and substeps of the specimen; about 100 times faster than real time.
     COMPILED = "compiled"
     #: Drake's plant and integrator, Runge-Kutta 3; slower than real time, the judge of the other.
     DRAKE = "drake"
@@ -61,7 +62,14 @@ class Player(Protocol):
         ...
 
     def play(
-        self, state: np.ndarray, commands: np.ndarray, *, sample_interval: float, substeps: int, bounds: np.ndarray
+        self,
+        state: np.ndarray,
+        commands: np.ndarray,
+        *,
+        sample_interval: float,
+        substeps: int,
+        method: Method = Method.RUNGE_KUTTA_4,
+        bounds: np.ndarray,
     ) -> Playback:
         """Advance over a record; consecutive records, each from the state the last one ended in, have no seam.
 
@@ -75,6 +83,8 @@ class Player(Protocol):
             In s.
         substeps : int
             Steps per sample of an engine whose steps are fixed by the specimen.
+        method : Method
+            How such an engine takes a step.
         bounds : (states,)
             The largest magnitude of each state, checked at the samples.
 

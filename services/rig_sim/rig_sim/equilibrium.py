@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
+from rig_sim.linearisation import Derivative, linearise
 from rig_sim.multibody.tree import JointKind
 from rig_sim.rig_model import RigModel
 
-Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
 _LARGEST_ITERATIONS = 60
+#: Of the differences that Newton's method goes by, in each state's own unit.
+_STEP = 1.0e-7
 #: Largest rate that counts as rest, in each state's own unit per second (m/s^2, rad/s^2, MPa/s).
 _REST = 1.0e-6
 
@@ -49,7 +48,7 @@ def find_equilibrium(model: RigModel, derivative: Derivative, inputs: np.ndarray
     for _ in range(_LARGEST_ITERATIONS):
         if np.max(np.abs(rates)) < _REST:
             return state
-        jacobian = _jacobian(derivative, state, inputs, free)
+        jacobian = linearise(derivative, state, inputs, step=_STEP, columns=free)
         if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(jacobian))):
             break
         # Rows differ by orders of magnitude (m/s^2 beside MPa/s); scaled rows keep the solution well conditioned. What
@@ -76,17 +75,6 @@ def _unknowns(model: RigModel) -> np.ndarray:
             where = model.element_slice(element.name)
             keep += range(where.start, where.stop)
     return np.array(keep)
-
-
-def _jacobian(derivative: Derivative, state: np.ndarray, inputs: np.ndarray, free: np.ndarray) -> np.ndarray:
-    columns = []
-    for index in free:
-        step = 1.0e-7
-        ahead, behind = state.copy(), state.copy()
-        ahead[index] += step
-        behind[index] -= step
-        columns.append((derivative(ahead, inputs) - derivative(behind, inputs)) / (2.0 * step))
-    return np.array(columns).T
 
 
 def _normalise_quaternions(model: RigModel, state: np.ndarray) -> None:

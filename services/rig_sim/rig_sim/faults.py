@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
-from rig_sim.parameters import STRICT, Finite, NotNegative, Positive
+from rig_sim.hydraulics.mounting import all_supplies
+from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
 from rig_sim.specimen import Specimen, SpecimenError
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -93,17 +94,19 @@ class ValveSaturation(BaseModel):
 
 
 class SupplySag(BaseModel):
-    """The supply reaches only this share of its pressure, whole playbacks long."""
+    """A supply reaches only this share of its pressure, whole playbacks long; every one, where none is named."""
 
     model_config = STRICT
 
     kind: Literal[FaultKind.SUPPLY_SAG]
     share: Share
+    supply: Name | None = None
 
     @property
     def sentence(self) -> str:
         """Say it in words."""
-        return f"supply sagged to {100.0 * self.share:g} % of its pressure"
+        which = "supply" if self.supply is None else f"supply {self.supply}"
+        return f"{which} sagged to {100.0 * self.share:g} % of its pressure"
 
 
 SensorFault = StuckSensor | NoisySensor | DriftingGain
@@ -116,36 +119,63 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
     Raises
     ------
     SpecimenError
-        Where a fault names a channel or a kind of actuator that does not exist, or there is no supply to sag.
+        Where a fault names a channel, a kind of actuator or a supply that does not exist, or there is no supply to sag.
     """
     if not faults:
         return specimen
     document = specimen.model_dump()
-    channels = [channel.name for channel in specimen.responses]
     for fault in faults:
         match fault:
             case ValveSaturation():
                 if fault.actuator_kind not in specimen.actuator_kinds:
-                    raise _unknown(specimen, fault, fault.actuator_kind, list(specimen.actuator_kinds))
+                    raise _unknown(specimen.name, fault, fault.actuator_kind, list(specimen.actuator_kinds))
                 document["actuator_kinds"][fault.actuator_kind]["valve"]["largest_opening"] *= fault.opening
             case SupplySag():
-                if specimen.supply is None:
+                supplies = all_supplies(document["supply"], document["supplies"])
+                if not supplies:
                     raise SpecimenError(f"{specimen.name} has no supply; remove its fault {fault.kind}.")
-                document["supply"]["supply_pressure"] *= fault.share
+                if fault.supply is not None and fault.supply not in supplies:
+                    raise _unknown(specimen.name, fault, fault.supply, list(supplies))
+                for name in supplies if fault.supply is None else (fault.supply,):
+                    supplies[name]["supply_pressure"] *= fault.share
             case _:
-                if fault.channel not in channels:
-                    raise _unknown(specimen, fault, fault.channel, channels)
-    document["title"] += f" [FAULTS INJECTED: {'; '.join(fault.sentence for fault in faults)}]"
+                _check_channel(fault, rig=specimen.name, channels=[channel.name for channel in specimen.responses])
+    document["title"] += told_in_a_title(faults)
     try:
         return Specimen.model_validate(document)
     except ValueError as error:
         raise SpecimenError(f"{specimen.name} cannot be with these faults: {error}") from error
 
 
-def _unknown(specimen: Specimen, fault: Fault, name: str, known: Sequence[str]) -> SpecimenError:
-    return SpecimenError(
-        f"fault {fault.kind} of {specimen.name} names {name!r}; there are {', '.join(known) or 'none'}."
-    )
+def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str]) -> tuple[SensorFault, ...]:
+    """Return the faults of a rig that has sensors and no hydraulics.
+
+    Raises
+    ------
+    SpecimenError
+        Where a fault is of hydraulics, or names a channel that does not exist.
+    """
+    broken: list[SensorFault] = []
+    for fault in faults:
+        if not isinstance(fault, SensorFault):
+            raise SpecimenError(f"{rig} has no hydraulics; remove its fault {fault.kind}.")
+        _check_channel(fault, rig=rig, channels=channels)
+        broken.append(fault)
+    return tuple(broken)
+
+
+def told_in_a_title(faults: Sequence[Fault]) -> str:
+    """Return what the title of a rig says of its faults; nothing where it has none."""
+    return f" [FAULTS INJECTED: {'; '.join(fault.sentence for fault in faults)}]" if faults else ""
+
+
+def _check_channel(fault: SensorFault, *, rig: str, channels: Sequence[str]) -> None:
+    if fault.channel not in channels:
+        raise _unknown(rig, fault, fault.channel, channels)
+
+
+def _unknown(rig: str, fault: Fault, name: str, known: Sequence[str]) -> SpecimenError:
+    return SpecimenError(f"fault {fault.kind} of {rig} names {name!r}; there are {', '.join(known) or 'none'}.")
 
 
 class FaultySensors:

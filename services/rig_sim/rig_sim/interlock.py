@@ -9,8 +9,9 @@ from labbus import FaultError
 
 #: Longest reason that is kept; it travels with every state.
 LONGEST_REASON = 300
-#: A stop of a playback takes the rest of a block and a ramp, less than a second in real time.
-REST_SECONDS = 5.0
+#: A stop takes the rest of a block and a ramp: less than a second on the shipped rigs, several times that where Drake
+#: plays slower than real time, and up to 20 s where a specimen's `approach` says so.
+REST_SECONDS = 60.0
 #: Names of so many playbacks are remembered. A name guards against playing a query twice, which would come within
 #: seconds; so old ones may be forgotten, and a rig that runs for months does not grow.
 REMEMBERED_RUNS = 10_000
@@ -25,18 +26,18 @@ class Interlock:
         self._latched = False
         self._reason = ""
         self._run = ""
+        self._mode: rig_pb2.RigMode = rig_pb2.RIG_MODE_IDLE
         self._fraction = 0.0
         self._stop = threading.Event()
         # A dict keeps the order in which the names came.
         self._runs: dict[str, None] = {}
 
     def state(self) -> rig_pb2.RigState:
-        """Return the state as the contract puts it; latched while still on the way down."""
+        """Return the state as the contract puts it; with a run until it rests, latched or not."""
         with self._changed:
-            mode = rig_pb2.RIG_MODE_PLAYING if self._run else rig_pb2.RIG_MODE_IDLE
             return rig_pb2.RigState(
                 rig=self._rig,
-                mode=rig_pb2.RIG_MODE_INTERLOCKED if self._latched else mode,
+                mode=rig_pb2.RIG_MODE_INTERLOCKED if self._latched else self._mode,
                 reason=self._reason,
                 run=self._run,
                 fraction=self._fraction,
@@ -78,12 +79,17 @@ class Interlock:
             self._runs[run] = None
             if len(self._runs) > REMEMBERED_RUNS:
                 del self._runs[next(iter(self._runs))]
-            self._run, self._fraction = run, 0.0
+            self._run, self._fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
+
+    def enter(self, mode: rig_pb2.RigMode) -> None:
+        """Say what the playback under way does now: settling, playing, ramping down."""
+        with self._changed:
+            self._mode = mode
 
     def end(self) -> None:
         """Give the rig back, at rest."""
         with self._changed:
-            self._run, self._fraction = "", 0.0
+            self._run, self._fraction, self._mode = "", 0.0, rig_pb2.RIG_MODE_IDLE
             self._changed.notify_all()
 
     def trip(self, reason: str) -> None:

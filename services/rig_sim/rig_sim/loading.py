@@ -2,16 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from rig_sim.engine import EngineChoice
 from rig_sim.faults import Fault
 from rig_sim.playable import PlayableRig
 from rig_sim.player import load_rig
-from rig_sim.specimen import SpecimenError, load_specimen, read_document
+from rig_sim.specimen import SpecimenError, read_document, shipped_specimens
 from rig_sim.structure.rig import load_structure
 from rig_sim.structure.specimen import KIND
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def rig_name(path: Path) -> str:
+    """Return the name of the rig in a YAML; one made of the file's name where it says none that can be one.
+
+    What is wrong with the YAML is said when the rig is loaded: until then, somebody has to be asked for it by name.
+    """
+    try:
+        document = read_document(path)
+    except SpecimenError:
+        document = None
+    name = document.get("name") if isinstance(document, dict) else None
+    if isinstance(name, str) and _NAME.fullmatch(name):
+        return name
+    return "rig_" + re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
+
+
+def shipped_titles() -> dict[str, str]:
+    """Return what is mounted on each shipped rig, in words, by its name; nothing is loaded for it."""
+    return {name: read_document(path)["title"] for name, path in shipped_specimens().items()}
+
+
+def rigs_by_name(paths: Iterable[Path]) -> dict[str, Path]:
+    """Return the YAMLs of some rigs by the rigs' names, in order.
+
+    Raises
+    ------
+    SpecimenError
+        Where a file is not there, or two rigs have one name.
+    """
+    named: dict[str, Path] = {}
+    for path in paths:
+        if not path.is_file():
+            raise SpecimenError(f"specimen {path.name} cannot be read: there is no such file.")
+        name = rig_name(path)
+        if name in named:
+            raise SpecimenError(f"two rigs are called {name!r}; names must differ.")
+        named[name] = path
+    return named
 
 
 def load_any_rig(
@@ -28,7 +70,7 @@ def load_any_rig(
     engines : mapping, optional
         By the rig's name: what integrates it. A structure has nothing to integrate and takes none.
     faults : mapping, optional
-        By the rig's name: faults to inject. A structure takes none.
+        By the rig's name: faults to inject. A structure takes those of sensors.
 
     Raises
     ------
@@ -38,18 +80,13 @@ def load_any_rig(
     document = read_document(path)
     kind = document.get("kind") if isinstance(document, dict) else None
     if kind is None:
-        name = load_specimen(path).name
+        name = rig_name(path)
         return load_rig(path, (engines or {}).get(name, EngineChoice()), faults=(faults or {}).get(name, ()))
     if kind != KIND:
         raise SpecimenError(f"specimen {path.name}: kind is {kind!r}; leave it out for a multibody rig, or say {KIND}.")
-    rig = load_structure(path)
-    if rig.specimen.name in (engines or {}):
+    name = rig_name(path)
+    if name in (engines or {}):
         raise SpecimenError(
-            f"specimen {path.name}: {rig.specimen.name} is played in closed form and takes no engine; leave it out "
-            "of engines."
+            f"specimen {path.name}: {name} is played in closed form and takes no engine; leave it out of engines."
         )
-    if rig.specimen.name in (faults or {}):
-        raise SpecimenError(
-            f"specimen {path.name}: {rig.specimen.name} is a structure, which knows no faults; leave it out of faults."
-        )
-    return rig
+    return load_structure(path, (faults or {}).get(name, ()))

@@ -13,7 +13,8 @@ from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, FaultError, StreamPublisher
 from rig_sim.interlock import Interlock
 from rig_sim.playable import PlayableRig, PlayableRun
-from rig_sim.player import Block, Playback, Rig, RigFaultError
+from rig_sim.playback import Block
+from rig_sim.player import Playback, Rig, RigFaultError
 from rig_sim.pose_stream import PoseStream
 from rig_sim.watchdogs import Trip, first_trip
 
@@ -68,7 +69,7 @@ class Performance:
         """
         playback = self._rig.playback(drive, seed=request.seed)
         rate = self._rig.specimen.sample_rate
-        if request.real_time and isinstance(playback, Playback):
+        if request.real_time:
             playback.block_samples = min(playback.block_samples, max(round(_PACED_SECONDS * rate), 1))
         publisher = self._bus.publisher(self._bus.keys.rig_signal(self._rig.specimen.name, request.run))
         publish = _Publishing(publisher, request.run, rate, size=self._rig.block_samples)
@@ -76,7 +77,12 @@ class Performance:
         if self._poses is not None:
             self._poses.begin(request.run)
         try:
+            self._settle(request.run, playback, clock, call)
+            began = time.monotonic()
             self._perform(request.run, playback, publish, clock, call)
+            seconds = drive.shape[1] / rate
+            factor = seconds / (time.monotonic() - began)
+            self._come_to_rest(request.run, playback, clock, call)
         except RigFaultError as error:
             self._latch(str(error).rstrip("."))
             self._log.warning("broken off", run=request.run, reason=str(error))
@@ -85,8 +91,6 @@ class Performance:
             if self._poses is not None:
                 self._poses.flush()
             publisher.close()
-        seconds = drive.shape[1] / rate
-        factor = seconds / (time.monotonic() - clock.started)
         self._log.info("played", run=request.run, seconds=seconds, real_time_factor=factor)
         return rig_pb2.PlayResult(
             run=request.run,
@@ -107,12 +111,23 @@ class Performance:
             real_time_factor=factor,
         )
 
+    def _settle(self, run: str, playback: PlayableRun, clock: _Clock, call: Call) -> None:
+        """Bring the rig to the drive's first sample; its way there is watched, and no part of the stream."""
+        for block in playback.approach():
+            stopped = self._interlock.wait_for_stop(clock.ahead(block))
+            trip = self._watch(block)
+            if trip is not None or stopped or call.cancelled:
+                self._break_off(run, playback, None, clock, trip)
+            call.progress("settling", 0.0, detail=run)
+
     def _perform(self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, call: Call) -> None:
+        self._interlock.enter(rig_pb2.RIG_MODE_PLAYING)
+        self._tell_state()
         samples = playback.response.shape[1]
-        told = clock.started
+        began = told = time.monotonic()
         for block in playback.blocks():
             done = playback.samples_done
-            stopped = self._interlock.wait_for_stop(clock.ahead(done))
+            stopped = self._interlock.wait_for_stop(clock.ahead(block))
             trip = self._watch(block)
             ended = done == samples and trip is None
             publish(block, last=ended)
@@ -121,17 +136,29 @@ class Performance:
                 return
             if trip is not None or stopped or call.cancelled:
                 self._break_off(run, playback, publish, clock, trip)
-            elapsed = time.monotonic() - clock.started
+            now = time.monotonic()
             self._interlock.fraction = done / samples
             # The bus thins progress out; the state stream goes to everybody.
-            call.progress("playing", done / samples, remaining_seconds=elapsed * (samples - done) / done, detail=run)
-            if clock.started + elapsed - told >= _STATE_SECONDS:
-                told = clock.started + elapsed
+            left = (now - began) * (samples - done) / done
+            call.progress("playing", done / samples, remaining_seconds=left, detail=run)
+            if now - told >= _STATE_SECONDS:
+                told = now
                 self._tell_state()
 
+    def _come_to_rest(self, run: str, playback: PlayableRun, clock: _Clock, call: Call) -> None:
+        """Bring the rig back to zero after a drive that ended elsewhere; all of it was played, whatever happens now."""
+        if playback.rests_at_zero:
+            return
+        self._interlock.fraction = 1.0
+        self._interlock.enter(rig_pb2.RIG_MODE_RAMPING_DOWN)
+        self._tell_state()
+        for block in playback.ramp_down():
+            time.sleep(clock.ahead(block))
+            if (trip := self._watch(block)) is not None:
+                self._latch(trip.sentence)
+            call.progress("ramping down", 1.0, detail=run)
+
     def _watch(self, block: Block) -> Trip | None:
-        if not isinstance(self._rig, Rig) or block.following_error is None or block.monitored is None:
-            return None
         return first_trip(
             self._rig.watchdogs,
             first_sample=block.first_sample,
@@ -142,20 +169,22 @@ class Performance:
         )
 
     def _break_off(
-        self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, trip: Trip | None
+        self, run: str, playback: PlayableRun, publish: _Publishing | None, clock: _Clock, trip: Trip | None
     ) -> None:
-        """Latch, ramp down and raise what the commander is told."""
+        """Latch, ramp down and raise what the commander is told; published is what follows a drive that has begun."""
         # Where it was stopped, it is latched already, and the first reason stays.
         self._latch(COMMANDER_GONE if trip is None else trip.sentence)
         reason = self._interlock.state().reason
-        publish.flush(last=False)
+        if publish is not None:
+            publish.flush(last=False)
         ramp = playback.ramp_down()
         block = next(ramp, None)
         while block is not None:
             # One ahead: only who has seen the next knows whether this is the last.
             following = next(ramp, None)
-            time.sleep(clock.ahead(block.first_sample + block.drive.shape[1]))
-            publish(block, last=following is None)
+            time.sleep(clock.ahead(block))
+            if publish is not None:
+                publish(block, last=following is None)
             block = following
         self._log.warning("ramped down", run=run, reason=reason)
         if trip is None:
@@ -210,15 +239,18 @@ class _Publishing:
 
 
 class _Clock:
-    """Says how far a playback is ahead of real time, where it has to keep to it."""
+    """Says how far a playback is ahead of real time, where it has to keep to it; runs from its first block on."""
 
     def __init__(self, rate: float, *, real_time: bool) -> None:
         self._rate = rate
         self._real_time = real_time
-        self.started = time.monotonic()
+        self._origin: int | None = None
+        self._started = time.monotonic()
 
-    def ahead(self, samples: int) -> float:
-        """Return for how many seconds to wait after so many samples."""
+    def ahead(self, block: Block) -> float:
+        """Return for how many seconds to wait at the end of a block."""
         if not self._real_time:
             return 0.0
-        return max(samples / self._rate - (time.monotonic() - self.started), 0.0)
+        if self._origin is None:
+            self._origin = block.first_sample
+        return max((block.end - self._origin) / self._rate - (time.monotonic() - self._started), 0.0)

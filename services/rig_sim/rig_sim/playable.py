@@ -7,8 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from rig_sim.player import Block, Use
+from rig_sim.actuator_use import Use
+from rig_sim.approach import Approach
+from rig_sim.playback import Block
 from rig_sim.specimen import InputChannel, Quantity
+from rig_sim.watchdogs import Watchdog
 
 
 class Response(Protocol):
@@ -69,6 +72,11 @@ class PlayableSpecimen(Protocol):
         ...
 
     @property
+    def approach(self) -> Approach:
+        """How it gets to a drive's first sample, and back to rest."""
+        ...
+
+    @property
     def drives(self) -> Sequence[InputChannel]:
         """What can be commanded, in order."""
         ...
@@ -80,16 +88,25 @@ class PlayableSpecimen(Protocol):
 
 
 class PlayableRun(Protocol):
-    """A playback: iterate over `blocks()`; then read `response` and `uses()`."""
+    """A playback: iterate over `approach()`, then `blocks()`; then read `response` and `uses()`."""
 
-    @property
-    def response(self) -> np.ndarray:
-        """Measured (responses, samples); filled as blocks are played."""
-        ...
+    #: May be made smaller before it plays.
+    block_samples: int
+    #: Measured (responses, samples); filled as blocks are played.
+    response: np.ndarray
 
     @property
     def samples_done(self) -> int:
-        """Samples that were played."""
+        """Samples of the drive that were played."""
+        ...
+
+    @property
+    def rests_at_zero(self) -> bool:
+        """Whether all drives are at zero, so that there is nothing to ramp down."""
+        ...
+
+    def approach(self) -> Iterator[Block]:
+        """Go to the drive's first sample and settle there, block by block."""
         ...
 
     def blocks(self) -> Iterator[Block]:
@@ -121,6 +138,11 @@ class PlayableRig(Protocol):
     @property
     def block_samples(self) -> int:
         """Samples of every block of a playback but the last."""
+        ...
+
+    @property
+    def watchdogs(self) -> tuple[Watchdog, ...]:
+        """What makes it ramp down and latch while it plays."""
         ...
 
     @property

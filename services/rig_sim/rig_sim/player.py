@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,39 +18,24 @@ from rig_sim.engine import Engine, EngineChoice, Player
 from rig_sim.equilibrium import find_equilibrium
 from rig_sim.faults import Fault, FaultySensors, break_specimen
 from rig_sim.hydraulics.actuator import HydraulicActuator
+from rig_sim.linearisation import linearise
 from rig_sim.multibody.drake_reader import load_plant, read_tree
+from rig_sim.playback import BLOCK_SAMPLES, Block, DrivePlayback
 from rig_sim.poses import Poses
 from rig_sim.proof import Proof, prove
 from rig_sim.rig_model import RigModel
+from rig_sim.software import software_hash
 from rig_sim.specimen import Specimen, SpecimenError, load_specimen
 from rig_sim.stability import check_stability
 from rig_sim.step_check import check_step
-from rig_sim.watchdogs import Watchdog, set_up_watchdogs
+from rig_sim.watchdogs import Watchdog, set_up_watchdogs, when
 
-BLOCK_SAMPLES = 100
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20
-#: Bumped whenever the same specimen may answer differently to the same drive.
-_EQUATIONS_VERSION = 1
-_RAMP_DOWN_SECONDS = 0.5
-_HOLD_SECONDS = 0.1
 
 
 class RigFaultError(RuntimeError):
     """A playback that could not be brought to its end, in one sentence."""
-
-
-@dataclass(frozen=True)
-class Block:
-    """A piece of a playback: drive (drives, samples) and measured response (responses, samples) from `first_sample`."""
-
-    first_sample: int
-    drive: np.ndarray
-    response: np.ndarray
-    #: For watchdogs: command less achieved value, (drives, samples), in the drive's unit, zero where no actuator
-    #: follows; and the monitored values of the elements, (values, samples), in the order of the model's outputs.
-    following_error: np.ndarray | None = None
-    monitored: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -118,11 +103,12 @@ def load_rig(
     proof = prove(model, compiled, plant)
     still = np.zeros(len(specimen.drives))
     rest = find_equilibrium(model, compiled.derivative, still)
-    check_stability(compiled.derivative, rest, still, model.state_names)
+    at_rest = linearise(compiled.derivative, rest, still)
+    check_stability(at_rest, model.state_names)
     if engine.engine is Engine.COMPILED:  # Drake controls its own steps
-        check_step(compiled.derivative, rest, still, names=model.state_names, specimen=specimen)
+        check_step(at_rest, names=model.state_names, specimen=specimen)
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
-    digest = hashlib.sha256(f"equations {_EQUATIONS_VERSION}\nengine {engine.model_dump_json()}\n".encode())
+    digest = hashlib.sha256(f"software {software_hash()}\nengine {engine.model_dump_json()}\n".encode())
     for file in (sdf, *document_files(path)):
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     for fault in faults:
@@ -158,12 +144,19 @@ def _watchdogs(specimen: Specimen, model: RigModel) -> tuple[Watchdog, ...]:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
 
 
-class Playback:
-    """One playback under way: iterate over `blocks()` to its end, then read `response` and `uses()`."""
+class Playback(DrivePlayback):
+    """A playback of a multibody rig; read `uses()` at its end."""
 
     def __init__(self, rig: Rig, drive: np.ndarray, *, seed: int) -> None:
+        super().__init__(
+            drive,
+            channels=rig.specimen.drives,
+            approach=rig.specimen.approach,
+            sample_rate=rig.specimen.sample_rate,
+            responses=len(rig.specimen.responses),
+            block_samples=rig.block_samples,
+        )
         self._rig = rig
-        self._drive = np.ascontiguousarray(drive, dtype=np.float64)
         self._state = rig.rest.copy()
         self._noise = np.random.default_rng(seed)
         self._noise_rms = np.array([channel.noise_rms for channel in rig.specimen.responses])[:, None]
@@ -173,84 +166,35 @@ class Playback:
             sample_rate=rig.specimen.sample_rate,
             seed=seed,
         )
-        #: May be made smaller before it plays; the bytes of the compiled player do not depend on it.
-        self.block_samples = rig.block_samples
         self._actuators = [element for element in rig.model.assembly.elements if isinstance(element, HydraulicActuator)]
         self._meter = UseMeter(self._actuators, drives=rig.model.input_names, outputs=rig.player.output_names)
         self._bounds = self._state_bounds()
-        self.response = np.empty((len(rig.specimen.responses), self._drive.shape[1]))
-        self.samples_done = 0
 
     @property
     def positions(self) -> np.ndarray:
         """Drake's positions (n_q,) after what is played so far."""
         return self._state[: self._rig.model.position_count]
 
-    def blocks(self) -> Iterator[Block]:
-        """Play on, block by block; the last one may be shorter.
-
-        Raises
-        ------
-        RigFaultError
-            Where a piston meets its end stop or the motion is no longer finite; names it and the time.
-        """
-        samples = self._drive.shape[1]
-        while self.samples_done < samples:
-            first = self.samples_done
-            end = min(first + self.block_samples, samples)
-            piece = self._drive[:, first:end]
-            block = self._advance(np.hstack([piece, self._drive_at(end)]), first)
-            self.response[:, first:end] = block.response
-            self.samples_done = end
-            yield block
-
-    def ramp_down(self) -> Iterator[Block]:
-        """From where the playback was left, bring all drives to zero along a cosine and hold; blocks count on.
-
-        Raises
-        ------
-        RigFaultError
-            As `blocks`.
-        """
-        rate = self._rig.specimen.sample_rate
-        fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, round(_RAMP_DOWN_SECONDS * rate) + 1)))
-        # Zero exactly from the end of the ramp on; the last column is only looked ahead to.
-        shape = np.concatenate([fall[:-1], np.zeros(round(_HOLD_SECONDS * rate) + 1)])
-        # The player is already on its way to the next sample. Before the first one it is at rest.
-        start = self._drive_at(self.samples_done) if self.samples_done else np.zeros((len(self._drive), 1))
-        ramp = start * shape
-        for begin in range(0, len(shape) - 1, self.block_samples):
-            end = min(begin + self.block_samples, len(shape) - 1)
-            yield self._advance(ramp[:, begin : end + 1], self.samples_done + begin)
-
     def uses(self) -> list[Use]:
-        """Return how every drive channel was used so far."""
-        played = self._drive[:, : max(self.samples_done, 1)]
-        ratios = []
-        for index, channel in enumerate(self._rig.specimen.drives):
-            up, down = played[index].max(), played[index].min()
-            ratios.append(max(up / channel.maximum if up > 0 else 0.0, down / channel.minimum if down < 0 else 0.0))
-        return self._meter.uses(ratios, samples=self.samples_done)
+        """Return how every drive channel was used by the drive so far; ramps do not count."""
+        return self._meter.uses(self.peak_ratios(), samples=self.samples_done)
 
-    def _drive_at(self, sample: int) -> np.ndarray:
-        """Return one column of the drive, the last one where it has ended."""
-        column = min(sample, self._drive.shape[1] - 1)
-        return self._drive[:, column : column + 1]
-
-    def _advance(self, commands: np.ndarray, first: int) -> Block:
-        """Play the columns of `commands` but the last, which they lead to; return them with what the sensors say."""
+    def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
         rig = self._rig
         played = rig.player.play(
             self._state,
             commands,
             sample_interval=1.0 / rig.specimen.sample_rate,
             substeps=rig.specimen.substeps,
+            method=rig.specimen.integrator,
             bounds=self._bounds,
         )
         if played.diverged_at is not None:
             raise RigFaultError(self._explain(played.diverged_states, first + played.diverged_at))
         self._state = played.state
-        following_error = self._meter.count(commands[:, :-1], played.outputs)
+        following_error = self._meter.following_error(commands[:, :-1], played.outputs)
+        if counted:
+            self._meter.count(following_error, played.outputs)
         responses = len(rig.specimen.responses)
         # One row of noise a sample: the same numbers however the record is cut into blocks.
         noise = self._noise.standard_normal((played.outputs.shape[1], responses)).T
@@ -278,8 +222,8 @@ class Playback:
                 f"the piston of {actuator.name} met its end stop ({1000 * actuator.cylinder.half_stroke:.0f} mm)"
                 for actuator in ended
             )
-            return f"{pistons} at {seconds:.3f} s; lower the drive."
+            return f"{pistons} {when(seconds)}; lower the drive."
         return (
-            f"the motion of {self._rig.specimen.name} became unbounded at {seconds:.3f} s, among others in "
+            f"the motion of {self._rig.specimen.name} became unbounded {when(seconds)}, among others in "
             f"{states[0]!r}; lower the drive or take more substeps."
         )

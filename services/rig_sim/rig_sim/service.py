@@ -21,11 +21,12 @@ from rig_sim.engine import EngineChoice
 from rig_sim.faults import Fault
 from rig_sim.frf_query import answer_frf
 from rig_sim.interlock import Interlock
-from rig_sim.loading import load_any_rig
+from rig_sim.loading import load_any_rig, rigs_by_name
 from rig_sim.performance import Performance
 from rig_sim.playable import PlayableRig, Response
 from rig_sim.player import Rig
-from rig_sim.specimen import InputChannel, Quantity, shipped_specimens
+from rig_sim.refused import serve_refusal
+from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
 
 SERVICE = "rig_sim"
 
@@ -58,27 +59,22 @@ class RigSimConfig(ServiceConfig):
         return self
 
 
-def load_rigs(config: RigSimConfig) -> dict[str, PlayableRig]:
-    """Load all configured rigs.
+def find_rigs(config: RigSimConfig) -> dict[str, Path]:
+    """Return the YAMLs of all configured rigs by the rigs' names.
 
     Raises
     ------
     ConfigError
-        Where a rig is unknown, cannot be used, or two have one name, or an engine or a fault is for none of them.
+        Where a rig is unknown, a file is not there, two rigs have one name, or an engine or a fault is for none.
     """
     shipped = shipped_specimens()
     unknown = [name for name in config.rigs if name not in shipped]
     if unknown:
         raise ConfigError(f"rigs: {', '.join(unknown)} is not a rig of this simulator; it ships {', '.join(shipped)}.")
-    rigs: dict[str, PlayableRig] = {}
-    for path in [*(shipped[name] for name in config.rigs), *config.specimens]:
-        try:
-            rig = load_any_rig(path, config.engines, config.faults)
-        except (ValueError, RuntimeError) as error:
-            raise ConfigError(f"{path.name}: {error}") from error
-        if rig.specimen.name in rigs:
-            raise ConfigError(f"rigs: two rigs are called {rig.specimen.name!r}; names must differ.")
-        rigs[rig.specimen.name] = rig
+    try:
+        rigs = rigs_by_name([*(shipped[name] for name in config.rigs), *config.specimens])
+    except SpecimenError as error:
+        raise ConfigError(f"rigs: {error}") from error
     for what, names in (("engines", config.engines), ("faults", config.faults)):
         idle = [name for name in names if name not in rigs]
         if idle:
@@ -107,8 +103,9 @@ class RigServer:
         )
         bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, self._describe)
         bus.serve(keys.rig_frf(self._name), rig_pb2.RigFrfRequest, lambda request, _call: answer_frf(rig, request))
-        bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play)
-        # Workers of their own: a stop must be heard while all others are taken.
+        # Workers of their own: rigs beside each other play at once, one more query is told that this one is busy, and a
+        # stop is heard while all others are taken.
+        bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play, workers=2)
         bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=4)
         bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=4)
         bus.serve(keys.rig_state(self._name), rig_pb2.StateRequest, lambda _request, _call: self._interlock.state())
@@ -153,11 +150,15 @@ class RigServer:
             self._interlock.end()
             self._publish_state()
 
-    def _on_stop(self, request: rig_pb2.StopRequest, _call: Call) -> rig_pb2.RigState:
-        self._interlock.trip(request.reason)
+    def stop(self, reason: str) -> None:
+        """Latch, and tell what plays to ramp down; does not wait for it."""
+        self._interlock.trip(reason)
         # Everybody hears of the stop now, and of the rest afterwards.
         self._publish_state()
         self._log.warning("stopped", reason=self._interlock.state().reason)
+
+    def _on_stop(self, request: rig_pb2.StopRequest, _call: Call) -> rig_pb2.RigState:
+        self.stop(request.reason)
         return self._interlock.wait_for_rest()
 
     def _on_reset(self, _request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
@@ -200,13 +201,35 @@ def _response_channel(channel: Response) -> array_pb2.Channel:
 
 @contextmanager
 def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
-    """Load the configured rigs, serve them on the bus and declare each live, until the block ends."""
-    servers = {name: RigServer(bus, rig) for name, rig in load_rigs(config).items()}
-    # Last: whoever sees a rig may ask it.
-    for name in servers:
-        bus.declare_live(SERVICE, name)
+    """Load the configured rigs, each served and declared live as soon as it is ready, until the block ends.
+
+    A rig that cannot be used keeps no other from being served: its queries are answered with the reason.
+
+    Raises
+    ------
+    ConfigError
+        Where no rig can be used; with the reason of each.
+    """
+    log = structlog.get_logger(SERVICE)
+    servers: list[RigServer] = []
+    refused: dict[str, str] = {}
     try:
-        yield list(servers.values())
+        for name, path in find_rigs(config).items():
+            try:
+                rig = load_any_rig(path, config.engines, config.faults)
+            except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
+                refused[name] = str(error)
+                continue
+            servers.append(RigServer(bus, rig))
+            # Last: whoever sees a rig may ask it.
+            bus.declare_live(SERVICE, name)
+        if not servers:
+            raise ConfigError(" ".join(refused.values()))
+        for name, reason in refused.items():
+            log.error("refused", rig=name, reason=reason)
+            serve_refusal(bus, name, reason)
+            bus.declare_live(SERVICE, name)
+        yield servers
     finally:
-        for server in servers.values():
+        for server in servers:
             server.close()

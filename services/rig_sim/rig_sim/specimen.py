@@ -14,6 +14,8 @@ from typing import Annotated, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from rig_sim.approach import Approach
+from rig_sim.compile.runge_kutta import Method
 from rig_sim.documents import SpecimenError, read_document
 from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
 from rig_sim.elements.rubber import RubberLaw
@@ -156,6 +158,8 @@ class Specimen(BaseModel):
     #: The only sample rate it plays, in Hz, and integration steps per sample.
     sample_rate: Positive
     substeps: Annotated[int, Field(ge=1, le=100)]
+    #: How a step is taken; the engine drake chooses by itself.
+    integrator: Method = Method.RUNGE_KUTTA_4
     #: Longest drive, in s.
     longest_drive: Positive
     supply: Supply | None = None
@@ -167,6 +171,8 @@ class Specimen(BaseModel):
     rubber: tuple[RubberPart, ...] = ()
     anti_roll_bars: tuple[AntiRollBarPart, ...] = ()
     tyres: tuple[TyrePart, ...] = ()
+    #: How it gets to a drive's first sample, and back to rest.
+    approach: Approach = Approach()
     #: What makes the rig ramp down and latch while it plays.
     watchdogs: WatchdogLimits = WatchdogLimits()
     drives: Annotated[tuple[InputChannel, ...], Field(min_length=1)]

@@ -7,8 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from rig_sim.equilibrium import Derivative
-
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
 #: Largest growth that counts as none, in 1/s: what differences leave of the zeros of friction and standing tyres.
@@ -19,17 +17,13 @@ class UnstableError(ValueError):
     """A rig that leaves its rest by itself, in one sentence."""
 
 
-def check_stability(derivative: Derivative, rest: np.ndarray, inputs: np.ndarray, names: Sequence[str]) -> None:
+def check_stability(linearisation: np.ndarray, names: Sequence[str]) -> None:
     """Check that nothing grows from the rest.
 
     Parameters
     ----------
-    derivative : callable
-        Takes the state (states,) and the inputs (drives,), returns the rates (states,).
-    rest : (states,)
-        Where all rates are zero.
-    inputs : (drives,)
-        Held constant, each in its channel's unit.
+    linearisation : (states, states)
+        Rates by states at rest, in 1/s times the ratio of two states' units.
     names : sequence of str
         Of the states.
 
@@ -42,12 +36,7 @@ def check_stability(derivative: Derivative, rest: np.ndarray, inputs: np.ndarray
     UnstableError
         Where a motion grows; names the state with most of it, and how fast.
     """
-    step = 1.0e-6
-    columns = [
-        (derivative(rest + offset, inputs) - derivative(rest - offset, inputs)) / (2.0 * step)
-        for offset in step * np.eye(len(rest))
-    ]
-    values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(np.array(columns).T))
+    values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(linearisation))
     fastest = int(np.argmax(values.real))
     growth, turning = float(values[fastest].real), float(abs(values[fastest].imag) / (2.0 * np.pi))
     if growth <= _LARGEST_GROWTH:

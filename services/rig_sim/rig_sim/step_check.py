@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 from scipy.linalg import eig
 
-from rig_sim.equilibrium import Derivative
+from rig_sim.compile.runge_kutta import Method, amplification
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
@@ -18,6 +18,9 @@ Complex = np.ndarray[Any, np.dtype[np.complex128]]
 MARGIN = 1.1
 #: Growth per step that counts as none: what differences leave of motions that neither grow nor decay.
 _GROWTH = 1.0e-6
+#: No explicit method of fewer than nine stages is stable for anything as far as this times its rate.
+_FARTHEST = 20.0
+_WALKED = 400
 _BISECTIONS = 40
 
 
@@ -39,34 +42,24 @@ class Stepped(Protocol):
         """Steps per sample."""
         ...
 
+    @property
+    def integrator(self) -> Method:
+        """How a step is taken."""
+        ...
+
 
 class StepError(ValueError):
     """A step with which the player is unstable, in one sentence."""
 
 
-def amplification(z: np.ndarray) -> np.ndarray:
-    """Return by how much one step of classical Runge-Kutta multiplies a motion.
-
-    Parameters
-    ----------
-    z : ndarray
-        Eigenvalue times step, complex, any shape.
-
-    Returns
-    -------
-    ndarray
-        Magnitudes; up to 1 is stable. Butcher, Numerical Methods for Ordinary Differential Equations, section 238.
-    """
-    return np.abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))
-
-
-def largest_stable_step(eigenvalues: Complex) -> float:
+def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
     """Return the longest step with which no decaying motion grows, the margin included.
 
     Parameters
     ----------
     eigenvalues : ndarray, (n,)
         In 1/s. What grows by itself is not the step's fault and counts as undamped.
+    method : Method
 
     Returns
     -------
@@ -77,35 +70,30 @@ def largest_stable_step(eigenvalues: Complex) -> float:
     fastest = float(np.max(np.abs(decaying), initial=0.0))
     if fastest == 0.0:
         return math.inf
-    # The region of stability reaches to 2.79 on the real axis and 2.83 on the imaginary one, and no further than 3.
-    stable, unstable = 0.0, 3.0 / fastest
+
+    def grows(step: float) -> bool:
+        return bool(np.max(amplification(decaying * step, method)) > 1.0 + _GROWTH)
+
+    # Walked through from the shortest step on: beyond a gap there may be stable steps again.
+    steps = np.linspace(0.0, _FARTHEST / fastest, _WALKED + 1)
+    first = next(index for index, step in enumerate(steps) if grows(step))
+    stable, unstable = steps[first - 1], steps[first]
     for _ in range(_BISECTIONS):
         step = 0.5 * (stable + unstable)
-        if np.max(amplification(decaying * step)) <= 1.0 + _GROWTH:
+        if not grows(step):
             stable = step
         else:
             unstable = step
     return stable
 
 
-def check_step(
-    derivative: Derivative,
-    rest: np.ndarray,
-    inputs: np.ndarray,
-    *,
-    names: Sequence[str],
-    specimen: Stepped,
-) -> None:
+def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Stepped) -> None:
     """Check that the player's step is stable at rest.
 
     Parameters
     ----------
-    derivative : callable
-        Takes the state (states,) and the inputs (drives,), returns the rates (states,).
-    rest : (states,)
-        Where all rates are zero.
-    inputs : (drives,)
-        Held constant, each in its channel's unit.
+    linearisation : (states, states)
+        Rates by states at rest, in 1/s times the ratio of two states' units.
     names : sequence of str
         Of the states.
     specimen : Stepped
@@ -120,18 +108,15 @@ def check_step(
     StepError
         Where a motion that decays grows in the player; names the state with most of it, and the step to take.
     """
-    offset = 1.0e-6
-    columns = [
-        (derivative(rest + shift, inputs) - derivative(rest - shift, inputs)) / (2.0 * offset)
-        for shift in offset * np.eye(len(rest))
-    ]
-    values, left, right = cast(tuple[Complex, Complex, Complex], eig(np.array(columns).T, left=True))
-    longest = largest_stable_step(values)
+    values, left, right = cast(tuple[Complex, Complex, Complex], eig(linearisation, left=True))
+    longest = largest_stable_step(values, specimen.integrator)
     rate, substeps = specimen.sample_rate, specimen.substeps
     step = 1.0 / (rate * substeps)
     if step <= longest:
         return
-    stiffest = int(np.argmin([largest_stable_step(values[[index]]) for index in range(len(values))]))
+    stiffest = int(
+        np.argmin([largest_stable_step(values[[index]], specimen.integrator) for index in range(len(values))])
+    )
     # Left times right eigenvector: a state's share in the motion, whatever the units of the states.
     state = names[int(np.argmax(np.abs(left[:, stiffest].conj() * right[:, stiffest])))]
     raise StepError(

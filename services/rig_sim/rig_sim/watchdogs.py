@@ -81,9 +81,14 @@ class Trip:
         dog = self.watchdog
         unit = f" {dog.unit}" if dog.unit else ""
         return (
-            f"the {dog.source} of {dog.name} was {self.value:.4g}{unit} at {self.seconds:.3f} s, "
+            f"the {dog.source} of {dog.name} was {self.value:.4g}{unit} {when(self.seconds)}, "
             f"its watchdog allows {dog.minimum:g} to {dog.maximum:g}{unit}"
         )
+
+
+def when(seconds: float) -> str:
+    """Say a time of a run in words; before the drive's first sample it is negative."""
+    return f"at {seconds:.3f} s" if seconds >= 0.0 else f"{-seconds:.3f} s before the drive began"
 
 
 def set_up_watchdogs(

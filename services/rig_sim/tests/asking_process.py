@@ -10,7 +10,7 @@ from duralab_proto.v1 import rig_pb2
 
 endpoint, run = sys.argv[1:]
 with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="client") as bus:
-    bus.wait_for_live({("rig_sim", "front_axle")}, 20.0)
+    bus.wait_for_live({("rig_sim", "front_axle")}, 120.0)
     description = bus.query(
         bus.keys.rig_description("front_axle"), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription
     )

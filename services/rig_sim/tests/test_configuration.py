@@ -6,7 +6,7 @@ import sys
 import pytest
 import yaml
 
-WAIT = 60.0
+WAIT = 120.0
 
 
 def start(folder, config):
@@ -24,7 +24,7 @@ def start(folder, config):
         ({"rigs": ["front_axle", "front_axle"]}, "two rigs are called 'front_axle'; names must differ."),
         (
             {"rigs": [], "specimens": ["nowhere.yaml"]},
-            "specimen nowhere.yaml cannot be read: No such file or directory.",
+            "specimen nowhere.yaml cannot be read: there is no such file.",
         ),
         ({"rig": "front_axle"}, "rig is unknown"),
         (

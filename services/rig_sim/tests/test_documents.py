@@ -56,5 +56,14 @@ def test_a_rigs_hash_follows_what_it_is_a_variant_of(tmp_path):
 def test_front_axle_sensors_is_front_axle_with_more_responses():
     whole, more = (load_specimen(shipped_specimens()[name]) for name in ("front_axle", "front_axle_sensors"))
     assert more.responses[: len(whole.responses)] == whole.responses
-    same = {"name": whole.name, "title": whole.title, "responses": whole.responses}
+    same = {"name": whole.name, "title": whole.title, "responses": whole.responses, "watchdogs": whole.watchdogs}
+    assert more.watchdogs.responses.items() > whole.watchdogs.responses.items()
+    assert more.watchdogs.following_errors == whole.watchdogs.following_errors
     assert more.model_copy(update=same) == whole
+
+
+@pytest.mark.parametrize("content", ["a: 1\nb: 2\na: 3\n", "map: {x: 1, x: 2}\n", "list:\n  - {x: 1, x: 1}\n"])
+def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path, content):
+    with pytest.raises(SpecimenError, match=r"mine\.yaml is not YAML: key '[ax]' is given twice .*line \d") as caught:
+        read_document(written(tmp_path, "mine.yaml", content))
+    assert "\n" not in str(caught.value)

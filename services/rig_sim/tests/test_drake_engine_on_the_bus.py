@@ -12,7 +12,7 @@ import labbus
 from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 
-WAIT = 30.0
+WAIT = 120.0
 RIG = "front_axle"
 
 

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from rig_sim import shipped_specimens
+from rig_sim.approach import Approach
 from rig_sim.drive_check import DriveError, check_drive
+from rig_sim.specimen import Specimen, read_specimen
+from rig_sim.structure.specimen import StructureSpecimen
 
 NAMES = ["left_vertical", "left_lateral", "left_longitudinal", "right_vertical", "right_lateral", "right_longitudinal"]
 UNITS = ["m"] * 6
@@ -84,9 +88,14 @@ def test_a_drive_that_is_too_fast_is_refused(front_axle):
     assert str(caught.value).endswith(f"allowed {limit:g}.")
 
 
-def test_the_first_sample_is_a_step_from_zero(front_axle):
+def test_a_drive_may_begin_and_end_anywhere_within_its_limits(front_axle):
+    check(front_axle.specimen, drive=np.full((6, 100), 0.003))
+
+
+def test_the_first_sample_is_a_step_from_zero_where_the_rig_has_no_ramp(front_axle):
+    blunt = front_axle.specimen.model_copy(update={"approach": Approach(ramp=0.0)})
     with pytest.raises(DriveError, match=r"left_lateral moves at 3 m/s at 0\.000 s"):
-        check(front_axle.specimen, drive=np.full((6, 100), 0.003))
+        check(blunt, drive=np.full((6, 100), 0.003))
 
 
 def test_all_channels_beyond_their_limits_are_named_at_once(front_axle):
@@ -100,3 +109,26 @@ def test_a_channel_without_slew_limit_may_step(predecessor):
     specimen = predecessor.specimen
     names, units = [c.name for c in specimen.drives], [c.unit for c in specimen.drives]
     check_drive(specimen, names, units, 1000.0, np.full((8, 100), 0.05))
+
+
+@pytest.mark.parametrize(
+    ("rig", "row", "change", "said"),
+    [
+        ("spindle_coupled", 0, 0.101, "left_vertical is 0.101 m at 0.100 s, allowed -0.1 to 0.1"),
+        ("spindle_coupled", 0, 0.005, "left_vertical moves at 5 m/s at 0.100 s, allowed 4"),
+        ("spindle_coupled", 1, 1.3e4, "left_lateral is 1.3e+04 N at 0.100 s, allowed -12000 to 12000"),
+        ("spindle_coupled", 1, 2.0e3, "left_lateral moves at 2e+06 N/s at 0.100 s, allowed 1e+06"),
+        ("predecessor", 3, 61.0, "left_speed is 61 m/s at 0.100 s, allowed 0 to 60"),
+        ("aerospace", 1, -21.0, "right_wing is -21 N at 0.195 s, allowed -20 to 20"),
+    ],
+    ids=["stroke", "velocity", "force", "slew", "speed", "shaker"],
+)
+def test_before_it_plays_a_drive_is_held_to_stroke_velocity_force_and_slew(rig, row, change, said):
+    path = shipped_specimens()[rig]
+    specimen = read_specimen(path, StructureSpecimen if rig == "aerospace" else Specimen)
+    drive = np.zeros((len(specimen.drives), 200))
+    drive[row, 100:] = change
+    names, units = [c.name for c in specimen.drives], [c.unit for c in specimen.drives]
+    with pytest.raises(DriveError) as caught:
+        check_drive(specimen, names, units, specimen.sample_rate, drive)
+    assert str(caught.value) == f"the drive is beyond the limits of {rig}: {said}."

@@ -7,7 +7,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from rig_sim import SpecimenError, load_rig, shipped_specimens
-from rig_sim.faults import Fault, FaultySensors
+from rig_sim.faults import Fault, FaultySensors, break_specimen
 
 TIME = np.arange(2000) / 1000.0
 CHANNEL = "left_vertical"
@@ -118,6 +118,19 @@ def test_a_sagged_supply_is_half_of_it(front_axle, tired):
     assert tired.specimen.supply.supply_pressure == 0.5 * front_axle.specimen.supply.supply_pressure
 
 
+@pytest.mark.parametrize(
+    ("named", "pressures"),
+    [({}, [0.7, 0.7, 0.7]), ({"supply": "right"}, [1.0, 1.0, 0.7]), ({"supply": "supply"}, [0.7, 1.0, 1.0])],
+)
+def test_the_supply_that_is_named_sags_and_every_one_where_none_is(front_axle, named, pressures):
+    main = front_axle.specimen.supply
+    several = front_axle.specimen.model_copy(update={"supplies": {"left": main, "right": main}})
+    broken = break_specimen(several, [fault(kind="supply_sag", share=0.7, **named)])
+    sagged = [broken.supply, broken.supplies["left"], broken.supplies["right"]]
+    assert [supply.supply_pressure / main.supply_pressure for supply in sagged] == pytest.approx(pressures)
+    assert f"supply{' right' if 'right' in named.values() else ''} " in broken.title
+
+
 def test_a_broken_rig_says_so(front_axle, tired):
     assert "FAULTS INJECTED: valves of kind vertical open to 10 % only; supply sagged to 50 %" in tired.specimen.title
     assert tired.content_hash != front_axle.content_hash
@@ -129,6 +142,7 @@ def test_a_broken_rig_says_so(front_axle, tired):
     [
         ({"kind": "stuck_sensor", "channel": "mid"}, "fault stuck_sensor of front_axle names 'mid'; there are left_"),
         ({"kind": "valve_saturation", "actuator_kind": "big", "opening": 0.5}, "names 'big'; there are vertical"),
+        ({"kind": "supply_sag", "supply": "rear", "share": 0.5}, "names 'rear'; there are supply"),
     ],
 )
 def test_a_fault_of_what_is_not_there_is_refused(document, said):

@@ -32,7 +32,10 @@ def over_a_bump(rig, *, axles):
         elif name.endswith("slope"):
             drive[index] = on * 0.02 * np.pi * np.sin(2 * np.pi * way)
     ahead = np.hstack([drive, drive[:, -1:]])
-    played = rig.compiled.play(rig.rest, ahead, sample_interval=1 / RATE, substeps=rig.specimen.substeps)
+    specimen = rig.specimen
+    played = rig.compiled.play(
+        rig.rest, ahead, sample_interval=1 / RATE, substeps=specimen.substeps, method=specimen.integrator
+    )
     return played.outputs[:12] - rig.static_response[:, None]
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from rig_sim.compile import Method
+
 RATE = 1000.0
 
 
@@ -27,8 +29,8 @@ def at(drive, time):
     return drive[:, index] + (position - index) * (drive[:, index + 1] - drive[:, index])
 
 
-def play(rig, drive, substeps):
-    return rig.compiled.play(rig.rest, drive, sample_interval=1.0 / RATE, substeps=substeps)
+def play(rig, drive, substeps, method):
+    return rig.compiled.play(rig.rest, drive, sample_interval=1.0 / RATE, substeps=substeps, method=method)
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +61,17 @@ def error(responses, expected, static):
 
 def test_the_player_solves_its_equations_to_a_thousandth(quiet_rig, solved):
     drive, expected = solved
-    responses = play(quiet_rig, drive, quiet_rig.specimen.substeps).outputs[:6]
+    specimen = quiet_rig.specimen
+    responses = play(quiet_rig, drive, specimen.substeps, specimen.integrator).outputs[:6]
     assert error(responses, expected, quiet_rig.static_response[:, None]).max() < 1e-3
 
 
-def test_the_error_falls_with_about_the_fourth_power_of_the_step(quiet_rig, solved):
+def test_the_classical_methods_error_falls_with_about_the_fourth_power_of_the_step(quiet_rig, solved):
     drive, expected = solved
     static = quiet_rig.static_response[:, None]
     # Where friction reverses and dampers change direction, rates have kinks: below about 1e-5 they are what is left.
     substeps = {"front_axle": (2, 4), "predecessor": (1, 2)}[quiet_rig.specimen.name]
-    coarse, fine = (error(play(quiet_rig, drive, n).outputs[:6], expected, static).max() for n in substeps)
+    coarse, fine = (
+        error(play(quiet_rig, drive, n, Method.RUNGE_KUTTA_4).outputs[:6], expected, static).max() for n in substeps
+    )
     assert 3.4 < np.log2(coarse / fine) < 4.6

@@ -75,7 +75,7 @@ sys.stdout.write(hashlib.sha256(playback.response.tobytes()).hexdigest() + rig.c
 def test_another_process_gives_the_same_bytes(front_axle):
     drive = moving(front_axle)
     answer = subprocess.run(
-        [sys.executable, "-c", SCRIPT], input=drive.tobytes(), capture_output=True, check=True, timeout=60
+        [sys.executable, "-c", SCRIPT], input=drive.tobytes(), capture_output=True, check=True, timeout=120
     ).stdout.decode()
     response = played(front_axle, drive)[0].response
     assert answer == hashlib.sha256(response.tobytes()).hexdigest() + front_axle.content_hash

@@ -22,6 +22,7 @@ from rig_sim.compile.numeric import (
     tanh,
 )
 from rig_sim.compile.python_backend import interpret
+from rig_sim.compile.runge_kutta import Method
 from rig_sim.compile.tracing import Expression, Graph, Scalar, constant_value
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Expression",
     "Graph",
     "Interpolation",
+    "Method",
     "ModelFunction",
     "Playback",
     "Scalar",

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Interpolation
+from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Interpolation, play_symbol
 from rig_sim.compile.llvm_backend import CompiledModule
+from rig_sim.compile.runge_kutta import Method
 
 _DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3)
 _OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
@@ -60,7 +61,7 @@ class CompiledModel:
         self._module = module  # keeps the code alive
         self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
         self._observe = _OBSERVE_SIGNATURE(module.address("observe"))
-        self._play = PLAY_SIGNATURE(module.address("play"))
+        self._play = {method: PLAY_SIGNATURE(module.address(play_symbol(method))) for method in Method}
         self.state_names = state_names
         self.input_names = input_names
         self.output_names = output_names
@@ -114,10 +115,11 @@ class CompiledModel:
         *,
         sample_interval: float,
         substeps: int,
+        method: Method = Method.RUNGE_KUTTA_4,
         interpolation: Interpolation = Interpolation.LINEAR,
         bounds: ArrayLike | None = None,
     ) -> Playback:
-        """Integrate over a record of commands by Runge-Kutta of order 4 with a fixed step.
+        """Integrate over a record of commands with a fixed step.
 
         Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call.
 
@@ -132,6 +134,8 @@ class CompiledModel:
             [s], > 0.
         substeps : int
             Steps per sample interval, ≥ 1.
+        method : Method
+            How each step is taken.
         interpolation : Interpolation
             What the command is between two samples.
         bounds : array_like, (states,), optional
@@ -167,7 +171,7 @@ class CompiledModel:
         inner_limits = limits[self._order]
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
-        status = self._play(
+        status = self._play[method](
             inner.ctypes.data,
             command.ctypes.data,
             command.shape[1],

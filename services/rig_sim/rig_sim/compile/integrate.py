@@ -1,4 +1,4 @@
-"""The player's loop: classical Runge-Kutta of order 4 with a fixed step, as LLVM IR.
+"""The player's loop: an explicit Runge-Kutta method with a fixed step, as LLVM IR.
 
 It stands in the same module as the model it integrates: no second compiler, no cache on disk, no Python in the loop.
 Calling it through ctypes releases the GIL.
@@ -9,14 +9,18 @@ Two functions of the model are expected, both of ``n`` states and ``n_u`` inputs
     void observe   (const double *state, const double *inputs, double *derivative, double *outputs)
 
 ``observe`` is the first stage of the first step after each sample instant, so that outputs cost one evaluation less and
-are computed once a sample. The loop's own function is::
+are computed once a sample. The loop's own function, one for each method, is::
 
-    int64 play(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
+    int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
                int64 samples, int64 substeps, double step, int64 ahead, const double *bounds)
 """
 
 import ctypes
+from collections.abc import Sequence
 from enum import Enum
+
+from rig_sim.compile.llvm_text import literal
+from rig_sim.compile.runge_kutta import Method, Rational, Tableau
 
 COMPLETED = -1
 PLAY_SIGNATURE = ctypes.CFUNCTYPE(
@@ -72,22 +76,8 @@ def play_text(*, states: int, inputs: int, outputs: int) -> str:
   %q = getelementptr double, ptr %outputs, i64 %at
   store double %value, ptr %q""",
             ),
-            _elementwise(
-                "advance",  # moved = start + factor * slope
-                "ptr %start, ptr noalias %slope, double %factor, ptr %moved",
-                count=states,
-                body="""
-  %p = getelementptr double, ptr %start, i64 %i
-  %q = getelementptr double, ptr %slope, i64 %i
-  %r = getelementptr double, ptr %moved, i64 %i
-  %value = load double, ptr %p
-  %rate = load double, ptr %q
-  %change = fmul contract double %rate, %factor
-  %new = fadd contract double %value, %change
-  store double %new, ptr %r""",
-            ),
             _WITHIN.format(states=states),
-            _PLAY.format(states=states, inputs=max(inputs, 1), outputs=max(outputs, 1)),
+            *(_loop(method, states=states, inputs=max(inputs, 1), outputs=max(outputs, 1)) for method in Method),
         ]
     )
 
@@ -132,20 +122,89 @@ end:
   ret i1 %inside
 }}"""
 
-# The slopes are summed as (k1 + 2 k2 + 2 k3 + k4) h/6. Fractions of the sample are formed from the substep's number,
-# not accumulated: nothing but the state is carried from sample to sample, so chunks give the bits of one long call.
+
+def play_symbol(method: Method) -> str:
+    """Return the name of the loop that takes its steps by a method."""
+    return f"play_{method.value}"
+
+
+def _loop(method: Method, *, states: int, inputs: int, outputs: int) -> str:
+    tableau = method.tableau
+    name = play_symbol(method)
+    combinations = [
+        _combination(f"{name}.to.{stage}", shares, states=states)
+        for stage, shares in enumerate((*tableau.stages, tableau.weights), start=1)
+    ]
+    slopes = [f"%slope{stage}" for stage in range(len(tableau.nodes))]
+    play = _PLAY.format(
+        name=name,
+        states=states,
+        inputs=inputs,
+        outputs=outputs,
+        slopes="\n".join(f"  {slope} = alloca [{states} x double], align 64" for slope in slopes),
+        stages="\n".join(_stages(tableau, name)),
+        step=_call(f"{name}.to.{len(slopes)}", tableau.weights, "%state"),
+    )
+    return "\n".join([*combinations, play])
+
+
+def _stages(tableau: Tableau, name: str) -> list[str]:
+    """Write the stages after the first; commands are interpolated where the node is another one than before."""
+    lines = []
+    for stage, shares in enumerate(tableau.stages, start=1):
+        node = tableau.nodes[stage]
+        lines.append(_call(f"{name}.to.{stage}", shares, "%point"))
+        if node != tableau.nodes[stage - 1]:
+            lines += [
+                f"  %number.{stage} = fadd double %number, {literal(float(node))}",
+                f"  %fraction.{stage} = fdiv double %number.{stage}, %parts",
+                "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, "
+                f"double %fraction.{stage}, ptr %inputs)",
+            ]
+        lines.append(f"  call void @derivative(ptr %point, ptr %inputs, ptr %slope{stage})")
+    return lines
+
+
+def _call(name: str, shares: Sequence[Rational], moved: str) -> str:
+    used = "".join(f"ptr %slope{stage}, " for stage, share in enumerate(shares) if share)
+    return f"  call void @{name}(ptr %state, {used}double %step, ptr {moved})"
+
+
+def _combination(name: str, shares: Sequence[Rational], *, states: int) -> str:
+    """Write ``moved = start + step * sum(share * slope)``; slopes without a share are no argument."""
+    used = [(stage, float(share)) for stage, share in enumerate(shares) if share]
+    pointers = "".join(f"ptr noalias readonly %slope{stage}, " for stage, _ in used)
+    lines = ["", "  %p = getelementptr double, ptr %start, i64 %i", "  %value = load double, ptr %p"]
+    total = ""
+    for stage, share in used:
+        lines += [
+            f"  %p{stage} = getelementptr double, ptr %slope{stage}, i64 %i",
+            f"  %rate{stage} = load double, ptr %p{stage}",
+            f"  %part{stage} = fmul contract double %rate{stage}, {literal(share)}",
+        ]
+        if total:
+            lines.append(f"  %sum{stage} = fadd contract double {total}, %part{stage}")
+        total = f"%sum{stage}" if total else f"%part{stage}"
+    lines += [
+        f"  %change = fmul contract double {total}, %step",
+        "  %new = fadd contract double %value, %change",
+        "  %r = getelementptr double, ptr %moved, i64 %i",
+        "  store double %new, ptr %r",
+    ]
+    return _elementwise(name, f"ptr %start, {pointers}double %step, ptr %moved", count=states, body="\n".join(lines))
+
+
+# Fractions of the sample are formed from the substep's number, not accumulated: nothing but the state is carried from
+# sample to sample, so chunks give the bits of one long call.
 _PLAY = """
-define i64 @play(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
-                 i64 %output.stride, i64 %samples, i64 %substeps, double %step, i64 %ahead,
-                 ptr noalias %bounds) nounwind {{
+define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
+                   i64 %output.stride, i64 %samples, i64 %substeps, double %step, i64 %ahead,
+                   ptr noalias %bounds) nounwind {{
 entry:
   %point = alloca [{states} x double], align 64
-  %slope = alloca [{states} x double], align 64
-  %sum = alloca [{states} x double], align 64
+{slopes}
   %inputs = alloca [{inputs} x double], align 64
   %row = alloca [{outputs} x double], align 64
-  %half.step = fmul double %step, 0.5
-  %sixth.step = fdiv double %step, 6.0
   %parts = sitofp i64 %substeps to double
   br label %sample
 sample:
@@ -162,33 +221,20 @@ completed:
 observed:
   %k.ahead = add i64 %k, %ahead
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double 0.0, ptr %inputs)
-  call void @observe(ptr %state, ptr %inputs, ptr %sum, ptr %row)
+  call void @observe(ptr %state, ptr %inputs, ptr %slope0, ptr %row)
   call void @scatter(ptr %row, ptr %outputs, i64 %output.stride, i64 %k)
   br label %stages
 first.stage:
-  %begin = fdiv double %number.next, %parts
+  %number.begin = sitofp i64 %j.next to double
+  %begin = fdiv double %number.begin, %parts
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double %begin, ptr %inputs)
-  call void @derivative(ptr %state, ptr %inputs, ptr %sum)
+  call void @derivative(ptr %state, ptr %inputs, ptr %slope0)
   br label %stages
 stages:
   %j = phi i64 [0, %observed], [%j.next, %first.stage]
   %number = sitofp i64 %j to double
-  %number.middle = fadd double %number, 0.5
-  %number.next = fadd double %number, 1.0
-  %middle = fdiv double %number.middle, %parts
-  %end = fdiv double %number.next, %parts
-  call void @advance(ptr %state, ptr %sum, double %half.step, ptr %point)
-  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double %middle, ptr %inputs)
-  call void @derivative(ptr %point, ptr %inputs, ptr %slope)
-  call void @advance(ptr %sum, ptr %slope, double 2.0, ptr %sum)
-  call void @advance(ptr %state, ptr %slope, double %half.step, ptr %point)
-  call void @derivative(ptr %point, ptr %inputs, ptr %slope)
-  call void @advance(ptr %sum, ptr %slope, double 2.0, ptr %sum)
-  call void @advance(ptr %state, ptr %slope, double %step, ptr %point)
-  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double %end, ptr %inputs)
-  call void @derivative(ptr %point, ptr %inputs, ptr %slope)
-  call void @advance(ptr %sum, ptr %slope, double 1.0, ptr %sum)
-  call void @advance(ptr %state, ptr %sum, double %sixth.step, ptr %state)
+{stages}
+{step}
   %j.next = add i64 %j, 1
   %again = icmp slt i64 %j.next, %substeps
   br i1 %again, label %first.stage, label %sample.end

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rig_sim.compile.lane_text import LaneFunction, lane_declarations, lane_function_text
+from rig_sim.compile.lane_text import LaneFunction, lane_function_text
 from rig_sim.compile.lanes import is_worthwhile
+from rig_sim.compile.llvm_text import PAIR, declarations
 from rig_sim.compile.packing import plan_lanes
 from rig_sim.compile.symmetry import Mirror, find_mirrors
 from rig_sim.compile.traced_model import TracedModel
@@ -44,7 +45,7 @@ def lane_texts(traced: TracedModel, *, contract: bool) -> LaneTexts | None:
             functions = [lane_function_text(function, contract=contract) for function in (derivative, observe)]
         except ValueError:
             continue  # vectors that need each other: as good as no mirror
-        return LaneTexts("\n".join([lane_declarations(), *functions]), order)
+        return LaneTexts("\n".join([declarations(PAIR), *functions]), order)
     return None
 
 

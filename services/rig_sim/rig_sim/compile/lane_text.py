@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rig_sim.compile.lanes import PLUS, SUMS, Form, Key, LanePlan, Signs, Vector, stripped
-from rig_sim.compile.llvm_text import BINARY, INFIX, INTRINSICS, SCALAR, literal, operation_lines
-from rig_sim.compile.operations import EVEN, LEAVES, ODD, Operation
+from rig_sim.compile.llvm_text import PAIR, SCALAR, literal, operation_lines
+from rig_sim.compile.operations import Operation
 from rig_sim.compile.packing import times
 from rig_sim.compile.tracing import Expression
 
-_VECTOR = "<2 x double>"
+_VECTOR = PAIR.numbers
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,6 @@ class LaneFunction:
     arguments: int
     pairs: tuple[tuple[tuple[int, Expression, Expression], ...], ...]
     singles: tuple[tuple[tuple[int, Expression], ...], ...]
-
-
-def lane_declarations() -> str:
-    """Return the declarations of all vector intrinsics that :func:`lane_function_text` may call."""
-    return "\n".join(
-        f"declare {_VECTOR} @llvm.{name}.v2f64({_VECTOR}{f', {_VECTOR}' if operation in BINARY else ''})"
-        for operation, name in INTRINSICS.items()
-    )
 
 
 def lane_function_text(function: LaneFunction, *, contract: bool) -> str:
@@ -106,7 +98,7 @@ class _Writer:
     def scalar(self, index: int) -> None:
         expression = self._plan.scalars[index]
         operands = [self.number(operand) for operand in expression.operands]
-        self._once(index, lambda name: operation_lines(expression, operands, self._flags, name=name))
+        self._once(index, lambda name: operation_lines(expression.operation, operands, self._flags, name=name))
 
     def vector(self, key: Key) -> None:
         vector = self._plan.vectors[key]
@@ -140,12 +132,12 @@ class _Writer:
         if operation in SUMS:
             self._sum(key, vector)
             return
-        bare = operation in {Operation.MULTIPLY, Operation.DIVIDE, Operation.ABS} | EVEN | ODD
+        bare = operation in {Operation.MULTIPLY, Operation.DIVIDE, Operation.ABS}
         operands = [
             self._bare(operand) if bare else self._signed(operand, factor)
             for operand, factor in zip(vector.operands, vector.factors, strict=True)
         ]
-        self._once(key, lambda name: _vector_lines(operation, operands, self._flags, name))
+        self._once(key, lambda name: operation_lines(operation, operands, self._flags, name=name, kind=PAIR))
 
     def _sum(self, key: Key, vector: Vector) -> None:
         (a, b), (first, second) = vector.operands, vector.factors
@@ -200,17 +192,3 @@ class _Writer:
 
 def _constants(values: Sequence[float]) -> str:
     return f"<{', '.join(f'{SCALAR} {literal(value)}' for value in values)}>"
-
-
-def _vector_lines(operation: Operation, operands: Sequence[str], flags: str, name: str) -> list[str]:
-    if operation in LEAVES:
-        raise ValueError(f"A {operation.value} is no operation on vectors; load or write it.")
-    if operation in INFIX:
-        return [f"{name} = {INFIX[operation]}{flags} {_VECTOR} {operands[0]}, {operands[1]}"]
-    if operation is Operation.SELECT_POSITIVE:
-        return [
-            f"{name}.c = fcmp oge {_VECTOR} {operands[0]}, zeroinitializer",
-            f"{name} = select <2 x i1> {name}.c, {_VECTOR} {operands[1]}, {_VECTOR} {operands[2]}",
-        ]
-    arguments = ", ".join(f"{_VECTOR} {operand}" for operand in operands)
-    return [f"{name} = call{flags} {_VECTOR} @llvm.{INTRINSICS[operation]}.v2f64({arguments})"]

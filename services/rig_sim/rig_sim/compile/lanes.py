@@ -23,11 +23,6 @@ Signs = tuple[float, float]
 PLUS: Signs = (1.0, 1.0)
 SUMS = frozenset({Operation.ADD, Operation.SUBTRACT})
 
-_LIBRARY = frozenset(
-    {Operation.SIN, Operation.COS, Operation.TANH, Operation.EXP, Operation.ASIN, Operation.ATAN2},
-)
-#: A call of the library in ordinary operations; two lanes are two calls.
-_LIBRARY_COST = 20
 #: Lanes are taken when they save at least this share of the operations.
 _WORTHWHILE = 0.1
 
@@ -83,13 +78,12 @@ class LanePlan:
     lane_of: dict[int, tuple[Key, int]] = field(default_factory=dict)
 
     def cost(self) -> int:
-        """Return the number of operations, a call of the library counted as several."""
+        """Return the number of operations."""
         moved = {Form.SWAP: 1, Form.SPLAT: 1, Form.GATHER: 2}
-        total = sum(cost_of(node.operation) for node in self.scalars.values())
+        total = len(self.scalars)
         for vector in self.vectors.values():
             if vector.form is Form.OPERATION:
-                operation = vector.expressions[0].operation
-                total += cost_of(operation) * (2 if operation in _LIBRARY else 1)
+                total += 1
             total += moved.get(vector.form, 0)
         return total
 
@@ -138,11 +132,6 @@ def _rank(item: Key | int) -> tuple[int, int, Key | int]:
     return (item[0], 0, item) if isinstance(item, tuple) else (item, 1, item)
 
 
-def cost_of(operation: Operation) -> int:
-    """Return what an operation costs: 0 for a leaf, 1, or more for a call of the library."""
-    return 0 if operation in LEAVES else _LIBRARY_COST if operation in _LIBRARY else 1
-
-
 def stripped(expression: Expression) -> tuple[Expression, float]:
     """Return what is negated, and the sign."""
     sign = 1.0
@@ -153,5 +142,5 @@ def stripped(expression: Expression) -> tuple[Expression, float]:
 
 def is_worthwhile(plan: LanePlan, results: Sequence[Expression]) -> bool:
     """Whether a plan is clearly cheaper than computing the results one at a time."""
-    alone = sum(cost_of(node.operation) for node in creation_order(results))
+    alone = sum(node.operation not in LEAVES for node in creation_order(results))
     return plan.cost() <= (1.0 - _WORTHWHILE) * alone

@@ -9,7 +9,8 @@ from functools import cache
 
 from llvmlite import binding as llvm
 
-_LIBM = ("sin", "cos", "sincos", "tanh", "exp", "asin", "atan2")
+#: Called where the processor has no such instruction.
+_LIBM = ("fma", "floor")
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,4 @@ def _initialize() -> None:
     # LLVM looks symbols up in the process, where a statically linked Python has no libm: name the addresses.
     library = ctypes.CDLL("libm.so.6" if sys.platform == "linux" else ctypes.util.find_library("m"))
     for name in _LIBM:
-        function = getattr(library, name, None)  # sincos is an extension of glibc, where LLVM relies on it
-        if function is not None:
-            llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)

@@ -22,16 +22,14 @@ INFIX = {
 INTRINSICS = {
     Operation.ABS: "fabs",
     Operation.SQRT: "sqrt",
-    Operation.SIN: "sin",
-    Operation.COS: "cos",
-    Operation.TANH: "tanh",
-    Operation.EXP: "exp",
-    Operation.ASIN: "asin",
-    Operation.ATAN2: "atan2",
+    Operation.FLOOR: "floor",
+    Operation.FUSED: "fma",
     Operation.MINIMUM: "minimum",
     Operation.MAXIMUM: "maximum",
 }
-BINARY = frozenset({Operation.ATAN2, Operation.MINIMUM, Operation.MAXIMUM})
+_OPERANDS = {Operation.FUSED: 3, Operation.MINIMUM: 2, Operation.MAXIMUM: 2}
+#: 2^n is the double whose exponent's bits, above its 52 others, are n + 1023: which added to 2^52 are a double's last.
+_TO_LAST_BITS = 2.0**52 + 1023.0
 
 
 @dataclass(frozen=True)
@@ -58,10 +56,38 @@ def literal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
-def declarations() -> str:
-    """Return the declarations of all intrinsics that :func:`function_text` may call."""
+@dataclass(frozen=True)
+class Kind:
+    """What an operation works on: doubles, or vectors of them.
+
+    Attributes
+    ----------
+    numbers, bits, truth : str
+        LLVM's types of the numbers, of integers as large, and of comparisons.
+    suffix : str
+        Of the intrinsics.
+    lanes : int
+    """
+
+    numbers: str
+    bits: str
+    truth: str
+    suffix: str
+    lanes: int
+
+    def constant(self, value: str, *, element: str = SCALAR) -> str:
+        """Write one literal in every lane."""
+        return value if self.lanes == 1 else f"<{', '.join([f'{element} {value}'] * self.lanes)}>"
+
+
+DOUBLE = Kind(SCALAR, "i64", "i1", "f64", 1)
+PAIR = Kind(f"<2 x {SCALAR}>", "<2 x i64>", "<2 x i1>", "v2f64", 2)
+
+
+def declarations(kind: Kind = DOUBLE) -> str:
+    """Return the declarations of all intrinsics that :func:`operation_lines` may call."""
     return "\n".join(
-        f"declare {SCALAR} @llvm.{name}.f64({SCALAR}{f', {SCALAR}' if operation in BINARY else ''})"
+        f"declare {kind.numbers} @llvm.{name}.{kind.suffix}({', '.join([kind.numbers] * _OPERANDS.get(operation, 1))})"
         for operation, name in INTRINSICS.items()
     )
 
@@ -115,7 +141,10 @@ def function_text(function: TracedFunction, *, contract: bool) -> str:
             continue  # where they are used
         lines.extend(
             operation_lines(
-                expression, [operand(part) for part in expression.operands], flags, name=f"%v{expression.index}"
+                expression.operation,
+                [operand(part) for part in expression.operands],
+                flags,
+                name=f"%v{expression.index}",
             )
         )
         if expression.index in stores:
@@ -138,17 +167,28 @@ def _stores_by_expression(function: TracedFunction) -> dict[int, list[tuple[int,
     return stores
 
 
-def operation_lines(expression: Expression, operands: Sequence[str], flags: str, *, name: str) -> list[str]:
-    """Write one operation on doubles, its value under this name."""
-    operation = expression.operation
+def operation_lines(
+    operation: Operation, operands: Sequence[str], flags: str, *, name: str, kind: Kind = DOUBLE
+) -> list[str]:
+    """Write one operation, its value under this name."""
+    numbers = kind.numbers
     if operation in INFIX:
-        return [f"{name} = {INFIX[operation]}{flags} {SCALAR} {operands[0]}, {operands[1]}"]
+        return [f"{name} = {INFIX[operation]}{flags} {numbers} {operands[0]}, {operands[1]}"]
     if operation is Operation.NEGATE:
-        return [f"{name} = fneg{flags} {SCALAR} {operands[0]}"]
+        return [f"{name} = fneg{flags} {numbers} {operands[0]}"]
     if operation is Operation.SELECT_POSITIVE:
         return [
-            f"{name}.c = fcmp oge {SCALAR} {operands[0]}, {literal(0.0)}",
-            f"{name} = select i1 {name}.c, {SCALAR} {operands[1]}, {SCALAR} {operands[2]}",
+            f"{name}.c = fcmp oge {numbers} {operands[0]}, {kind.constant(literal(0.0))}",
+            f"{name} = select {kind.truth} {name}.c, {numbers} {operands[1]}, {numbers} {operands[2]}",
         ]
-    arguments = ", ".join(f"{SCALAR} {operand}" for operand in operands)
-    return [f"{name} = call{flags} {SCALAR} @llvm.{INTRINSICS[operation]}.f64({arguments})"]
+    if operation is Operation.POWER_OF_TWO:
+        return [
+            f"{name}.n = fadd {numbers} {operands[0]}, {kind.constant(literal(_TO_LAST_BITS))}",
+            f"{name}.b = bitcast {numbers} {name}.n to {kind.bits}",
+            f"{name}.e = shl {kind.bits} {name}.b, {kind.constant('52', element='i64')}",
+            f"{name} = bitcast {kind.bits} {name}.e to {numbers}",
+        ]
+    if operation not in INTRINSICS:
+        raise ValueError(f"A {operation.value} is no operation of the processor; write it out before.")
+    arguments = ", ".join(f"{numbers} {operand}" for operand in operands)
+    return [f"{name} = call{flags} {numbers} @llvm.{INTRINSICS[operation]}.{kind.suffix}({arguments})"]

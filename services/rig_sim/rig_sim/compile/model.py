@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from rig_sim.compile.compiled_model import CompiledModel
+from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import play_text
 from rig_sim.compile.lane_model import lane_texts
 from rig_sim.compile.llvm_backend import compile_module
@@ -85,7 +86,7 @@ def compile_model(
     ValueError
         When names and results do not fit together.
     """
-    traced = trace_model(function, state_names=state_names, input_names=input_names)
+    traced = expanded(trace_model(function, state_names=state_names, input_names=input_names))
     names = (
         tuple(output_names) if output_names is not None else tuple(f"output_{i}" for i in range(len(traced.outputs)))
     )

@@ -1,7 +1,8 @@
 """Mathematics for models that run both traced and plain.
 
 Every function takes expressions, floats or float arrays: one expression among the arguments traces the operation;
-plain floats go to the libm that the compiled code calls; arrays go to numpy.
+plain floats go to the C library; arrays go to numpy. Compiled code has the functions written out
+(:mod:`rig_sim.compile.expansion`), equal to a few units in the last place, and without the sign of a zero.
 """
 
 from typing import Any

@@ -1,12 +1,12 @@
 """The operations that a traced model may consist of, and what each computes on plain numbers.
 
-One table for Python floats (constant folding and the plain evaluation: it uses the same libm as the compiled code)
-and one for numpy arrays (the interpreter).
+One table for Python floats (constant folding and the plain evaluation) and one for numpy arrays (the interpreter).
 """
 
 import math
 from collections.abc import Callable, Mapping
 from enum import Enum
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
@@ -34,6 +34,10 @@ class Operation(Enum):
     MINIMUM = "minimum"
     MAXIMUM = "maximum"
     SELECT_POSITIVE = "select_positive"
+    # Only in what transcendental functions are written out as: a model has no name for them.
+    FLOOR = "floor"
+    FUSED = "fused"
+    POWER_OF_TWO = "power_of_two"
 
 
 LEAVES = frozenset({Operation.CONSTANT, Operation.INPUT})
@@ -69,6 +73,9 @@ SCALAR_FUNCTIONS: Mapping[Operation, Callable[..., float]] = MappingProxyType(
         Operation.MINIMUM: _minimum,
         Operation.MAXIMUM: _maximum,
         Operation.SELECT_POSITIVE: lambda condition, a, b: a if condition >= 0.0 else b,
+        Operation.FLOOR: lambda a: float(math.floor(a)),
+        Operation.FUSED: lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c)),
+        Operation.POWER_OF_TWO: lambda a: math.ldexp(1.0, int(a)),
     }
 )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from rig_sim.compile.lanes import PLUS, SUMS, Form, Key, LanePlan, Signs, Vector, stripped
-from rig_sim.compile.operations import COMMUTATIVE, EVEN, LEAVES, ODD, Operation
+from rig_sim.compile.operations import COMMUTATIVE, LEAVES, Operation
 from rig_sim.compile.symmetry import Mirror
 from rig_sim.compile.tracing import Expression
 
@@ -48,6 +48,8 @@ def plan_lanes(
             plan.lane_of.setdefault(a.index, (key, 0))
             plan.lane_of.setdefault(b.index, (key, 1))
             stack.extend(reversed([(x, y) for (x, _), (y, _) in _matched(mirror, a, b) or ()]))
+        elif vector.form is Form.SWAP:
+            stack.append((b, a))
     for key in sorted(plan.vectors, key=lambda key: (sum(key), plan.vectors[key].form is Form.SWAP, key)):
         plan.signs[key] = _signs(plan, plan.vectors[key])
     _plan_scalars(plan, singles)
@@ -105,12 +107,12 @@ def _signs(plan: LanePlan, vector: Vector) -> Signs:
         signs = plan.signs.get(vector.operands[0], PLUS)
         return (signs[1], signs[0])
     operation = vector.expressions[0].operation
-    if vector.form is not Form.OPERATION or operation in EVEN or operation is Operation.ABS:
+    if vector.form is not Form.OPERATION or operation is Operation.ABS:
         return PLUS
     entering = [times(plan.signs[key], factor) for key, factor in zip(vector.operands, vector.factors, strict=True)]
     if operation in {Operation.MULTIPLY, Operation.DIVIDE}:
         return times(*entering)
-    if operation in SUMS or operation in ODD:
+    if operation in SUMS:
         return entering[0]
     return PLUS  # the operands are given their signs before
 

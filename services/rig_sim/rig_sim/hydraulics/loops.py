@@ -73,6 +73,11 @@ class DisplacementLoop:
         """Whether the command's derivatives are wanted, which costs two states."""
         return self.velocity_feedforward > 0.0 or self.acceleration_feedforward > 0.0
 
+    @property
+    def compensates_motion(self) -> bool:
+        """Whether the specimen's motion is compensated: the stroke is what this loop controls."""
+        return False
+
     def feed(self, command: Command, piston: Piston) -> Any:
         """Return what is added to P, I and pressure feedback, as a share of full opening."""
         return (
@@ -91,7 +96,8 @@ class ForceLoop:
 
     An actuator in force control is an integrator (oil is stiff, the valve gives flow); what the pressure feedback adds
     above its corner is the loop's derivative action. `velocity_compensation` gives the piston the oil that the moving
-    specimen takes: without it, a specimen near its resonance runs away from the actuator and the force drops.
+    specimen takes: without it, a specimen near its resonance runs away from the actuator and the force drops
+    (Dimig, Shield, French, Bailey and Clark, "Effective force testing", J. Struct. Eng. 125, 1999).
     """
 
     #: Share of full opening per newton of error, in 1/N, and per newton second, in 1/(N*s).
@@ -108,6 +114,8 @@ class ForceLoop:
     #: makes up for the valve's lag. Where velocity compensation is area over flow gain, all of the oil is given.
     velocity_compensation: NotNegative = 0.0
     acceleration_compensation: NotNegative = 0.0
+    #: Corner of the first-order filter behind the sensors of speed and acceleration, in Hz: it keeps their noise away.
+    motion_filter: Positive = 500.0
     #: Corner of the second-order filter that differentiates the command, in Hz.
     command_filter: Positive = 200.0
 
@@ -123,14 +131,19 @@ class ForceLoop:
         """Whether the command's derivative is wanted, which costs two states."""
         return self.rate_feedforward > 0.0
 
+    @property
+    def compensates_motion(self) -> bool:
+        """Whether the specimen's motion is compensated, which costs a state."""
+        return self.velocity_compensation > 0.0 or self.acceleration_compensation > 0.0
+
     def feed(self, command: Command, piston: Piston) -> Any:
-        """Return what is added to P, I and pressure feedback, as a share of full opening."""
-        return (
-            self.feedforward * command.value
-            + self.rate_feedforward * command.rate
-            + self.velocity_compensation * piston.speed
-            + self.acceleration_compensation * piston.acceleration
-        )
+        """Return what is added to P, I, pressure feedback and compensation, as a share of full opening."""
+        del piston
+        return self.feedforward * command.value + self.rate_feedforward * command.rate
+
+    def compensate(self, piston: Piston) -> Any:
+        """Return the opening that gives the oil which the piston's motion takes, before its filter."""
+        return self.velocity_compensation * piston.speed + self.acceleration_compensation * piston.acceleration
 
     #: Unit of the integral's state, in N*s: of order one like the other states.
     integral_unit = 1.0e3
@@ -140,8 +153,11 @@ Loop = DisplacementLoop | ForceLoop
 
 
 def initial_loop_state(loop: Loop) -> tuple[float, ...]:
-    """Return low-passed load pressure in MPa, integral of the error, and the command filter's value and scaled rate."""
-    return (0.0, 0.0, 0.0, 0.0) if loop.filters_command else (0.0, 0.0)
+    """Return low-passed load pressure in MPa, integral of the error, what the loop has of filters.
+
+    These are value and scaled rate of the command's, and the opening that compensates the specimen's motion.
+    """
+    return (0.0,) * (2 + 2 * loop.filters_command + loop.compensates_motion)
 
 
 def control(loop: Loop, state: Array, *, wanted: Any, achieved: Any, piston: Piston) -> tuple[Any, list[Any]]:
@@ -172,10 +188,16 @@ def control(loop: Loop, state: Array, *, wanted: Any, achieved: Any, piston: Pis
         command = Command(wanted, omega * state[3], omega * omega * scaled)
         filter_rates = [command.rate, omega * scaled]
     opening = opening + loop.feed(command, piston)
+    motion_rates = []
+    if isinstance(loop, ForceLoop) and loop.compensates_motion:
+        given = state[2 + len(filter_rates)]
+        opening = opening + given
+        motion_rates = [(loop.compensate(piston) - given) * (2.0 * math.pi * loop.motion_filter)]
     # While the valve is at its stop the integral waits: else it would wind up and overshoot afterwards.
     integral_rate = select_positive(1.0 - absolute(opening), error, 0.0) if loop.integral > 0.0 else 0.0
     return opening, [
         (piston.load_pressure - low_passed) * (2.0 * math.pi * loop.pressure_corner),
         integral_rate * (1.0 / loop.integral_unit),
         *filter_rates,
+        *motion_rates,
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator, LoadCell
 from rig_sim.hydraulics.loops import Feedback
@@ -10,9 +11,11 @@ from rig_sim.hydraulics.parts import MAIN_SUPPLY, ActuatorKind, ActuatorPart, Fo
 from rig_sim.hydraulics.supply import Supply
 from rig_sim.multibody.tree import Joint, JointKind, MultibodyTree
 
+SupplyLike = TypeVar("SupplyLike", Supply, dict[str, Any])
 
-def all_supplies(main: Supply | None, others: Mapping[str, Supply]) -> dict[str, Supply]:
-    """Return the supplies by name, the main one first.
+
+def all_supplies(main: SupplyLike | None, others: Mapping[str, SupplyLike]) -> dict[str, SupplyLike]:
+    """Return the supplies, or what a document says of them, by name, the main one first.
 
     Raises
     ------

@@ -6,14 +6,14 @@ are traced into compiled code, evaluated in plain numpy, and proven against Drak
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import ZERO, Array, Spatial, cross
-from rig_sim.multibody.tree import Body, MultibodyTree, Pose
+from rig_sim.multibody.tree import Body, JointKind, MultibodyTree, Pose
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,37 @@ def inertia_in_world(body: Body, pose: Pose) -> Inertia:
     # J about the world's origin = R J R' + m(p.p) - m pp' + 2(p.h) - ph' - hp', h = m c the first moment.
     spread = body.mass * (origin @ origin) + 2.0 * (origin @ own_moment)
     products = np.outer(origin, origin) * body.mass + np.outer(origin, own_moment) + np.outer(own_moment, origin)
-    second = rotation @ body.inertia @ rotation.T + np.eye(3) * spread - products
+    second = _turned(body.inertia, rotation) + np.eye(3) * spread - products
     return Inertia(body.mass, first, second)
+
+
+def _turned(symmetric: np.ndarray, rotation: Array) -> Array:
+    """Return R J R', each pair of equal elements computed once."""
+    half = rotation @ symmetric
+    turned: Array = np.empty((3, 3), dtype=object)
+    for i in range(3):
+        for j in range(i, 3):
+            turned[i, j] = turned[j, i] = half[i] @ rotation[j]
+    return turned
+
+
+def _welds_merged(tree: MultibodyTree) -> list[Body]:
+    """Return the bodies, each with the inertia of what is welded to it, which has none left."""
+    bodies = list(tree.bodies)
+    for joint in reversed(tree.joints):
+        if joint.kind is JointKind.WELD:
+            child, parent = bodies[joint.child], bodies[joint.parent]
+            moved = inertia_in_world(child, joint.frame_on_parent @ joint.frame_on_child.inverse())
+            mass = parent.mass + child.mass
+            first = np.array(parent.mass * parent.centre + moved.first_moment, dtype=float)
+            bodies[joint.parent] = replace(
+                parent,
+                mass=mass,
+                centre=first / mass if mass > 0.0 else parent.centre,
+                inertia=np.array(parent.inertia + moved.second_moment, dtype=float),
+            )
+            bodies[joint.child] = replace(child, mass=0.0, centre=np.zeros(3), inertia=np.zeros((3, 3)))
+    return bodies
 
 
 @dataclass(frozen=True)
@@ -77,7 +106,7 @@ def accelerate(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial], joi
     Accelerations
         Of the freedoms, and the proper acceleration of each body.
     """
-    inertias = [inertia_in_world(body, pose) for body, pose in zip(tree.bodies, motion.poses, strict=True)]
+    inertias = [inertia_in_world(body, pose) for body, pose in zip(_welds_merged(tree), motion.poses, strict=True)]
     root = Spatial(np.zeros(3), -tree.gravity)
     bias = [root] * len(tree.bodies)
     for index, joint in enumerate(tree.joints):

@@ -1,4 +1,4 @@
-"""What Drake lets pass in a model file without a word: unknown tags of a URDF, links without inertia.
+"""What Drake does not refuse in a model file: unknown tags of a URDF, links without inertia, springs that push away.
 
 Unknown tags of an SDF are refused by Drake's strict parsing.
 """
@@ -26,6 +26,11 @@ _KNOWN = {
     "drake:joint": {"origin", "parent", "child", "axis", "limit", "dynamics"},
 }
 _DRAKE = "{https://drake.mit.edu}"
+#: What Drake ends the whole process over, where it is negative: ends of the tags of its bushings and springs.
+_NOT_NEGATIVE = ("_stiffness", "_damping")
+_ABOVE_ZERO = "_free_length"
+#: Numbers that each constant of a force element has; Drake goes on without one that it cannot read.
+_NUMBERS = {"linear_bushing_rpy": 3, "linear_spring_damper": 1}
 _WORLD = "world"
 
 
@@ -35,7 +40,8 @@ def check_model_file(path: Path) -> None:
     Raises
     ------
     ValueError
-        Where the file is not XML, a URDF holds an unknown tag, or a link of either has no mass; one sentence.
+        Where the file is not XML, a URDF holds an unknown tag, a link of either has no mass, or a bushing or a spring
+        has a constant below 0; one sentence.
     """
     try:
         root = Xml.parse(path).getroot()
@@ -62,6 +68,28 @@ def check_model_file(path: Path) -> None:
                 f"{path.name}: link {name!r} has the mass {said!r}; what moves needs a mass above 0 kg, what stands "
                 "still a frame in place of a link."
             )
+    for kind in _NUMBERS:
+        for element in [*root.iter(f"{_DRAKE}{kind}"), *root.iter(f"drake:{kind}")]:
+            _check_constants(path, kind, element)
+
+
+def _check_constants(path: Path, kind: str, element: Xml.Element) -> None:
+    for child in element:
+        tag = child.tag.replace(_DRAKE, "drake:")
+        if not tag.endswith((*_NOT_NEGATIVE, _ABOVE_ZERO)):
+            continue
+        said = (child.get("value") or child.text or "").strip()
+        try:
+            values = [float(number) for number in said.split()]
+        except ValueError:
+            values = []
+        count = _NUMBERS[kind]
+        allowed = "a length above 0 m" if tag.endswith(_ABOVE_ZERO) else "constants of 0 or more"
+        if count > 1:
+            allowed = f"{count} {allowed}"
+        above = all(value > 0.0 if tag.endswith(_ABOVE_ZERO) else value >= 0.0 for value in values)
+        if not (len(values) == count and above and all(math.isfinite(value) for value in values)):
+            raise ValueError(f"{path.name}: {tag} of a {kind} is {said!r}; it takes {allowed}.")
 
 
 def _is_positive(text: str) -> bool:

@@ -146,7 +146,7 @@ class MultibodyTree:
             if joint.name == name:
                 return joint
         raise ValueError(
-            f"joint {name!r} is not in the specimen; its joints are {', '.join(joint.name for joint in self.joints)}."
+            f"joint {name!r} is not in the specimen; its joints are {', '.join(joint.name for joint in self.joints) or 'none'}."
         )
 
     def frame(self, name: str) -> tuple[int, Pose]:

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from rig_sim.player import BLOCK_SAMPLES, Block, Use
+from rig_sim.actuator_use import Use
+from rig_sim.documents import document_files
+from rig_sim.faults import Fault, FaultySensors, SensorFault, sensor_faults, told_in_a_title
+from rig_sim.playback import BLOCK_SAMPLES, Block, DrivePlayback
+from rig_sim.software import software_hash
 from rig_sim.specimen import SpecimenError, read_specimen
 from rig_sim.structure.finite_elements import find_modes
 from rig_sim.structure.modal_model import Complex, ModalModel, SampledModel
 from rig_sim.structure.specimen import StructureSpecimen
-
-#: Bumped whenever the same specimen may answer differently to the same drive.
-_EQUATIONS_VERSION = 1
-_RAMP_DOWN_SECONDS = 0.5
-_HOLD_SECONDS = 0.1
+from rig_sim.watchdogs import Watchdog, set_up_watchdogs
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,9 @@ class StructureRig:
     sampled: SampledModel
     #: SHA-256 of everything that decides what the rig answers to a drive.
     content_hash: str
+    watchdogs: tuple[Watchdog, ...] = ()
+    #: Injected for tests and rehearsals.
+    faults: tuple[SensorFault, ...] = ()
 
     @property
     def engine_name(self) -> str:
@@ -55,82 +58,82 @@ class StructureRig:
         return self.modes.sampled_frf(frequency, self.specimen.sample_rate)
 
 
-def load_structure(path: Path) -> StructureRig:
-    """Load a structure from its YAML.
+def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
+    """Load a structure from its YAML, with faults of its sensors.
 
     Raises
     ------
     SpecimenError
-        Where it cannot be used; one sentence.
+        Where it cannot be used, or a fault is of hydraulics; one sentence.
     """
-    specimen = read_specimen(path, StructureSpecimen)
+    whole = read_specimen(path, StructureSpecimen)
+    broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])
+    specimen = whole.model_copy(update={"title": whole.title + told_in_a_title(faults)})
     try:
         modes = find_modes(specimen)
+        watchdogs = set_up_watchdogs(
+            specimen.watchdogs,
+            responses={channel.name: channel.unit for channel in specimen.responses},
+            drives={channel.name: channel.unit for channel in specimen.drives},
+            followed=(),
+            monitored=(),
+        )
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
-    digest = hashlib.sha256(f"state space {_EQUATIONS_VERSION}\n".encode())
-    digest.update(path.read_bytes())
-    return StructureRig(specimen, modes, modes.sampled(specimen.sample_rate), digest.hexdigest())
+    digest = hashlib.sha256(f"software {software_hash()}\n".encode())
+    for file in document_files(path):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for fault in faults:
+        digest.update(fault.model_dump_json().encode())
+    sampled = modes.sampled(specimen.sample_rate)
+    return StructureRig(specimen, modes, sampled, digest.hexdigest(), watchdogs, broken)
 
 
-class StructurePlayback:
-    """One playback under way: iterate over `blocks()` to its end, then read `response` and `uses()`."""
+class StructurePlayback(DrivePlayback):
+    """A playback of a structure; read `uses()` at its end."""
 
     def __init__(self, rig: StructureRig, drive: np.ndarray, *, seed: int) -> None:
+        super().__init__(
+            drive,
+            channels=rig.specimen.drives,
+            approach=rig.specimen.approach,
+            sample_rate=rig.specimen.sample_rate,
+            responses=len(rig.specimen.responses),
+            block_samples=rig.block_samples,
+        )
         self._rig = rig
-        self._drive = np.ascontiguousarray(drive, dtype=np.float64)
         model = rig.sampled
         # One product a sample, always of the same shape: the same bits however the record is cut into blocks.
         self._step = np.block([[model.a, model.b0, model.b1], [model.c, model.d, np.zeros_like(model.d)]])
         self._states = len(model.a)
         self._noise = np.random.default_rng(seed)
         self._noise_rms = np.array([channel.noise_rms for channel in rig.specimen.responses])
-        # The force begins at the first sample; a structure has no past.
+        self._sensors = FaultySensors(
+            rig.faults,
+            channels=[channel.name for channel in rig.specimen.responses],
+            sample_rate=rig.specimen.sample_rate,
+            seed=seed,
+        )
         self._state = np.zeros(self._states)
-        self.response = np.empty((len(rig.specimen.responses), self._drive.shape[1]))
-        self.samples_done = 0
-
-    def blocks(self) -> Iterator[Block]:
-        """Play on, block by block; the last one may be shorter."""
-        samples = self._drive.shape[1]
-        while self.samples_done < samples:
-            first = self.samples_done
-            end = min(first + BLOCK_SAMPLES, samples)
-            piece = self._drive[:, first:end]
-            response = self._advance(np.hstack([piece, self._drive_at(end)]))
-            self.response[:, first:end] = response
-            self.samples_done = end
-            yield Block(first, piece, response)
-
-    def ramp_down(self) -> Iterator[Block]:
-        """From where the playback was left, bring all forces to zero along a cosine and hold; it rings on."""
-        rate = self._rig.specimen.sample_rate
-        fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, round(_RAMP_DOWN_SECONDS * rate) + 1)))
-        shape = np.concatenate([fall[:-1], np.zeros(round(_HOLD_SECONDS * rate) + 1)])
-        start = self._drive_at(self.samples_done) if self.samples_done else np.zeros((len(self._drive), 1))
-        ramp = start * shape
-        for begin in range(0, len(shape) - 1, BLOCK_SAMPLES):
-            end = min(begin + BLOCK_SAMPLES, len(shape) - 1)
-            response = self._advance(ramp[:, begin : end + 1])
-            yield Block(self.samples_done + begin, ramp[:, begin:end], response)
 
     def uses(self) -> list[Use]:
         """Return how every shaker was used so far: its peak; a force has no valve and nothing to follow."""
-        played = self._drive[:, : max(self.samples_done, 1)]
-        uses = []
-        for channel, row in zip(self._rig.specimen.drives, played, strict=True):
-            up, down = row.max(), row.min()
-            ratio = max(up / channel.maximum if up > 0 else 0.0, down / channel.minimum if down < 0 else 0.0)
-            uses.append(Use(channel.name, float(ratio), 0.0, 0.0))
-        return uses
+        ratios = zip(self._rig.specimen.drives, self.peak_ratios(), strict=True)
+        return [Use(channel.name, ratio, 0.0, 0.0) for channel, ratio in ratios]
 
-    def _drive_at(self, sample: int) -> np.ndarray:
-        """Return one column of the drive, the last one where it has ended."""
-        column = min(sample, self._drive.shape[1] - 1)
-        return self._drive[:, column : column + 1]
+    def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
+        del counted
+        drive = commands[:, :-1]
+        return Block(
+            first_sample=first,
+            drive=drive,
+            response=self._sensors.spoil(first, self._measured(commands)),
+            following_error=np.zeros(drive.shape),
+            monitored=np.empty((0, drive.shape[1])),
+        )
 
-    def _advance(self, forces: np.ndarray) -> np.ndarray:
-        """Play the columns of `forces` but the last, which they lead to; return what the sensors say."""
+    def _measured(self, forces: np.ndarray) -> np.ndarray:
+        """Play the columns of `forces` but the last, which they lead to; return what healthy sensors say."""
         count, states = forces.shape[1] - 1, self._states
         # State, force now and force at the next sample, side by side: what one step is made of.
         own = np.concatenate([self._state, np.zeros(2 * len(forces))])

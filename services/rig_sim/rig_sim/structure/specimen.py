@@ -10,9 +10,11 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
+from rig_sim.approach import Approach
 from rig_sim.parameters import STRICT, NotNegative, Positive, Vector
 from rig_sim.specimen import InputChannel, Name, Quantity
 from rig_sim.structure.beam import Section
+from rig_sim.watchdogs import WatchdogLimits
 
 KIND = "state_space"
 
@@ -122,6 +124,10 @@ class StructureSpecimen(BaseModel):
     masses: tuple[PointMass, ...] = ()
     bungees: Annotated[tuple[Bungee, ...], Field(min_length=1)]
     damping: Damping
+    #: How it gets to a drive's first sample, and back to rest.
+    approach: Approach = Approach()
+    #: What makes the rig ramp down and latch while it plays.
+    watchdogs: WatchdogLimits = WatchdogLimits()
     drives: Annotated[tuple[Shaker, ...], Field(min_length=1)]
     responses: Annotated[tuple[Accelerometer, ...], Field(min_length=1)]
 

@@ -216,3 +216,15 @@ def test_the_order_in_which_states_are_listed_does_not_matter():
     state = np.array([0.3, -0.4, 0.5, 0.6])
     expected = np.array(model(state, [0.1, 0.2])[0], dtype=float)
     np.testing.assert_allclose(lanes.derivative(state[order], [0.1, 0.2]), expected[order], rtol=1e-13)
+
+
+@pytest.mark.parametrize("rates", [(1.0, 1.0), (1.0, -1.0), (0.0, 0.0)])
+def test_rates_that_are_constants_leave_only_outputs_to_the_lanes(rates):
+    """Each output takes the other side's state: lanes are exchanged of a vector that nothing else has loaded."""
+
+    def model(state, inputs):
+        return list(rates), [state[1] * inputs[0] + 2.0, state[0] * inputs[1] + 2.0]
+
+    lanes = compiled(model, ["left", "right"], ["u", "w"])
+    np.testing.assert_array_equal(lanes.derivative([0.3, 0.7], [0.2, 0.9]), rates)
+    np.testing.assert_allclose(lanes.outputs([0.3, 0.7], [0.2, 0.9]), [2.14, 2.27], rtol=1e-15)

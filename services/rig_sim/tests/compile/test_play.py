@@ -1,6 +1,7 @@
 """The player: its order, its command between samples, its chunks, its clear end when a model diverges."""
 
 import hashlib
+import math
 import os
 import subprocess
 import sys
@@ -11,7 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from rig_sim.compile import Interpolation, compile_model, interpret, trace_model
+from rig_sim.compile import Interpolation, Method, compile_model, interpret, trace_model
+from rig_sim.compile.runge_kutta import amplification
 
 INTERVAL = 1e-3
 
@@ -20,6 +22,38 @@ def command(samples, *, seed=0):
     time = np.arange(samples + 1) * INTERVAL
     generator = np.random.default_rng(seed)
     return (np.sin(2 * np.pi * 7.0 * time) * 300.0 + generator.normal(size=samples + 1) * 50.0)[np.newaxis]
+
+
+@pytest.mark.parametrize("method", Method)
+def test_the_error_falls_with_the_methods_order(double_pendulum, method):
+    """On a nonlinear motion: what holds for a linear one alone would show."""
+    state, torque = np.array([0.4, -0.7, 1.0, 0.5]), np.array([[0.3, 0.9], [-0.2, 0.4]])
+    span = 2.0
+    reference = solve_ivp(
+        lambda t, y: double_pendulum.compiled.derivative(y, torque[:, 0] + (torque[:, 1] - torque[:, 0]) * t / span),
+        (0.0, span),
+        state,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-15,
+    ).y[:, -1]
+    play = double_pendulum.compiled.play
+    errors = [
+        np.abs(play(state, torque, sample_interval=span, substeps=n, method=method).state - reference).max()
+        for n in (64, 128, 256)
+    ]
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), method.tableau.order, atol=0.5)
+
+
+@pytest.mark.parametrize("method", Method)
+def test_a_step_multiplies_a_linear_motion_as_the_exponential_does_up_to_the_order(method):
+    tableau = method.tableau
+    assert all(sum(row) == node for row, node in zip(tableau.stages, tableau.nodes[1:], strict=True))
+    growth = tableau.growth()
+    assert all(growth[power] * math.factorial(power) == 1 for power in range(tableau.order + 1))
+    model = compile_model(lambda s, u: ([-s[0]], []), state_names=["x"], input_names=[])
+    played = model.play([1.0], np.empty((0, 2)), sample_interval=1.5, substeps=1, method=method)
+    assert abs(played.state[0]) == pytest.approx(amplification(np.array(-1.5), method), rel=1e-13)
 
 
 def test_the_error_falls_with_the_fourth_power_of_the_step(linear_oscillator):

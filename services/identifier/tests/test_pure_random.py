@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 import spectra
-from duralab_proto.v1.array_pb2 import Channel
-from identifier import SettingError, WhitePink, check_levels, pure_random
+from identifier.excitation import White, WhitePink, pure_random
 
 RATE = 1000.0
 PINK = WhitePink(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
@@ -78,47 +77,14 @@ def test_the_fades_are_linear_from_and_to_zero():
     np.testing.assert_allclose(ratio[-1000:] / factor, np.arange(1000)[::-1] / 1000, rtol=1e-9)
 
 
-def limited(**limits):
-    return Channel(name="left_vertical", unit="m", **limits)
-
-
-def test_every_drive_beyond_its_limit_is_named_with_peak_limit_and_a_level_that_fits():
-    drive = make(rms=(0.01, 0.02))
-    channels = [
-        Channel(name="left_vertical", unit="m", minimum=-0.02, maximum=0.02),
-        Channel(name="right_vertical", unit="m", minimum=-0.03, maximum=0.5),
-    ]
-    with pytest.raises(SettingError) as refusal:
-        check_levels(drive, channels=channels, rms=(0.01, 0.02), sample_rate=RATE)
-    message = str(refusal.value)
-    assert refusal.value.field == "excitation.rms"
-    assert "left_vertical would reach" in message
-    assert "beyond its limit of" in message
-    assert "right_vertical would reach -" in message
-    fitting = [float(part.split(" m fits")[0]) for part in message.split("an RMS of ")[1:]]
-    assert len(fitting) == 2
-    assert 0.9 * 0.01 * 0.02 / np.max(np.abs(drive[0])) < fitting[0] < 0.01
-    check_levels(make(rms=fitting), channels=channels, rms=fitting, sample_rate=RATE)
-
-
-def test_a_drive_inside_its_limits_passes():
-    check_levels(make(rms=(0.01,)), channels=[limited(minimum=-0.1, maximum=0.1)], rms=(0.01,), sample_rate=RATE)
-
-
-def test_a_drive_faster_than_its_slew_limit_is_refused_with_a_level_that_fits():
-    drive = make(rms=(0.01,))
-    fastest = np.max(np.abs(np.diff(drive))) * RATE
-    channel = limited(minimum=-0.1, maximum=0.1, slew_limit=fastest / 2)
-    with pytest.raises(SettingError, match=r"m/s beyond its limit of .* m/s \(an RMS of 0\.00[45]"):
-        check_levels(drive, channels=[channel], rms=(0.01,), sample_rate=RATE)
-    check_levels(0.499 * drive, channels=[channel], rms=(0.00499,), sample_rate=RATE)
-
-
-def test_a_limit_that_leaves_no_room_is_refused_without_a_level():
-    with pytest.raises(SettingError, match="no RMS fits"):
-        check_levels(make(rms=(0.01,)), channels=[limited(minimum=0.0, maximum=0.1)], rms=(0.01,), sample_rate=RATE)
-
-
 def test_fades_that_leave_nothing_are_refused():
     with pytest.raises(ValueError, match="leave nothing between"):
         make(samples=2000, fade=1000)
+
+
+def test_every_drive_can_have_its_own_psd():
+    drive = make(rms=(1.0, 1.0), fade=0, spectrum=(White(1.0, 10.0), White(20.0, 40.0)))
+    power = np.abs(np.fft.rfft(drive, axis=1)) ** 2
+    frequency = np.fft.rfftfreq(60_000, 1 / RATE)
+    assert power[0, frequency > 10.5].sum() < 1e-20 * power[0].sum()
+    assert power[1, frequency < 19.5].sum() < 1e-20 * power[1].sum()

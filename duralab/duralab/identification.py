@@ -1,0 +1,176 @@
+"""Identifying a rig from a script: plan, experiment, and what can be asked of the model."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from duralab._following import RunProgress, Stage
+from duralab._specification import estimator_message, excitation_message
+from duralab.errors import InputError
+from duralab.identification_section import EstimatorSettings, ExcitationSettings
+from duralab.recording_content import Model
+from duralab.rig import Rig
+from duralab.signals import Signals
+from duralab_proto.arrays import from_array, to_array
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import identifier_pb2, query_pb2
+
+
+@dataclass(frozen=True)
+class ExperimentPlan:
+    """What an experiment takes and gives; see `duralab.v1.ExperimentPlan`."""
+
+    duration_seconds: float
+    realisations: int
+    experiments_per_realisation: int
+    periods: int
+    delay_share: float
+    independent_averages: float
+    frequency_resolution: float
+    lines: int
+    band: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """How an iteration with the inverse of a model will converge; see `duralab.v1.Convergence`."""
+
+    frequency: np.ndarray
+    spectral_radius: np.ndarray
+    spectral_radius_95: np.ndarray
+    largest_singular_value: np.ndarray
+    converging_share: float
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class LevelAdvice:
+    """Drive levels that give responses like the target's; see `duralab.v1.LevelAdvice`."""
+
+    rms: np.ndarray
+    wanted_rms: np.ndarray
+    largest_rms: np.ndarray
+    sentences: tuple[str, ...]
+
+
+class Identifier:
+    """The identifier of a lab; made by `Lab.identifier`.
+
+    Parameters
+    ----------
+    query : callable
+        Asks the bus.
+    describe : callable
+        Describes a rig.
+    keys : Keys
+        Of the lab.
+    """
+
+    def __init__(self, *, query: Callable[..., Any], describe: Callable[[str], Rig], keys: Keys) -> None:
+        self._query, self._describe, self._keys = query, describe, keys
+
+    def plan(
+        self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
+    ) -> ExperimentPlan:
+        """Return what an experiment takes and gives; nothing moves.
+
+        Raises
+        ------
+        InputError
+            The rig could not play it, or it would not identify it.
+        """
+        request = identifier_pb2.PlanRequest(identify=self._request(rig, excitation, estimator, seed=seed))
+        plan = self._query(self._keys.experiment_plan(), request, identifier_pb2.ExperimentPlan)
+        return ExperimentPlan(
+            duration_seconds=plan.duration_seconds,
+            realisations=plan.realisations,
+            experiments_per_realisation=plan.experiments_per_realisation,
+            periods=plan.periods,
+            delay_share=plan.delay_share,
+            independent_averages=plan.independent_averages,
+            frequency_resolution=plan.frequency_resolution,
+            lines=plan.lines,
+            band=(plan.lowest_frequency, plan.highest_frequency),
+        )
+
+    def identify(
+        self,
+        rig: str,
+        excitation: ExcitationSettings,
+        estimator: EstimatorSettings,
+        *,
+        seed: int = 0,
+        on_progress: Callable[[RunProgress], None] | None = None,
+    ) -> Model:
+        """Run an experiment on a rig and return the model.
+
+        Raises
+        ------
+        LabError
+            The rig could not play it (`InputError`), or it did not identify the rig.
+        """
+
+        def report(progress: query_pb2.Progress) -> None:
+            if on_progress is not None:
+                on_progress(
+                    RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds)
+                )
+
+        request = self._request(rig, excitation, estimator, seed=seed)
+        message = self._query(self._keys.identify(), request, identifier_pb2.Model, on_progress=report)
+        return Model.from_message(message)
+
+    def predict(self, model: Model, drive: Signals) -> Signals:
+        """Return the response that a model expects of a drive, in its band and without static part."""
+        request = identifier_pb2.PredictRequest(drive=drive.to_message())
+        answer = self._query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
+        return Signals.from_message(answer.response, field="response")
+
+    def convergence(self, model: Model, *, gain: float, band: tuple[float, float]) -> Convergence:
+        """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz."""
+        request = identifier_pb2.ConvergenceRequest(
+            iteration_gain=to_array(np.full(len(model.responses), float(gain))),
+            lowest_frequency=band[0],
+            highest_frequency=band[1],
+        )
+        answer = self._query(self._keys.convergence(model.id), request, identifier_pb2.Convergence)
+        return Convergence(
+            frequency=from_array(answer.frequency),
+            spectral_radius=from_array(answer.spectral_radius),
+            spectral_radius_95=from_array(answer.spectral_radius_95),
+            largest_singular_value=from_array(answer.largest_singular_value),
+            converging_share=answer.converging_share,
+            sentence=answer.sentence,
+        )
+
+    def advise(self, model: Model, target: Signals, *, band: tuple[float, float]) -> LevelAdvice:
+        """Return the drive levels that give responses like a target's in a band, in hertz."""
+        request = identifier_pb2.AdviceRequest(
+            model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
+        )
+        answer = self._query(self._keys.level_advice(), request, identifier_pb2.LevelAdvice)
+        return LevelAdvice(
+            rms=from_array(answer.rms),
+            wanted_rms=from_array(answer.wanted_rms),
+            largest_rms=from_array(answer.largest_rms),
+            sentences=tuple(answer.sentences),
+        )
+
+    def _request(
+        self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int
+    ) -> identifier_pb2.IdentifyRequest:
+        described = self._describe(rig)
+        if not 0 <= seed < 2**63:
+            raise InputError(f"The seed is {seed}; it must be from 0 to 2^63 - 1.", field="seed")
+        return identifier_pb2.IdentifyRequest(
+            rig=rig,
+            excitation=excitation_message(excitation, rig=described, seed=seed),
+            estimator=estimator_message(estimator),
+            run=f"identify-{uuid.uuid4().hex[:12]}",
+            rig_seed=seed,
+        )

@@ -1,0 +1,58 @@
+"""Multiple coherence: the share of each response's power that the drives explain."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def multiple_coherence(
+    h1: NDArray[np.complex128], s_yu: NDArray[np.complex128], auto_y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Multiple coherence of each response with all drives, ``S_yu S_uu^-1 S_uy / S_yy``.
+
+    It is high for dependent drives too: look at the condition number first.
+
+    Parameters
+    ----------
+    h1
+        ``S_yu S_uu^-1``, complex, shape (lines, responses, drives).
+    s_yu
+        Complex, shape (lines, responses, drives).
+    auto_y
+        Shape (lines, responses), greater than 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (lines, responses), 0 to 1.
+
+    Notes
+    -----
+    Source: Bendat & Piersol, *Random Data*, section 7.3.
+    """
+    explained = np.einsum("fij,fij->fi", h1, s_yu.conj()).real
+    # It is in [0, 1] but for rounding, which must not send a coherence of 1.0000000000000002 over the bus.
+    return np.clip(explained / auto_y, 0.0, 1.0)
+
+
+def require_audible(auto_y: NDArray[np.float64], frequency: NDArray[np.float64]) -> None:
+    """Refuse a response that is silent at a line.
+
+    Parameters
+    ----------
+    auto_y
+        Shape (lines, responses).
+    frequency
+        Shape (lines), in hertz.
+
+    Raises
+    ------
+    ValueError
+        Where a response has no power.
+    """
+    silent = np.argwhere(auto_y <= 0.0)
+    if silent.size:
+        line, channel = silent[0]
+        raise ValueError(
+            f"Response {channel} is silent at {frequency[line]:.4g} Hz, so nothing can be identified from it; "
+            "check its sensor or leave it out."
+        )

@@ -1,0 +1,239 @@
+"""An FRF from a record and its layout: whole, or piece by piece in bounded memory."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
+from identifier.estimators.condition import drive_condition, unit_diagonal
+from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning
+from identifier.estimators.local_polynomial import local_polynomial_model
+from identifier.estimators.local_rational import local_rational_model
+from identifier.estimators.local_regression import LocalModel, LocalSums
+from identifier.estimators.local_solution import solve_local
+from identifier.estimators.periodicity import PeriodicityCheck
+from identifier.estimators.record_checks import ChannelCheck
+from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
+from identifier.estimators.used_stretches import UsedStretches
+from identifier.layout import Layout, Window
+from spectra import as_record
+
+_LOCAL = (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
+
+
+# A whole record at once would need as much memory again for what is checked of it.
+_SAMPLES_TOGETHER = 2**17
+
+
+@dataclass(frozen=True)
+class EstimatorOptions:
+    """What a local method may be told; the spectral ones need nothing besides the layout.
+
+    Parameters
+    ----------
+    order
+        Of numerator, transient and denominator, 0 or more; None for 2.
+    half_width
+        Lines of a segment to either side; None for the method's own.
+    segment_blocks
+        Blocks in a segment of noise, 1 or more.
+    """
+
+    order: int | None = None
+    half_width: int | None = None
+    segment_blocks: int = 16
+
+    def __post_init__(self) -> None:
+        if self.segment_blocks < 1:
+            raise ValueError(f"There are {self.segment_blocks} blocks in a segment; there must be 1 or more.")
+
+
+class Estimation:
+    """An estimate in the making: fed with the whole record in order, in pieces of any size.
+
+    Parameters
+    ----------
+    kind
+        The estimator.
+    layout
+        Of the experiment.
+    drives, responses
+        Channels, 1 or more.
+    options
+        Of the local methods.
+
+    Raises
+    ------
+    ValueError
+        Where the options do not suit the record.
+    """
+
+    def __init__(
+        self, kind: EstimatorKind, layout: Layout, *, drives: int, responses: int, options: EstimatorOptions
+    ) -> None:
+        if kind is EstimatorKind.H2 and drives != responses:
+            raise ValueError(
+                f"There are {responses} responses and {drives} drives; H2 inverts S_uy and needs as many of both: "
+                "take H1 or Hv."
+            )
+        self._kind, self._layout = kind, layout
+        self._spectral = SpectralSums(layout, drives=drives, responses=responses, full=kind is EstimatorKind.H2)
+        self._local = None
+        if kind in _LOCAL:
+            model = _local_model(kind, layout, drives=drives, options=options)
+            self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
+        self._used = UsedStretches(layout)
+        self._drive_check = ChannelCheck(drives, name="drive", of_drive=True)
+        self._response_check = ChannelCheck(responses, name="response", of_drive=False)
+        self._periodicity = PeriodicityCheck(layout, responses=responses)
+
+    def add(self, drive: ArrayLike, response: ArrayLike) -> None:
+        """Add the next samples.
+
+        Parameters
+        ----------
+        drive
+            Shape (drives, samples), as played, fades and delay blocks included.
+        response
+            Shape (responses, samples), as measured at the same instants.
+
+        Raises
+        ------
+        ValueError
+            Where the shapes do not agree, a value is not finite, or the record is longer than its layout.
+        """
+        inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
+        _require_same_length(inputs, outputs)
+        self._spectral.add(inputs, outputs)
+        if self._local is not None:
+            self._local.add(inputs, outputs)
+        self._periodicity.add(outputs)
+        for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
+            self._drive_check.add(inputs[:, piece])
+            self._response_check.add(outputs[:, piece])
+
+    def estimate(self) -> FrfEstimate:
+        """Return the estimate from the whole record.
+
+        Returns
+        -------
+        FrfEstimate
+            With every warning about the record.
+
+        Raises
+        ------
+        ValueError
+            Where the record is not whole, a channel is dead, or it does not identify the rig.
+        """
+        if self._used.position < self._layout.samples:
+            raise ValueError(
+                f"The record has {self._used.position} samples, its layout {self._layout.samples}; "
+                "estimate from the whole record of the drive that was played."
+            )
+        warnings = (*self._drive_check.warnings(), *self._response_check.warnings(), *self._periodicity.warnings())
+        spectra = self._spectral.averages()
+        if self._local is None:
+            return estimate_from_spectra(self._kind, spectra, warnings=warnings)
+        return _local_estimate(self._kind, self._local, spectra, warnings)
+
+
+def estimate(
+    kind: EstimatorKind,
+    drive: ArrayLike,
+    response: ArrayLike,
+    layout: Layout,
+    options: EstimatorOptions | None = None,
+) -> FrfEstimate:
+    """Estimate an FRF matrix from the record of an experiment.
+
+    Parameters
+    ----------
+    kind
+        The estimator.
+    drive
+        Shape (drives, samples), as played, fades and delay blocks included.
+    response
+        Shape (responses, samples), as measured.
+    layout
+        Of the drive.
+    options
+        Of the local methods; their defaults where None.
+
+    Returns
+    -------
+    FrfEstimate
+        At the excited lines, 0 elsewhere.
+
+    Raises
+    ------
+    ValueError
+        Where the record does not fit the layout, is not finite, has a dead channel, or does not identify the rig.
+
+    Notes
+    -----
+    Source: Cornelis et al., ISMA 2014, Eq. 1; Pintelon & Schoukens, *System Identification*, chapters 2 and 7.
+    """
+    inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
+    running = Estimation(
+        kind, layout, drives=inputs.shape[0], responses=outputs.shape[0], options=options or EstimatorOptions()
+    )
+    _require_same_length(inputs, outputs)
+    for start in range(0, inputs.shape[1], _SAMPLES_TOGETHER):
+        piece = slice(start, start + _SAMPLES_TOGETHER)
+        running.add(inputs[:, piece], outputs[:, piece])
+    return running.estimate()
+
+
+def _require_same_length(drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
+    if drive.shape[1] != response.shape[1]:
+        raise ValueError(
+            f"{drive.shape[1]} samples were played and {response.shape[1]} measured; a playback gives as many back."
+        )
+
+
+def _local_model(kind: EstimatorKind, layout: Layout, *, drives: int, options: EstimatorOptions) -> LocalModel:
+    segments = 0
+    for capture in layout.captures:
+        samples = layout.samples_of(capture)
+        if layout.window is Window.HANN:
+            segments += max(1, round(samples / (options.segment_blocks * layout.block_samples)))
+        else:
+            segments += 1 if layout.periodic else capture.periods
+    choose = local_polynomial_model if kind is EstimatorKind.LOCAL_POLYNOMIAL else local_rational_model
+    return choose(
+        drives=drives,
+        segments=segments,
+        order=options.order,
+        half_width=options.half_width,
+        segment_blocks=options.segment_blocks,
+    )
+
+
+def _local_estimate(
+    kind: EstimatorKind, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...]
+) -> FrfEstimate:
+    lines, size = sums.lines, spectra.frequency.size
+    scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
+    condition = drive_condition(scaled, spectra.frequency[lines])
+    solution = solve_local(sums)
+    # As many averages as would give H1 the same variance, on the mean over the drives.
+    of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
+    averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)
+    freedom: NDArray[np.float64] = np.full(lines.size, float(solution.degrees_of_freedom))
+    return FrfEstimate(
+        frequency=spectra.frequency,
+        frf=on_all_lines(solution.frf, lines, size),
+        coherence=on_all_lines(solution.explained, lines, size),
+        condition_number=on_all_lines(condition, lines, size),
+        s_uu=spectra.s_uu,
+        response_psd=spectra.auto_y,
+        blocks=spectra.blocks,
+        independent_averages=spectra.independent_averages,
+        valid=spectra.lines.copy(),
+        residual_psd=on_all_lines(solution.residual_psd, lines, size),
+        degrees_of_freedom=on_all_lines(freedom, lines, size),
+        averages=on_all_lines(averages, lines, size),
+        kind=kind,
+        warnings=warnings,
+    )

@@ -1,0 +1,123 @@
+"""What every estimator answers: an FRF matrix, and what tells how far to trust it."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class EstimatorKind(Enum):
+    """How an FRF matrix is estimated from drives and responses."""
+
+    H1 = "h1"
+    """``S_yu S_uu^-1``: right where the noise is on the responses."""
+    H2 = "h2"
+    """``S_yy S_uy^-1``: right where the noise is on the drives; as many responses as drives."""
+    HV = "hv"
+    """Total least squares per response: noise on both, in proportion to each channel's power."""
+    LOCAL_POLYNOMIAL = "local_polynomial"
+    """FRF and transient as polynomials over neighbouring lines: no leakage, no window."""
+    LOCAL_RATIONAL = "local_rational"
+    """The same with a common denominator per response: follows sharp resonances."""
+
+
+class WarningCode(Enum):
+    """What is suspicious about a record or an estimate, but does not forbid it."""
+
+    CLIPPED = "clipped"
+    """A channel stays at its largest or smallest value."""
+    TRANSIENT = "transient"
+    """Capture blocks are not yet periodic."""
+    FEW_AVERAGES = "few_averages"
+    """No more averages than drives: nothing is left to judge the noise by."""
+
+
+@dataclass(frozen=True)
+class ModelWarning:
+    """One suspicion, in words and in figures.
+
+    Parameters
+    ----------
+    code
+        What kind.
+    sentence
+        For a person: channel, size, what to do.
+    channel
+        Row of the record, None where it concerns no single channel.
+    of_drive
+        Whether `channel` counts drives; responses otherwise.
+    size
+        Share between 0 and 1 (clipped: of the samples; transient: of the channel's RMS), None where there is none.
+    lowest, highest
+        Frequencies it concerns, in hertz; None where it is all of them.
+    """
+
+    code: WarningCode
+    sentence: str
+    channel: int | None = None
+    of_drive: bool = False
+    size: float | None = None
+    lowest: float | None = None
+    highest: float | None = None
+
+
+@dataclass(frozen=True)
+class FrfEstimate:
+    """An estimated FRF matrix with what tells how good it is.
+
+    At lines that are not valid nothing is estimated: FRF, coherence, condition number, residual, degrees of freedom and
+    averages are 0 there. The covariance of row ``i`` is ``S_ee,i S_uu^-1 / averages`` at each valid line.
+
+    Parameters
+    ----------
+    frequency
+        Shape (lines), in hertz, from 0 to half the sample rate.
+    frf
+        Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
+    coherence
+        Multiple coherence, shape (lines, responses), 0 to 1.
+    condition_number
+        Of ``S_uu`` scaled to unit diagonal, shape (lines), 1 or more at valid lines.
+    s_uu
+        Complex, shape (lines, drives, drives), one-sided density.
+    response_psd
+        Shape (lines, responses), one-sided density.
+    blocks
+        Blocks averaged (Eq. 10).
+    independent_averages
+        Equivalent independent blocks (Welch's formula); of periodic drives, captures.
+    valid
+        Shape (lines): where it is estimated, the excited lines of the band.
+    residual_psd
+        Shape (lines, responses): ``S_ee``, what the drives do not explain, without the bias of the fit; 0 where no
+        degree of freedom is left to know it.
+    degrees_of_freedom
+        Shape (lines): complex degrees of freedom of the residual, 0 where there are none.
+    averages
+        Shape (lines): equivalent averages behind the FRF at each line, see the covariance above.
+    kind
+        The estimator.
+    warnings
+        What is suspicious.
+    """
+
+    frequency: NDArray[np.float64]
+    frf: NDArray[np.complex128]
+    coherence: NDArray[np.float64]
+    condition_number: NDArray[np.float64]
+    s_uu: NDArray[np.complex128]
+    response_psd: NDArray[np.float64]
+    blocks: int
+    independent_averages: float
+    valid: NDArray[np.bool_]
+    residual_psd: NDArray[np.float64]
+    degrees_of_freedom: NDArray[np.float64]
+    averages: NDArray[np.float64]
+    kind: EstimatorKind = EstimatorKind.H1
+    warnings: tuple[ModelWarning, ...] = field(default=())
+
+    @property
+    def drive_psd(self) -> NDArray[np.float64]:
+        """Auto-spectrum of each drive, shape (lines, drives)."""
+        return np.ascontiguousarray(np.einsum("fjj->fj", self.s_uu).real)

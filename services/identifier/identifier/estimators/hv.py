@@ -1,0 +1,62 @@
+"""Hv: total least squares, for noise on drives and responses alike."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def hv(
+    auto_y: NDArray[np.float64],
+    s_yu: NDArray[np.complex128],
+    scaled_s_uu: NDArray[np.complex128],
+    scale: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """FRF matrix by Hv: each response's row from the smallest eigenvector of the spectra of drives and that response.
+
+    Every channel is first divided by its own amplitude at the line, so noise is taken to be the same share of each
+    channel's power and units do not matter. For one drive its magnitude is the geometric mean of H1 and H2.
+
+    Parameters
+    ----------
+    auto_y
+        Shape (lines, responses), greater than 0.
+    s_yu
+        Complex, shape (lines, responses, drives).
+    scaled_s_uu
+        ``S_uu`` of unit diagonal, complex, shape (lines, drives, drives).
+    scale
+        Amplitudes that were divided out of it, shape (lines, drives).
+
+    Returns
+    -------
+    numpy.ndarray
+        Complex, shape (lines, responses, drives).
+
+    Raises
+    ------
+    ValueError
+        Where a response's smallest eigenvector does not contain the response.
+
+    Notes
+    -----
+    Source: Rocklin, Crowley, Vold, "A comparison of H1, H2, and Hv frequency response functions", IMAC 1985.
+    """
+    lines, n_y, n_u = s_yu.shape
+    amplitude = np.sqrt(auto_y)
+    joint = np.empty((lines, n_y, n_u + 1, n_u + 1), dtype=np.complex128)
+    cross = s_yu / (amplitude[:, :, None] * scale[:, None, :])
+    joint[:, :, :n_u, :n_u] = scaled_s_uu[:, None]
+    joint[:, :, n_u, :n_u] = cross
+    joint[:, :, :n_u, n_u] = cross.conj()
+    joint[:, :, n_u, n_u] = 1.0
+    vectors: NDArray[np.complex128] = np.linalg.eigh(joint)[1].astype(np.complex128, copy=False)
+    # w^H [u; y] is as small as can be: y = -(w_u^* / w_y^*) u.
+    smallest = vectors[..., 0].conj()
+    of_response = smallest[..., n_u]
+    if np.any(np.abs(of_response) < np.finfo(np.float64).eps):
+        line, channel = np.argwhere(np.abs(of_response) < np.finfo(np.float64).eps)[0]
+        raise ValueError(
+            f"Total least squares has no solution for response {channel} at line {line}: the drives are more alike "
+            "than the response is explained by them; take H1."
+        )
+    row = -smallest[..., :n_u] / of_response[..., None]
+    return row * amplitude[:, :, None] / scale[:, None, :]

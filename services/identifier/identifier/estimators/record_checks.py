@@ -1,0 +1,136 @@
+"""Channels that say nothing or not the truth: dead, clipped, silent; checked while the record passes."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identifier.estimators.frf_estimate import ModelWarning, WarningCode
+from spectra import as_record
+
+SHORTEST_FLAT_TOP = 3
+"""Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
+
+
+class ChannelCheck:
+    """Watches the channels of a record that arrives in pieces.
+
+    Parameters
+    ----------
+    channels
+        1 or more.
+    name
+        What a channel is called in a sentence: "drive" or "response".
+    of_drive
+        Whether the warnings concern drives.
+    """
+
+    def __init__(self, channels: int, *, name: str, of_drive: bool) -> None:
+        self._name, self._of_drive = name, of_drive
+        self._samples = 0
+        self._tops = _FlatTops(channels, sign=1.0)
+        self._bottoms = _FlatTops(channels, sign=-1.0)
+
+    def add(self, record: ArrayLike) -> None:
+        """Watch the next samples that are used.
+
+        Parameters
+        ----------
+        record
+            Shape (channels, samples), finite.
+        """
+        samples = as_record(record, name=self._name)
+        self._samples += samples.shape[1]
+        self._tops.add(samples)
+        self._bottoms.add(samples)
+
+    def warnings(self) -> tuple[ModelWarning, ...]:
+        """Judge the record so far.
+
+        Returns
+        -------
+        tuple of ModelWarning
+            One for each clipped channel.
+
+        Raises
+        ------
+        ValueError
+            Where channels never move; all of them are named.
+        """
+        highest, lowest = self._tops.extreme + 0.0, -self._bottoms.extreme  # never a minus zero in a sentence
+        dead = np.flatnonzero(highest == lowest)
+        if dead.size:
+            values = ", ".join(f"{self._name} {row} stays at {highest[row]:g}" for row in dead)
+            raise ValueError(
+                f"These channels are dead: {values}; "
+                + ("excite every drive." if self._of_drive else "check their sensors or leave them out.")
+            )
+        flat = self._tops.flat_samples + self._bottoms.flat_samples
+        return tuple(self._clipped(int(row), int(flat[row])) for row in np.flatnonzero(flat))
+
+    def _clipped(self, row: int, flat: int) -> ModelWarning:
+        share = flat / self._samples
+        return ModelWarning(
+            WarningCode.CLIPPED,
+            f"{self._name.capitalize()} {row} is clipped: {100.0 * share:.3g} % of its samples stand in flat tops at "
+            f"{-self._bottoms.extreme[row]:g} or {self._tops.extreme[row]:g}; the FRF is distorted: widen its range or "
+            "lower the level.",
+            channel=row,
+            of_drive=self._of_drive,
+            size=share,
+        )
+
+
+class _FlatTops:
+    """Largest value so far, and the samples of runs of three and more at it; of the negative where `sign` is -1."""
+
+    def __init__(self, channels: int, *, sign: float) -> None:
+        self._sign = sign
+        self.extreme = np.full(channels, -np.inf)
+        self.flat_samples = np.zeros(channels, dtype=np.int64)
+        self._run = np.zeros(channels, dtype=np.int64)
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        for row, channel in enumerate(samples):
+            extreme = float(np.max(channel)) if self._sign > 0.0 else -float(np.min(channel))
+            if extreme > self.extreme[row]:
+                self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
+            at_extreme = np.flatnonzero(channel == self._sign * self.extreme[row])
+            self._count(row, at_extreme, channel.size)
+
+    def _count(self, row: int, at_extreme: NDArray[np.intp], size: int) -> None:
+        """Add the runs of a piece, the first joined to the one that the piece before ended with."""
+        if at_extreme.size == 0:
+            self._run[row] = 0
+            return
+        breaks = np.flatnonzero(np.diff(at_extreme) > 1) + 1
+        starts = at_extreme[np.concatenate(([0], breaks))]
+        lengths = np.diff(np.concatenate(([0], breaks, [at_extreme.size])))
+        if starts[0] == 0 and self._run[row]:
+            joined = self._run[row] + lengths[0]
+            counted = self._run[row] if self._run[row] >= SHORTEST_FLAT_TOP else 0
+            self.flat_samples[row] += joined - counted if joined >= SHORTEST_FLAT_TOP else 0
+            run_before, lengths, starts = joined, lengths[1:], starts[1:]
+        else:
+            run_before = 0
+        self.flat_samples[row] += int(np.sum(lengths[lengths >= SHORTEST_FLAT_TOP]))
+        reaches_end = at_extreme[-1] == size - 1
+        self._run[row] = 0 if not reaches_end else int(lengths[-1]) if lengths.size else int(run_before)
+
+
+def require_same_rate(drive_rate: float, response_rate: float) -> None:
+    """Refuse records of different sample rates.
+
+    Parameters
+    ----------
+    drive_rate, response_rate
+        In hertz.
+
+    Raises
+    ------
+    ValueError
+        Where they differ: one FRF has one time base, and nothing is resampled unasked.
+    """
+    if drive_rate != response_rate:
+        raise ValueError(
+            f"The drive is sampled at {drive_rate:g} Hz, the response at {response_rate:g} Hz; "
+            "both must have one rate: resample one of them."
+        )

@@ -1,0 +1,57 @@
+"""Which samples of a record that arrives in pieces belong to which capture."""
+
+from collections.abc import Iterator
+
+from identifier.layout import Capture, Layout
+
+
+class UsedStretches:
+    """Follows a record piece by piece and says which samples of each piece are used.
+
+    Parameters
+    ----------
+    layout
+        Of the record.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._stretches = [
+            (capture, capture.start, capture.start + layout.samples_of(capture)) for capture in layout.captures
+        ]
+        self._samples = layout.samples
+        self._position = 0
+
+    @property
+    def position(self) -> int:
+        """Samples of the record that have passed."""
+        return self._position
+
+    def next_pieces(self, samples: int) -> Iterator[tuple[Capture, slice, bool]]:
+        """Yield what is used of the next samples.
+
+        Parameters
+        ----------
+        samples
+            How many samples arrived.
+
+        Yields
+        ------
+        tuple
+            The capture, its samples within the piece, and whether it ends with them.
+
+        Raises
+        ------
+        ValueError
+            Where the record is longer than its layout.
+        """
+        first = self._position
+        last = first + samples
+        if last > self._samples:
+            raise ValueError(
+                f"The record has {last} samples or more, its layout {self._samples}; "
+                "estimate from the record of the drive that was played."
+            )
+        self._position = last
+        for capture, start, stop in self._stretches:
+            if start < last and stop > first:
+                yield capture, slice(max(start, first) - first, min(stop, last) - first), stop <= last

@@ -1,0 +1,48 @@
+"""Excitations: PSDs, random noise, sweeps, multisines, what keeps the drives of several actuators apart, and levels.
+
+`design_experiment` makes the drive and says where its captures lie; `plan_experiment` says what it takes and gives
+before it is made.
+"""
+
+from identifier.excitation.crest_factor import crest_factors, minimise_crest_factor
+from identifier.excitation.design import Experiment, design_experiment
+from identifier.excitation.fades import linear_fades
+from identifier.excitation.hadamard import hadamard_matrix, nearest_hadamard_order, sign_matrix
+from identifier.excitation.levels import check_levels
+from identifier.excitation.orthogonal import PhaseSet, dft_matrix, draw_phases
+from identifier.excitation.plan import ExperimentPlan, plan_experiment, shortest_delay_seconds
+from identifier.excitation.power_spectrum import PowerSpectrum, TabulatedSpectrum, White, WhitePink
+from identifier.excitation.pure_random import pure_random
+from identifier.excitation.rig_drive import make_experiment
+from identifier.excitation.schedule import AVERAGES_PER_DRIVE, averages_of, schedule_experiment
+from identifier.excitation.settings import ExcitationKind, ExcitationSettings, LevelKind
+
+__all__ = [
+    "AVERAGES_PER_DRIVE",
+    "ExcitationKind",
+    "ExcitationSettings",
+    "Experiment",
+    "ExperimentPlan",
+    "LevelKind",
+    "PhaseSet",
+    "PowerSpectrum",
+    "TabulatedSpectrum",
+    "White",
+    "WhitePink",
+    "averages_of",
+    "check_levels",
+    "crest_factors",
+    "design_experiment",
+    "dft_matrix",
+    "draw_phases",
+    "hadamard_matrix",
+    "linear_fades",
+    "make_experiment",
+    "minimise_crest_factor",
+    "nearest_hadamard_order",
+    "plan_experiment",
+    "pure_random",
+    "schedule_experiment",
+    "shortest_delay_seconds",
+    "sign_matrix",
+]

@@ -1,0 +1,62 @@
+"""Burst random: noise that stops early enough for the response to die out before the block ends."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifier.excitation.fades import linear_fades
+from identifier.excitation.power_spectrum import PowerSpectrum
+from identifier.excitation.pure_random import shaped_noise
+from identifier.excitation.random_streams import Purpose, random_stream
+
+
+def burst_random(
+    spectra: Sequence[PowerSpectrum],
+    *,
+    bursts: int,
+    block_samples: int,
+    burst_samples: int,
+    fade_samples: int,
+    sample_rate: float,
+    seed: int,
+) -> NDArray[np.float64]:
+    """Independent bursts of Gaussian noise, one at the beginning of every block, followed by rest.
+
+    A burst widens the band by about one over its length; that is the price of a block that begins and ends at rest.
+
+    Parameters
+    ----------
+    spectra
+        Shape of each drive's PSD before the burst is cut out.
+    bursts
+        Number of blocks, 1 or more.
+    block_samples
+        Samples in a block.
+    burst_samples
+        Samples of it that are not 0, its fades included, at most a block.
+    fade_samples
+        Samples of the linear fade at either end of a burst, at most half of it.
+    sample_rate
+        In hertz.
+    seed
+        Root of one independent stream per drive and burst.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (drives, bursts * block_samples); the scale means nothing.
+
+    Notes
+    -----
+    Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 5.
+    """
+    gate = np.zeros(block_samples)
+    gate[:burst_samples] = linear_fades(burst_samples, fade_samples)
+    drive = np.empty((len(spectra), bursts, block_samples))
+    for index, spectrum in enumerate(spectra):
+        for burst in range(bursts):
+            stream = random_stream(seed, Purpose.BURST, burst, index)
+            noise = shaped_noise(spectrum, samples=block_samples, sample_rate=sample_rate, generator=stream)
+            drive[index, burst] = gate * noise
+    return drive.reshape(len(spectra), bursts * block_samples)

@@ -1,0 +1,106 @@
+"""Levels of the drives: made exact, and refused where they pass a channel's limits."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.v1 import array_pb2
+from identifier.excitation.settings import LevelKind
+from identifier.layout import Layout
+from identifier.setting_error import SettingError
+
+
+def scale_to_levels(
+    drive: NDArray[np.float64], *, layout: Layout, levels: Sequence[float], level_kind: LevelKind
+) -> None:
+    """Scale each drive to its level, in place, with one factor each: `S_uu` stays diagonal.
+
+    Parameters
+    ----------
+    drive
+        Shape (drives, samples), no row all 0; is changed.
+    layout
+        Of the drive; an RMS is taken over its captures, a peak over everything.
+    levels
+        Of each drive, in its unit.
+    level_kind
+        What they are.
+    """
+    if level_kind is LevelKind.PEAK:
+        present = np.max(np.abs(drive), axis=1)
+    else:
+        energy, samples = np.zeros(drive.shape[0]), 0
+        for capture in layout.captures:
+            used = drive[:, capture.start : capture.start + layout.samples_of(capture)]
+            energy += np.einsum("ij,ij->i", used, used)
+            samples += used.shape[1]
+        present = np.sqrt(energy / samples)
+    drive *= (np.asarray(levels, dtype=np.float64) / present)[:, None]
+
+
+def check_levels(
+    drive: NDArray[np.float64],
+    *,
+    channels: Sequence[array_pb2.Channel],
+    levels: Sequence[float],
+    sample_rate: float,
+    level_kind: LevelKind = LevelKind.RMS,
+) -> None:
+    """Refuse a drive that would pass a limit of its channel, before it is played.
+
+    Parameters
+    ----------
+    drive
+        Shape (drives, samples), each row in its channel's unit.
+    channels
+        The drives in order, with minimum, maximum and, where one is stated, the slew limit.
+    levels
+        The level each was made with, in its unit.
+    sample_rate
+        In hertz.
+    level_kind
+        What the levels are.
+
+    Raises
+    ------
+    SettingError
+        Where drives pass their limits; names every such drive with its peak, the limit and the level that would fit.
+    """
+    article, name = ("an", "RMS") if level_kind is LevelKind.RMS else ("a", "peak")
+    offences = []
+    for row, channel, level in zip(drive, channels, levels, strict=True):
+        reaches = [
+            (float(row.max()), channel.maximum, channel.unit),
+            (float(row.min()), channel.minimum, channel.unit),
+        ]
+        if channel.slew_limit > 0.0 and row.size > 1:
+            fastest = float(np.max(np.abs(np.diff(row)))) * sample_rate
+            reaches.append((fastest, channel.slew_limit, f"{channel.unit}/s"))
+        peak, limit, unit = max(reaches, key=lambda reach: _excess(reach[0], reach[1]))
+        excess = _excess(peak, limit)
+        if excess > 1.0:
+            fitting = _round_down(level / excess)
+            offences.append(
+                f"{channel.name} would reach {peak:.4g} {unit} beyond its limit of {limit:g} {unit} "
+                + (f"({article} {name} of {fitting:g} {channel.unit} fits)" if fitting > 0.0 else f"(no {name} fits)")
+            )
+    if offences:
+        raise SettingError(
+            f"The excitation is too large: {'; '.join(offences)}.", field=f"excitation.{level_kind.value}"
+        )
+
+
+def _excess(peak: float, limit: float) -> float:
+    """Peak over limit in that direction; infinite where the limit leaves no room at all."""
+    if peak == 0.0:
+        return 0.0
+    return peak / limit if peak * limit > 0.0 else np.inf if limit == 0.0 else 0.0
+
+
+def _round_down(value: float) -> float:
+    """Three significant digits, never more than the value."""
+    if value <= 0.0:
+        return 0.0
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2.0)
+    return float(np.floor(value / unit) * unit)

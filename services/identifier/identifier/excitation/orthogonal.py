@@ -1,0 +1,131 @@
+"""Sets of multisines: how drives and experiments share phases, and what keeps the drives apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifier.excitation.hadamard import nearest_hadamard_order, sign_matrix
+from identifier.excitation.random_streams import Purpose, random_stream
+from identifier.excitation.settings import ExcitationKind
+
+
+@dataclass(frozen=True)
+class PhaseSet:
+    """Phases of one realisation: drive i in experiment c has ``rows_i mixing_ic columns_c`` at each line.
+
+    Everything in it has magnitude 1, so the amplitudes of the lines alone decide PSD and level.
+
+    Parameters
+    ----------
+    mixing
+        Complex, shape (drives, experiments); orthogonal rows make `S_uu` diagonal over the set.
+    rows
+        Complex, shape (drives or 1, 1, lines); 1 where all drives share one block.
+    columns
+        Complex, shape (1, experiments or 1, lines); 1 where the experiments have no phases of their own.
+    """
+
+    mixing: NDArray[np.complex128]
+    rows: NDArray[np.complex128]
+    columns: NDArray[np.complex128]
+
+    def lines(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Complex amplitudes of every drive in every experiment.
+
+        Parameters
+        ----------
+        amplitude
+            Shape (drives, lines).
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (drives, experiments, lines).
+        """
+        return amplitude[:, None, :] * self.mixing[:, :, None] * self.rows * self.columns
+
+
+def dft_matrix(order: int) -> NDArray[np.complex128]:
+    """Matrix of the roots of unity, with orthogonal rows for every order.
+
+    Parameters
+    ----------
+    order
+        1 or more.
+
+    Returns
+    -------
+    numpy.ndarray
+        Complex, shape (order, order).
+    """
+    index = np.arange(order)
+    # The product is reduced before it becomes an angle, so that high orders lose no digits.
+    return np.exp(2j * np.pi * ((index[:, None] * index[None, :]) % order) / order)
+
+
+def experiments_of(kind: ExcitationKind, drives: int) -> int:
+    """Experiments in one realisation of a multisine kind.
+
+    Parameters
+    ----------
+    kind
+        A multisine kind.
+    drives
+        1 or more.
+
+    Returns
+    -------
+    int
+        Columns of the kind's matrix; 1 for independent phases.
+    """
+    if kind is ExcitationKind.PSEUDO_RANDOM:
+        return 1
+    return nearest_hadamard_order(drives) if kind is ExcitationKind.HADAMARD else drives
+
+
+def draw_phases(kind: ExcitationKind, *, drives: int, lines: int, realisation: int, seed: int) -> PhaseSet:
+    """Draw the phases of one realisation.
+
+    Parameters
+    ----------
+    kind
+        A multisine kind. `RANDOM_ORTHOGONAL` is ``D_row(e^{j phi}) W D_col(e^{j psi})`` with `W` the DFT matrix, which
+        exists for every number of drives, and new `phi` and `psi` for each realisation.
+    drives
+        1 or more.
+    lines
+        Of the block grid.
+    realisation
+        0 or more.
+    seed
+        Of the experiment.
+
+    Returns
+    -------
+    PhaseSet
+        With phases uniform on the circle.
+
+    Notes
+    -----
+    Source: Dobrowiecki & Schoukens, "Measuring a linear approximation to weakly nonlinear MIMO systems", Automatica 43
+    (2007); Cornelis et al., ISMA 2014, Eqs. 8 and 9, for the signs.
+    """
+
+    def phases(purpose: Purpose, count: int) -> NDArray[np.complex128]:
+        streams = [random_stream(seed, purpose, realisation, index) for index in range(count)]
+        return np.exp(2j * np.pi * np.stack([stream.random(lines) for stream in streams]))
+
+    experiments = experiments_of(kind, drives)
+    if kind is ExcitationKind.PSEUDO_RANDOM:
+        mixing = np.ones((drives, 1), dtype=np.complex128)
+    elif kind is ExcitationKind.HADAMARD:
+        mixing = sign_matrix(drives).astype(np.complex128)
+    else:
+        mixing = dft_matrix(drives)
+    shared = kind in (ExcitationKind.HADAMARD, ExcitationKind.ORTHOGONAL_DFT)
+    rows = phases(Purpose.DRIVE_PHASES, 1 if shared else drives)[:, None, :]
+    columns = np.ones((1, 1, lines), dtype=np.complex128)
+    if kind is ExcitationKind.RANDOM_ORTHOGONAL and experiments > 1:
+        columns = phases(Purpose.EXPERIMENT_PHASES, experiments)[None, :, :]
+    return PhaseSet(mixing=mixing, rows=rows, columns=columns)

@@ -1,0 +1,33 @@
+"""One independent stream of random numbers for every purpose, drive and realisation of an experiment."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Purpose(IntEnum):
+    """What a stream is for; part of its key, so that no two purposes share numbers."""
+
+    DRIVE_PHASES = 1
+    EXPERIMENT_PHASES = 2
+    DETECTION_LINES = 3
+    BURST = 4
+
+
+def random_stream(seed: int, *key: int) -> np.random.Generator:
+    """Make the stream of a key.
+
+    Parameters
+    ----------
+    seed
+        Of the experiment.
+    key
+        Purpose, realisation, drive and so on; what is not in the key cannot change the stream, so a drive's numbers do
+        not depend on how many other drives there are.
+
+    Returns
+    -------
+    numpy.random.Generator
+        At its beginning.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))

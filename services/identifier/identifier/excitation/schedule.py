@@ -1,0 +1,249 @@
+"""When an experiment plays what: blocks, delays, captures and lines, before a single sample is made."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifier.excitation.hadamard import nearest_hadamard_order
+from identifier.excitation.multisine import choose_lines
+from identifier.excitation.orthogonal import experiments_of
+from identifier.excitation.settings import ExcitationKind, ExcitationSettings
+from identifier.layout import Capture, Layout, Window
+from identifier.setting_error import SettingError
+from spectra import count_blocks, hann_periodic, hop_samples, independent_averages, line_frequencies
+
+AVERAGES_PER_DRIVE = 2
+"""Independent averages of random drives needed for each; with as many as drives S_uu is singular by chance alone."""
+
+_DURATION, _FADE = "excitation.duration_seconds", "excitation.fade_seconds"
+
+
+def schedule_experiment(settings: ExcitationSettings, *, drives: int, sample_rate: float) -> Layout:
+    """Lay an experiment out in time and frequency.
+
+    Parameters
+    ----------
+    settings
+        Sound by themselves.
+    drives
+        Of the rig, 1 or more.
+    sample_rate
+        Of the rig, in hertz.
+
+    Returns
+    -------
+    Layout
+        Of the drive that `design_experiment` makes.
+
+    Raises
+    ------
+    SettingError
+        Where levels, band, lines, fades or duration do not fit the rig or would not identify it.
+    """
+    _check_drives(settings, drives)
+    excited, detection = _lines(settings, sample_rate)
+    if settings.kind is ExcitationKind.PURE_RANDOM:
+        captures, samples, fade = _pure_random(settings, drives, sample_rate)
+    elif settings.kind.is_multisine:
+        captures, samples, fade = _multisine(settings, drives, sample_rate)
+    else:
+        captures, samples, fade = _bursts(settings, drives, sample_rate)
+    windowed = settings.kind is ExcitationKind.PURE_RANDOM
+    return Layout(
+        samples=samples,
+        sample_rate=sample_rate,
+        block_samples=settings.block_samples,
+        fade_samples=fade,
+        overlap=settings.overlap if windowed else 0.0,
+        periodic=settings.kind.is_multisine,
+        delay_blocks=settings.delay_blocks if settings.kind.is_multisine else 0,
+        captures=captures,
+        lowest=settings.spectra[0].lowest_frequency,
+        highest=settings.spectra[0].highest_frequency,
+        excited=excited,
+        detection=detection,
+        window=Window.HANN if windowed else Window.NONE,
+    )
+
+
+def averages_of(layout: Layout) -> tuple[int, float]:
+    """Count the blocks that a layout gives and what they are worth.
+
+    Parameters
+    ----------
+    layout
+        Of an experiment.
+
+    Returns
+    -------
+    blocks
+        Averaged (Eq. 10).
+    independent
+        Equivalent independent blocks, overlap and window accounted for.
+    """
+    block = layout.block_samples
+    counts = [count_blocks(layout.samples_of(capture), block, layout.overlap) for capture in layout.captures]
+    if layout.window is Window.NONE:
+        return sum(counts), float(sum(counts))
+    window, hop = hann_periodic(block), hop_samples(block, layout.overlap)
+    return sum(counts), sum(independent_averages(window, hop, count) for count in counts)
+
+
+def burst_samples(settings: ExcitationSettings) -> int:
+    """Count the samples of a burst or sweep, its fades included.
+
+    Parameters
+    ----------
+    settings
+        Of a kind with bursts or sweeps.
+
+    Returns
+    -------
+    int
+        Whole samples, at most a block.
+    """
+    return round(settings.burst_share * settings.block_samples)
+
+
+def _check_drives(settings: ExcitationSettings, drives: int) -> None:
+    if len(settings.levels) != drives:
+        name = settings.level_kind.value
+        raise SettingError(
+            f"{len(settings.levels)} values of {name} were given; the rig has {drives} drives and needs one for each.",
+            field=f"excitation.{name}",
+        )
+
+
+def _lines(settings: ExcitationSettings, sample_rate: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    spectrum, block = settings.spectra[0], settings.block_samples
+    if spectrum.highest_frequency >= sample_rate / 2.0:
+        raise SettingError(
+            f"The band ends at {spectrum.highest_frequency:g} Hz; the rig samples at {sample_rate:g} Hz, so it must "
+            f"end below {sample_rate / 2.0:g} Hz.",
+            field="excitation.spectrum.highest_frequency",
+        )
+    frequency = line_frequencies(block, sample_rate)
+    excited, detection = choose_lines(
+        spectrum,
+        frequency=frequency,
+        odd=settings.odd_lines,
+        detection_share=settings.detection_share,
+        seed=settings.seed,
+    )
+    if not excited.any():
+        raise SettingError(
+            f"Blocks of {block} samples have a line every {sample_rate / block:.4g} Hz and none to excite from "
+            f"{spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz; take longer blocks or a wider band.",
+            field="estimator.block_samples",
+        )
+    if settings.detection_share > 0.0 and not np.any(detection[1::2] if settings.odd_lines else detection):
+        raise SettingError(
+            f"A detection share of {settings.detection_share:g} leaves out none of {int(excited.sum())} lines; "
+            "take a larger share, longer blocks or a wider band.",
+            field="excitation.detection_share",
+        )
+    for index, shape in enumerate(settings.spectra):
+        density = shape.density(frequency[excited])
+        wrong = np.flatnonzero(~((density > 0.0) & (density < np.inf)))
+        if wrong.size:
+            raise SettingError(
+                f"The PSD of drive {index} is {density[wrong[0]]} at {frequency[excited][wrong[0]]:.4g} Hz, inside its "
+                "band; it must be greater than 0 there, or the band must end before.",
+                field="excitation.drive_spectra",
+            )
+    return excited, detection
+
+
+def _pure_random(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+    block, samples, fade = settings.block_samples, settings.samples(sample_rate), settings.fade_samples(sample_rate)
+    used = samples - 2 * fade
+    blocks = count_blocks(used, block, settings.overlap)
+    if blocks == 0:
+        raise SettingError(
+            f"A block of {block} samples lasts {block / sample_rate:g} s; between the fades the excitation lasts only "
+            f"{used / sample_rate:g} s, so take shorter blocks or a longer excitation.",
+            field="estimator.block_samples",
+        )
+    window, hop, needed = hann_periodic(block), hop_samples(block, settings.overlap), AVERAGES_PER_DRIVE * drives
+    averages = independent_averages(window, hop, blocks)
+    if averages < needed:
+        # A long record holds the fewest independent averages per block, so its ratio is always enough.
+        long_record = 10**9
+        enough = math.ceil(needed * long_record / independent_averages(window, hop, long_record))
+        least = ((enough - 1) * hop + block + 2 * fade) / sample_rate
+        raise SettingError(
+            f"An excitation of {settings.duration_seconds:g} s gives {averages:.3g} independent averages; {needed} are "
+            f"needed for {drives} drives, so take {math.ceil(least)} s or more, or shorter blocks.",
+            field=_DURATION,
+        )
+    return (Capture(start=fade, periods=used // block, realisation=0, experiment=0),), samples, fade
+
+
+def _bursts(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+    block, length, fade = settings.block_samples, burst_samples(settings), settings.fade_samples(sample_rate)
+    if 2 * fade >= length:
+        raise SettingError(
+            f"The fade lasts {settings.fade_seconds:g} s and each burst {length / sample_rate:g} s; take a fade "
+            "shorter than half a burst.",
+            field=_FADE,
+        )
+    blocks, sweeps = settings.samples(sample_rate) // block, settings.kind is ExcitationKind.SWEPT_SINE
+    columns = nearest_hadamard_order(drives) if sweeps else 1
+    needed = columns if sweeps else AVERAGES_PER_DRIVE * drives
+    if blocks < needed:
+        raise SettingError(
+            f"An excitation of {settings.duration_seconds:g} s holds {blocks} blocks of {block} samples; {needed} are "
+            f"needed for {drives} drives, so take {math.ceil(needed * block / sample_rate)} s or more, or shorter "
+            "blocks.",
+            field=_DURATION,
+        )
+    blocks -= blocks % columns
+    # A sweep played again is a repeat; a new burst is a new realisation.
+    captures = tuple(
+        Capture(
+            start=index * block,
+            periods=1,
+            realisation=0 if sweeps else index,
+            experiment=index % columns,
+        )
+        for index in range(blocks)
+    )
+    return captures, blocks * block, 0
+
+
+def _multisine(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+    block, fade = settings.block_samples, settings.fade_samples(sample_rate)
+    delay, used = settings.delay_blocks * block, settings.capture_blocks * block
+    if fade > delay:
+        raise SettingError(
+            f"The fade lasts {settings.fade_seconds:g} s and the delay before each capture {delay / sample_rate:g} s; "
+            "take a shorter fade or more delay blocks.",
+            field=_FADE,
+        )
+    columns = experiments_of(settings.kind, drives)
+    realisation = settings.repeats * columns * (delay + used)
+    fitting = (settings.samples(sample_rate) - fade) // realisation
+    # Independent phases make S_uu regular only once there are as many draws as drives.
+    least = drives if settings.kind is ExcitationKind.PSEUDO_RANDOM else 1
+    wanted = max(fitting, 0) if settings.realisations is None else settings.realisations
+    if wanted > fitting or wanted < least:
+        asked = max(wanted, least)
+        raise SettingError(
+            f"{asked} realisations of {realisation / block:g} blocks last "
+            f"{(asked * realisation + fade) / sample_rate:g} s, fade included, of which the excitation's "
+            f"{settings.duration_seconds:g} s hold {max(fitting, 0)}; {least} or more are needed for {drives} "
+            "drives, so take a longer excitation, shorter blocks or fewer of them.",
+            field=_DURATION if wanted > fitting or settings.realisations is None else "excitation.realisations",
+        )
+    order = [(number, column) for number in range(wanted) for _ in range(settings.repeats) for column in range(columns)]
+    captures = tuple(
+        Capture(
+            start=index * (delay + used) + delay,
+            periods=settings.capture_blocks,
+            realisation=number,
+            experiment=column,
+        )
+        for index, (number, column) in enumerate(order)
+    )
+    return captures, len(order) * (delay + used) + fade, fade

@@ -1,0 +1,71 @@
+"""Swept sine: one sweep per block, slow where the PSD is high, with signs that keep the drives apart."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifier.excitation.fades import linear_fades
+from identifier.excitation.hadamard import sign_matrix
+from identifier.excitation.power_spectrum import PowerSpectrum
+
+_STEPS = 4096
+"""Frequencies at which the time of passing is computed; between them it is nearly straight."""
+
+
+def swept_sine(
+    spectra: Sequence[PowerSpectrum],
+    *,
+    sets: int,
+    block_samples: int,
+    sweep_samples: int,
+    fade_samples: int,
+    sample_rate: float,
+) -> NDArray[np.float64]:
+    """Sweeps of all drives at once, each block with the signs of one column of a Hadamard matrix.
+
+    Over a whole set of columns the drives are orthogonal whatever their sweeps, so `S_uu` is diagonal.
+
+    Parameters
+    ----------
+    spectra
+        Shape of each drive's PSD.
+    sets
+        How often all columns are played, 1 or more.
+    block_samples
+        Samples in a block, one sweep each.
+    sweep_samples
+        Samples of it that are not 0, its fades included, at most a block; the rest lets the response die out.
+    fade_samples
+        Samples of the linear fade at either end of a sweep, less than half of it; the frequency stands still meanwhile,
+        so that the band's edges are not weakened.
+    sample_rate
+        In hertz.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (drives, sets * columns * block_samples); the scale means nothing.
+    """
+    block = np.zeros((len(spectra), block_samples))
+    fades = linear_fades(sweep_samples, fade_samples)
+    sweeping = sweep_samples - 2 * fade_samples
+    for index, spectrum in enumerate(spectra):
+        block[index, :sweep_samples] = fades * np.sin(
+            _phase(spectrum, samples=sweeping, held=fade_samples, sample_rate=sample_rate)
+        )
+    signs = sign_matrix(len(spectra))
+    return np.tile((signs[:, :, None] * block[:, None, :]).reshape(len(spectra), -1), (1, sets))
+
+
+def _phase(spectrum: PowerSpectrum, *, samples: int, held: int, sample_rate: float) -> NDArray[np.float64]:
+    """Phase of one sweep of constant amplitude, in radians, with its first and last frequency held.
+
+    The energy that a sine of constant amplitude leaves at a frequency is proportional to the time it spends there
+    (stationary phase), so the time of passing a frequency is the integral of the PSD up to it.
+    """
+    frequency = np.linspace(spectrum.lowest_frequency, spectrum.highest_frequency, _STEPS)
+    density = spectrum.density(frequency)
+    passed = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2.0)])
+    now = np.interp(np.arange(-held, samples + held), passed * ((samples - 1) / passed[-1]), frequency)
+    return 2.0 * np.pi / sample_rate * np.concatenate([[0.0], np.cumsum((now[1:] + now[:-1]) / 2.0)])

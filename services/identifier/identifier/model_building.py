@@ -1,0 +1,187 @@
+"""From what was asked, played and estimated to a model, with its plan, warnings and verdicts."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import identifier_pb2, rig_pb2
+from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
+from identifier.excitation import ExcitationSettings, plan_experiment
+from identifier.layout import Layout
+from identifier.line_filling import fill_lines, valid_band
+from identifier.model import IdentifiedModel, with_id
+from identifier.rig_under_test import RigUnderTest
+from identifier.uncertainty import (
+    DistortionLevels,
+    ValidBand,
+    can_separate,
+    distortion_shares,
+    noise_shares,
+    separate_distortion,
+    separated_verdicts,
+    unexplained_shares,
+    unexplained_verdicts,
+)
+
+_WARNING_CODES: Final = {
+    WarningCode.CLIPPED: identifier_pb2.MODEL_WARNING_CODE_CLIPPED,
+    WarningCode.TRANSIENT: identifier_pb2.MODEL_WARNING_CODE_TRANSIENT_LEFT,
+    WarningCode.FEW_AVERAGES: identifier_pb2.MODEL_WARNING_CODE_FEW_AVERAGES,
+}
+
+
+def plan_message(settings: ExcitationSettings, *, rig: RigUnderTest, band: ValidBand) -> identifier_pb2.ExperimentPlan:
+    """Say what an experiment takes and gives.
+
+    Parameters
+    ----------
+    settings
+        Checked against the rig.
+    rig
+        What it is for.
+    band
+        Where its model will be valid.
+
+    Returns
+    -------
+    ExperimentPlan
+        As a message.
+    """
+    plan = plan_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    return identifier_pb2.ExperimentPlan(
+        duration_seconds=plan.duration_seconds,
+        samples=plan.samples,
+        realisations=plan.realisations,
+        experiments_per_realisation=plan.experiments_per_realisation,
+        periods=plan.periods,
+        delay_share=plan.delay_seconds_share,
+        blocks=plan.blocks,
+        independent_averages=plan.independent_averages,
+        frequency_resolution=plan.frequency_resolution,
+        lines=plan.lines,
+        lowest_frequency=band.lowest,
+        highest_frequency=band.highest,
+    )
+
+
+def model_of(
+    request: identifier_pb2.IdentifyRequest,
+    *,
+    settings: ExcitationSettings,
+    rig: RigUnderTest,
+    layout: Layout,
+    estimate: FrfEstimate,
+    played: rig_pb2.PlayResult,
+    levels: DistortionLevels | None,
+) -> IdentifiedModel:
+    """Put together what was asked, played and estimated.
+
+    Parameters
+    ----------
+    request
+        What was asked for.
+    settings
+        The same, read.
+    rig
+        What it was played on.
+    layout
+        Of the drive.
+    estimate
+        From that playback.
+    played
+        The playback's result, for its epoch and number of signal blocks.
+    levels
+        From `distortion_of`.
+
+    Returns
+    -------
+    IdentifiedModel
+        With its id.
+    """
+    filled, band = fill_lines(estimate), valid_band(layout)
+    names = [channel.name for channel in rig.responses]
+    if levels is not None:
+        verdicts = separated_verdicts(levels, responses=names)
+    else:
+        unexplained = estimate.response_psd * (1.0 - estimate.coherence)
+        shares = unexplained_shares(
+            estimate.frequency, lines=estimate.valid, residual_psd=unexplained, response_psd=estimate.response_psd
+        )
+        verdicts = unexplained_verdicts(shares, responses=names)
+    return with_id(
+        IdentifiedModel(
+            rig=rig.name,
+            drives=rig.drives,
+            responses=rig.responses,
+            sample_rate=rig.sample_rate,
+            frequency=estimate.frequency,
+            frf=filled.frf,
+            coherence=filled.coherence,
+            condition_number=filled.condition_number,
+            residual_psd=filled.residual_psd,
+            row_covariance=filled.row_covariance,
+            interpolated=filled.interpolated,
+            band=band,
+            drive_psd=estimate.drive_psd,
+            response_psd=estimate.response_psd,
+            excitation=request.excitation,
+            estimator=request.estimator,
+            blocks=estimate.blocks,
+            independent_averages=estimate.independent_averages,
+            rig_content_hash=rig.content_hash,
+            run=request.run,
+            signal_epoch=played.epoch,
+            signal_blocks=played.blocks,
+            plan=plan_message(settings, rig=rig, band=band),
+            warnings=tuple(_warning(warning, rig) for warning in estimate.warnings),
+            verdicts=verdicts,
+            distortion=None if levels is None else _distortion(levels),
+        )
+    )
+
+
+def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], layout: Layout) -> DistortionLevels | None:
+    """Tell noise and distortion apart where the experiment allows it.
+
+    Parameters
+    ----------
+    drive
+        Shape (drives, samples), as played.
+    response
+        Shape (responses, samples), as measured.
+    layout
+        Of the drive.
+
+    Returns
+    -------
+    DistortionLevels or None
+        None where it does not.
+    """
+    return separate_distortion(drive, response, layout) if can_separate(layout, drives=drive.shape[0]) else None
+
+
+def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWarning:
+    channels, kind = (rig.drives, "Drive") if warning.of_drive else (rig.responses, "Response")
+    name = "" if warning.channel is None else channels[warning.channel].name
+    # The estimators know channels by number only.
+    sentence = warning.sentence.replace(f"{kind} {warning.channel} ", f"{kind} {name} ") if name else warning.sentence
+    return identifier_pb2.ModelWarning(
+        code=_WARNING_CODES.get(warning.code, identifier_pb2.MODEL_WARNING_CODE_OTHER),
+        channel=name,
+        lowest_frequency=warning.lowest or 0.0,
+        highest_frequency=warning.highest or 0.0,
+        sentence=sentence,
+    )
+
+
+def _distortion(levels: DistortionLevels) -> identifier_pb2.Distortion:
+    return identifier_pb2.Distortion(
+        noise_psd=to_array(levels.noise_psd),
+        distortion_psd=to_array(levels.distortion_psd),
+        odd_distortion_psd=None if levels.odd_psd is None else to_array(levels.odd_psd),
+        even_distortion_psd=None if levels.even_psd is None else to_array(levels.even_psd),
+        distortion_share=to_array(distortion_shares(levels).over_band),
+        noise_share=to_array(noise_shares(levels).over_band),
+    )

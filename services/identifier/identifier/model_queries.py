@@ -1,0 +1,248 @@
+"""What can be asked of a model: prediction, convergence, levels, the difference to another one."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
+from duralab_proto.v1 import array_pb2, identifier_pb2
+from identifier.model import IdentifiedModel
+from identifier.setting_error import SettingError
+from identifier.uncertainty import (
+    ValidBand,
+    advise_levels,
+    difference_sentences,
+    model_difference,
+    predict_convergence,
+    predict_response,
+)
+from identifier.uncertainty.level_advice import CREST_FACTOR
+
+LARGEST_CONVERGENCE_LINES: Final = 4096
+"""More lines of the control band than this would keep a processor busy for minutes."""
+
+
+def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> identifier_pb2.Prediction:
+    """Answer what a model expects of a drive.
+
+    Parameters
+    ----------
+    model
+        Of the rig.
+    request
+        As received; nothing in it is trusted.
+
+    Returns
+    -------
+    Prediction
+        As a message.
+
+    Raises
+    ------
+    SettingError
+        Where the drive does not fit the model.
+    """
+    drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
+    found = predict_response(
+        drive, model.frf, band=model.band, residual_psd=model.residual_psd, row_covariance=model.row_covariance
+    )
+    return identifier_pb2.Prediction(
+        response=to_record(model.responses, model.sample_rate, found.response),
+        uncertainty_rms=to_array(found.uncertainty_rms),
+        share_outside_band=to_array(found.share_outside_band),
+    )
+
+
+def converge(
+    model: IdentifiedModel, request: identifier_pb2.ConvergenceRequest, *, rig: IdentifiedModel | None
+) -> identifier_pb2.Convergence:
+    """Answer how Time Waveform Replication with a model converges.
+
+    Parameters
+    ----------
+    model
+        Whose inverse makes the drives.
+    request
+        As received; nothing in it is trusted.
+    rig
+        The model that stands for the rig; None for `model` itself.
+
+    Returns
+    -------
+    Convergence
+        As a message.
+
+    Raises
+    ------
+    SettingError
+        Where gains or band are not allowed, or the two models do not belong together.
+    """
+    gain = _array(request.iteration_gain, field="iteration_gain", shape=(len(model.responses),))
+    if rig is not None:
+        _check_pair(model, rig, field="rig_model_id")
+    lines = _band(model, request.lowest_frequency, request.highest_frequency).lines
+    if int(lines.sum()) > LARGEST_CONVERGENCE_LINES:
+        raise SettingError(
+            f"The band holds {int(lines.sum())} lines; at most {LARGEST_CONVERGENCE_LINES} are judged: narrow it.",
+            field="highest_frequency",
+        )
+    judge = model if rig is None else rig
+    try:
+        found = predict_convergence(
+            model.frequency[lines],
+            model.frf[lines],
+            gain=gain,
+            residual_psd=judge.residual_psd[lines],
+            row_covariance=judge.row_covariance[lines],
+            response_rms=np.sqrt(np.sum(model.response_psd[lines], axis=0)),
+            rig=None if rig is None else rig.frf[lines],
+        )
+    except ValueError as error:
+        raise SettingError(str(error), field="iteration_gain") from error
+    return identifier_pb2.Convergence(
+        frequency=to_array(found.frequency),
+        spectral_radius=to_array(found.spectral_radius),
+        spectral_radius_95=to_array(found.spectral_radius_95),
+        largest_singular_value=to_array(found.largest_singular_value),
+        converging_share=found.converging_share,
+        sentence=found.sentence,
+    )
+
+
+def advise(model: IdentifiedModel, request: identifier_pb2.AdviceRequest) -> identifier_pb2.LevelAdvice:
+    """Answer which drive levels give responses like a target's.
+
+    Parameters
+    ----------
+    model
+        Of the rig.
+    request
+        As received; nothing in it is trusted.
+
+    Returns
+    -------
+    LevelAdvice
+        As a message.
+
+    Raises
+    ------
+    SettingError
+        Where target, band or crest factor do not fit.
+    """
+    target = _record(request.target, model.responses, model.sample_rate, field="target")
+    band = _band(model, request.lowest_frequency, request.highest_frequency)
+    room = np.array([min(-channel.minimum, channel.maximum) for channel in model.drives])
+    try:
+        advice = advise_levels(
+            target, model.frf, band=band, room=room, crest_factor=request.crest_factor or CREST_FACTOR
+        )
+    except ValueError as error:
+        field = "crest_factor" if "crest factor" in str(error) else "target"
+        raise SettingError(str(error), field=field) from error
+    spacing = model.frequency[1] - model.frequency[0]
+    identified = np.sqrt(np.sum(model.drive_psd[band.lines], axis=0) * spacing)
+    sentences = [
+        f"Identify {channel.name.replace('_', ' ')} at {rms:.3g} {channel.unit} RMS"
+        + (f", as far as its limit allows; the target needs {wanted:.3g} {channel.unit}" if limited else "")
+        + f" (this model: {present:.3g} {channel.unit})."
+        for channel, rms, wanted, limited, present in zip(
+            model.drives, advice.rms, advice.wanted_rms, advice.limited, identified, strict=True
+        )
+    ]
+    return identifier_pb2.LevelAdvice(
+        rms=to_array(advice.rms),
+        wanted_rms=to_array(advice.wanted_rms),
+        largest_rms=to_array(advice.largest_rms),
+        identified_rms=to_array(identified),
+        response_ratio=to_array(advice.response_ratio),
+        sentences=sentences,
+    )
+
+
+def difference(first: IdentifiedModel, second: IdentifiedModel) -> identifier_pb2.ModelDifference:
+    """Compare two models of one rig from the same lines.
+
+    Parameters
+    ----------
+    first, second
+        Models of the same channels and lines.
+
+    Returns
+    -------
+    ModelDifference
+        As a message.
+    """
+    _check_pair(first, second, field="")
+    found = model_difference(
+        first.frf,
+        second.frf,
+        drive_psd=first.drive_psd,
+        first_variance=first.frf_variance,
+        second_variance=second.frf_variance,
+        lines=np.any(first.drive_psd > 0.0, axis=1) & first.band.lines & ~first.interpolated & ~second.interpolated,
+    )
+    names = [channel.name for channel in first.responses]
+    return identifier_pb2.ModelDifference(
+        first_id=first.id,
+        second_id=second.id,
+        relative_difference=to_array(found.relative),
+        expected_by_noise=to_array(found.by_chance),
+        sentences=difference_sentences(found, frequency=first.frequency, responses=names),
+    )
+
+
+def _check_pair(first: IdentifiedModel, second: IdentifiedModel, *, field: str) -> None:
+    same = (
+        [c.name for c in first.drives] == [c.name for c in second.drives]
+        and [c.name for c in first.responses] == [c.name for c in second.responses]
+        and np.array_equal(first.frequency, second.frequency)
+    )
+    if not same:
+        raise SettingError(
+            f"Model {second.id[:12]} of rig {second.rig!r} has other channels or lines than model {first.id[:12]} of "
+            f"rig {first.rig!r}; compare models of one rig with blocks of one length.",
+            field=field,
+        )
+
+
+def _band(model: IdentifiedModel, lowest: float, highest: float) -> ValidBand:
+    if not model.band.lowest <= lowest < highest <= model.band.highest:
+        raise SettingError(
+            f"The band is {lowest:g} to {highest:g} Hz; it must rise and lie within the model's, "
+            f"{model.band.lowest:g} to {model.band.highest:g} Hz.",
+            field="lowest_frequency",
+        )
+    band = ValidBand(
+        lowest=lowest, highest=highest, sample_rate=model.sample_rate, block_samples=model.band.block_samples
+    )
+    if not band.lines.any():
+        raise SettingError(
+            f"No line of the model lies from {lowest:g} to {highest:g} Hz; take a wider band.",
+            field="highest_frequency",
+        )
+    return band
+
+
+def _record(
+    message: array_pb2.Record, channels: tuple[array_pb2.Channel, ...], sample_rate: float, *, field: str
+) -> NDArray[np.float64]:
+    try:
+        given, rate, samples = from_record(message, field=field)
+    except ArrayError as error:
+        raise SettingError(str(error), field=error.field) from error
+    names, wanted = [channel.name for channel in given], [channel.name for channel in channels]
+    if names != wanted or rate != sample_rate or samples.shape[1] == 0:
+        raise SettingError(
+            f"The {field} has {samples.shape[1]} samples of {', '.join(names)} at {rate:g} Hz; the model needs "
+            f"{', '.join(wanted)} at {sample_rate:g} Hz.",
+            field=field,
+        )
+    return samples
+
+
+def _array(message: array_pb2.Array, *, field: str, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    try:
+        return from_array(message, field=field, shape=shape, dtype=np.float64)
+    except ArrayError as error:
+        raise SettingError(str(error), field=error.field) from error

@@ -1,0 +1,116 @@
+"""The rig on the bus: what it is, and playing an experiment on it."""
+
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import ArrayError, from_record, to_record
+from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
+from identifier.rig_under_test import RigUnderTest
+from labbus import Bus, Call, FaultError
+
+
+def describe_rig(bus: Bus, rig: str) -> RigUnderTest:
+    """Ask a rig what it is.
+
+    Parameters
+    ----------
+    bus
+        Open.
+    rig
+        Its name.
+
+    Returns
+    -------
+    RigUnderTest
+        As it described itself.
+
+    Raises
+    ------
+    FaultError
+        Where it is not there, or describes itself in a way that cannot be worked with.
+    """
+    description = bus.query(bus.keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
+    try:
+        return RigUnderTest.from_message(description)
+    except ValueError as error:
+        raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
+
+
+def play_experiment(
+    bus: Bus,
+    request: identifier_pb2.IdentifyRequest,
+    *,
+    rig: RigUnderTest,
+    drive: NDArray[np.float64],
+    call: Call,
+    progress: tuple[float, float],
+) -> tuple[rig_pb2.PlayResult, NDArray[np.float64]]:
+    """Play the drive of an experiment and wait for the response; break off when nobody waits for it any more.
+
+    Parameters
+    ----------
+    bus
+        Open.
+    request
+        Names the run and the rig's seed.
+    rig
+        What it is played on.
+    drive
+        Shape (drives, samples), each row in its channel's unit.
+    call
+        Takes the rig's progress.
+    progress
+        Share of the whole query before and after the playback, 0 to 1.
+
+    Returns
+    -------
+    played
+        The rig's answer.
+    response
+        Shape (responses, samples), each row in its channel's unit.
+
+    Raises
+    ------
+    FaultError
+        Where the rig does not play, answers something else, or the client gave up.
+    """
+    given_up = threading.Event()
+    if call.cancelled:
+        raise FaultError(
+            query_pb2.FAULT_CODE_CANCELLED, f"Run {request.run!r} was given up before it was played; nothing moved."
+        )
+    begin, end = progress
+
+    def pass_on(message: query_pb2.Progress) -> None:
+        # The rig keeps sending progress, so this also notices a client that is gone, within a second.
+        if call.cancelled:
+            given_up.set()
+        share = message.fraction if 0.0 <= message.fraction <= 1.0 else 0.0
+        remaining = message.remaining_seconds if np.isfinite(message.remaining_seconds) else -1.0
+        call.progress(message.phase, begin + (end - begin) * share, remaining_seconds=remaining, detail=message.detail)
+
+    play = rig_pb2.PlayRequest(
+        run=request.run, drive=to_record(rig.drives, rig.sample_rate, drive), seed=request.rig_seed
+    )
+    played = bus.query(bus.keys.rig_play(request.rig), play, rig_pb2.PlayResult, on_progress=pass_on, cancel=given_up)
+    return played, _response_of(played, rig, drive.shape[1])
+
+
+def _response_of(played: rig_pb2.PlayResult, rig: RigUnderTest, samples: int) -> NDArray[np.float64]:
+    """Check that a playback answered what was asked."""
+    try:
+        channels, sample_rate, response = from_record(played.response, field="response")
+    except ArrayError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS, f"Rig {rig.name!r} answered a damaged response: {error}"
+        ) from error
+    names, expected = [c.name for c in channels], [c.name for c in rig.responses]
+    if names != expected or sample_rate != rig.sample_rate or response.shape[1] != samples:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Rig {rig.name!r} answered {response.shape[1]} samples of {names} at {sample_rate:g} Hz; "
+            f"{samples} of {expected} at {rig.sample_rate:g} Hz were expected.",
+        )
+    return response

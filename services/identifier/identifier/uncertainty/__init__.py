@@ -1,0 +1,43 @@
+"""How far an identified model can be trusted: random error, nonlinearity, prediction, convergence, levels."""
+
+from identifier.uncertainty.convergence import Convergence, predict_convergence, spectral_radius
+from identifier.uncertainty.covariance import element_variance, relative_magnitude_variance, row_covariance
+from identifier.uncertainty.distortion import DistortionLevels, can_separate, separate_distortion
+from identifier.uncertainty.level_advice import LevelAdvice, advise_levels
+from identifier.uncertainty.model_difference import ModelDifference, difference_sentences, model_difference
+from identifier.uncertainty.prediction import Prediction, predict_response
+from identifier.uncertainty.valid_band import ValidBand
+from identifier.uncertainty.verdict import (
+    Shares,
+    distortion_shares,
+    noise_shares,
+    separated_verdicts,
+    unexplained_shares,
+    unexplained_verdicts,
+)
+
+__all__ = [
+    "Convergence",
+    "DistortionLevels",
+    "LevelAdvice",
+    "ModelDifference",
+    "Prediction",
+    "Shares",
+    "ValidBand",
+    "advise_levels",
+    "can_separate",
+    "difference_sentences",
+    "distortion_shares",
+    "element_variance",
+    "model_difference",
+    "noise_shares",
+    "predict_convergence",
+    "predict_response",
+    "relative_magnitude_variance",
+    "row_covariance",
+    "separate_distortion",
+    "separated_verdicts",
+    "spectral_radius",
+    "unexplained_shares",
+    "unexplained_verdicts",
+]

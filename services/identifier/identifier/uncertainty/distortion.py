@@ -1,0 +1,210 @@
+"""The robust method: noise and stochastic nonlinear distortion apart, from periods and realisations of a multisine.
+
+Periods of one drive differ by noise alone. Experiments with other phases differ by the distortion as well: a nonlinear
+rig is not its Best Linear Approximation, and what is left over changes with every draw of the phases.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identifier.layout import Layout
+from spectra import as_record
+
+FEWEST_PERIODS = 2
+"""Periods of one drive from which its noise can be told."""
+
+
+@dataclass(frozen=True)
+class DistortionLevels:
+    """Best Linear Approximation of a rig, and what each response holds besides it. Densities, one-sided, unit^2/Hz.
+
+    Each distortion is a difference of two estimates and may lie below 0 by chance where there is none.
+
+    Parameters
+    ----------
+    frequency
+        Shape (lines), in hertz.
+    excited
+        Shape (lines), boolean; everything but `odd_psd` and `even_psd` is 0 at other lines.
+    best_linear_approximation
+        Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
+    response_psd
+        Shape (lines, responses): of the mean periods.
+    noise_psd
+        Shape (lines, responses): of the noise in each period.
+    distortion_psd
+        Shape (lines, responses): of the stochastic nonlinear distortion in each experiment.
+    odd_psd, even_psd
+        Shape (lines, responses): of the distortion at the odd lines left out and at the even lines, 0 at others; None
+        where the excitation has even lines.
+    periods
+        Averaged in each experiment.
+    experiments
+        With different phases.
+    """
+
+    frequency: NDArray[np.float64]
+    excited: NDArray[np.bool_]
+    best_linear_approximation: NDArray[np.complex128]
+    response_psd: NDArray[np.float64]
+    noise_psd: NDArray[np.float64]
+    distortion_psd: NDArray[np.float64]
+    odd_psd: NDArray[np.float64] | None
+    even_psd: NDArray[np.float64] | None
+    periods: int
+    experiments: int
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Experiments less drives: how many squares the sum of noise and distortion was estimated from, per line."""
+        return self.experiments - self.best_linear_approximation.shape[2]
+
+
+def can_separate(layout: Layout, *, drives: int) -> bool:
+    """Whether an experiment tells noise and distortion apart.
+
+    Parameters
+    ----------
+    layout
+        Of the experiment.
+    drives
+        Of the rig, 1 or more.
+
+    Returns
+    -------
+    bool
+        True for periodic excitations with two periods of each drive and more different experiments than drives.
+    """
+    periods = _periods(layout)
+    return layout.periodic and min(periods.values()) >= FEWEST_PERIODS and len(periods) > drives
+
+
+def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -> DistortionLevels:
+    """Tell noise and stochastic nonlinear distortion apart.
+
+    Parameters
+    ----------
+    drive
+        Shape (drives, samples), as played.
+    response
+        Shape (responses, samples), as measured.
+    layout
+        Of a periodic experiment for which `can_separate` is true.
+
+    Returns
+    -------
+    DistortionLevels
+        At the lines of the layout.
+
+    Raises
+    ------
+    ValueError
+        Where the experiment does not tell them apart, experiments have different numbers of periods, or the drives are
+        dependent at an excited line.
+
+    Notes
+    -----
+    Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 4 (robust method, odd
+    multisines with detection lines). Worked on the responses' spectra rather than on FRFs, so that it serves any set of
+    experiments, orthogonal or not, with as many columns as it has.
+    """
+    inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
+    periods = _periods(layout)
+    if not can_separate(layout, drives=inputs.shape[0]) or len(set(periods.values())) != 1:
+        counts = sorted(set(periods.values()))
+        raise ValueError(
+            f"{len(periods)} different experiments with {counts} periods of {inputs.shape[0]} drives do not tell noise "
+            "from distortion; play more experiments than drives, each with the same 2 periods or more."
+        )
+    u, _ = _mean_periods(inputs, layout)
+    y, scatter = _mean_periods(outputs, layout)
+    experiments, each = len(periods), next(iter(periods.values()))
+    scale = 2.0 / (layout.sample_rate * layout.block_samples)
+    noise = scale * scatter / (experiments * (each - 1))
+
+    line = np.flatnonzero(layout.excited)
+    solution = np.zeros((layout.excited.size, outputs.shape[0], inputs.shape[0]), dtype=np.complex128)
+    solution[line] = _least_squares(u[line], y[line], frequency=layout.frequency[line])
+    left_over = y[line] - np.matmul(u[line], solution[line].transpose(0, 2, 1))
+    total = scale * np.sum(np.abs(left_over) ** 2, axis=1) / (experiments - inputs.shape[0])
+
+    mean_power = scale * np.mean(np.abs(y) ** 2, axis=1)
+    odd, even = _by_parity(mean_power - noise / each, layout)
+    return DistortionLevels(
+        frequency=layout.frequency,
+        excited=layout.excited,
+        best_linear_approximation=solution,
+        response_psd=_only(mean_power, layout.excited),
+        noise_psd=_only(noise, layout.excited),
+        distortion_psd=_placed(total - noise[line] / each, line, layout.excited.size),
+        odd_psd=odd,
+        even_psd=even,
+        periods=each,
+        experiments=experiments,
+    )
+
+
+def _periods(layout: Layout) -> dict[tuple[int, int], int]:
+    """Count the periods of each different drive; repeats of a drive add up."""
+    counts: dict[tuple[int, int], int] = {}
+    for capture in layout.captures:
+        key = capture.realisation, capture.experiment
+        counts[key] = counts.get(key, 0) + capture.periods
+    return counts
+
+
+def _mean_periods(record: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Mean spectrum of each experiment's periods, (lines, experiments, channels), and the sum of squares about them."""
+    block = layout.block_samples
+    spectra: dict[tuple[int, int], list[NDArray[np.complex128]]] = {}
+    for capture in layout.captures:
+        stretch = record[:, capture.start : capture.start + capture.periods * block]
+        lines = np.fft.rfft(stretch.reshape(record.shape[0], capture.periods, block), axis=2)
+        spectra.setdefault((capture.realisation, capture.experiment), []).append(lines)
+    means = np.empty((block // 2 + 1, len(spectra), record.shape[0]), dtype=np.complex128)
+    scatter = np.zeros((block // 2 + 1, record.shape[0]))
+    for index, pieces in enumerate(spectra.values()):
+        periods = np.concatenate(pieces, axis=1)
+        mean = np.mean(periods, axis=1)
+        means[:, index] = mean.T
+        scatter += np.sum(np.abs(periods - mean[:, None]) ** 2, axis=1).T
+    return means, scatter
+
+
+def _least_squares(
+    u: NDArray[np.complex128], y: NDArray[np.complex128], *, frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """``H`` in ``y = H u`` at each line, from (lines, experiments, channels)."""
+    length = np.linalg.norm(u, axis=1)
+    condition = np.linalg.cond(np.divide(u, length[:, None, :], where=length[:, None, :] > 0.0, out=np.zeros_like(u)))
+    worst = int(np.argmax(condition))
+    if not condition[worst] < 1.0 / np.sqrt(np.finfo(float).eps):
+        raise ValueError(
+            f"The drives are dependent at {frequency[worst]:.4g} Hz, so no linear approximation can be told; "
+            "play more experiments, or drives with other phases."
+        )
+    return np.matmul(np.linalg.pinv(u), y).transpose(0, 2, 1)
+
+
+def _by_parity(
+    power: NDArray[np.float64], layout: Layout
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    even_line = np.arange(layout.excited.size) % 2 == 0
+    if np.any(layout.excited & even_line):
+        return None, None
+    in_band = (layout.frequency >= layout.lowest) & (layout.frequency <= layout.highest)
+    # Every line that no drive excites shows what the rig itself puts there: squares to even lines, cubes to odd ones.
+    silent = in_band & ~layout.excited
+    return _only(power, silent & ~even_line), _only(power, silent & even_line)
+
+
+def _only(values: NDArray[np.float64], lines: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.where(lines[:, None], values, 0.0)
+
+
+def _placed(values: NDArray[np.float64], line: NDArray[np.intp], lines: int) -> NDArray[np.float64]:
+    result = np.zeros((lines, values.shape[1]))
+    result[line] = values
+    return result

@@ -1,0 +1,113 @@
+"""At which drive levels to identify: those that give responses like the target's, as far as the limits allow.
+
+A rig with friction, bushings and valves is another one at another level, and the iteration starts from the model: it is
+to be identified near the level at which it will work.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identifier.uncertainty.valid_band import ValidBand
+from spectra import as_record
+
+CREST_FACTOR = 4.5
+"""Peak over RMS to leave room for, where none is asked for: Gaussian noise passes it about once in 150 000 samples."""
+
+
+@dataclass(frozen=True)
+class LevelAdvice:
+    """RMS levels for the drives of an identification, each in its drive's unit.
+
+    Parameters
+    ----------
+    rms
+        Shape (drives): proposed, the smaller of the next two.
+    wanted_rms
+        Shape (drives): of the drive that the model says makes the target.
+    largest_rms
+        Shape (drives): at which a drive of that crest factor just reaches its limit.
+    response_ratio
+        Shape (responses): RMS of each response expected at the proposed levels, over the target's.
+    """
+
+    rms: NDArray[np.float64]
+    wanted_rms: NDArray[np.float64]
+    largest_rms: NDArray[np.float64]
+    response_ratio: NDArray[np.float64]
+
+    @property
+    def limited(self) -> NDArray[np.bool_]:
+        """Shape (drives): whether the limit and not the target decides."""
+        return self.wanted_rms > self.largest_rms
+
+
+def advise_levels(
+    target: ArrayLike,
+    frf: NDArray[np.complex128],
+    *,
+    band: ValidBand,
+    room: NDArray[np.float64],
+    crest_factor: float = CREST_FACTOR,
+) -> LevelAdvice:
+    """Propose the levels that give responses like a target's.
+
+    Parameters
+    ----------
+    target
+        Shape (responses, samples), at the model's sample rate.
+    frf
+        Complex, shape (lines, responses, drives), of full column rank in the band.
+    band
+        Where the target counts; within the model's.
+    room
+        Shape (drives), greater than 0: largest magnitude that each drive's limits allow, in its unit.
+    crest_factor
+        Peak over RMS that is left room for, 1 or more.
+
+    Returns
+    -------
+    LevelAdvice
+        For each drive.
+
+    Raises
+    ------
+    ValueError
+        Where the target has other channels than the model, does not move in the band, a drive has no room, or the crest
+        factor is below 1.
+    """
+    record = as_record(target, name="target")
+    responses, drives = frf.shape[1], frf.shape[2]
+    if record.shape[0] != responses:
+        raise ValueError(f"The target has {record.shape[0]} channels; the model has {responses} responses.")
+    if not 1.0 <= crest_factor < np.inf:
+        raise ValueError(f"The crest factor is {crest_factor}; it must be 1 or more and finite.")
+    if room.shape != (drives,) or not np.all(room > 0.0):
+        raise ValueError(f"The limits leave room for {room.tolist()}; every one of {drives} drives needs some.")
+    spectrum = np.fft.rfft(record - np.mean(record, axis=1, keepdims=True), axis=1)
+    frequency = np.arange(spectrum.shape[1]) * (band.sample_rate / record.shape[1])
+    inside = band.contains(frequency)
+    wished = spectrum[:, inside].T
+    target_rms = _rms(wished, record.shape[1])
+    if not np.all(target_rms > 0.0):
+        raise ValueError(
+            f"The target of response {int(np.argmin(target_rms))} does not move from {band.lowest:g} to "
+            f"{band.highest:g} Hz; every response needs a target there."
+        )
+    # Each response counts by its own size, so that one in newtons does not outweigh one in newton metres.
+    weight = 1.0 / target_rms
+    matrix = band.between_lines(frf, frequency[inside])
+    inverse = np.linalg.pinv(matrix * weight[:, None]) * weight
+    needed = np.einsum("fji,fi->fj", inverse, wished)
+    wanted = _rms(needed, record.shape[1])
+    largest = room / crest_factor
+    proposed = np.minimum(wanted, largest)
+    scaled = needed * np.divide(proposed, wanted, out=np.zeros(drives), where=wanted > 0.0)
+    reached = _rms(np.einsum("fij,fj->fi", matrix, scaled), record.shape[1])
+    return LevelAdvice(rms=proposed, wanted_rms=wanted, largest_rms=largest, response_ratio=reached / target_rms)
+
+
+def _rms(lines: NDArray[np.complex128], samples: int) -> NDArray[np.float64]:
+    """RMS of each channel from its one-sided spectrum, (lines, channels), without mean and Nyquist line."""
+    return np.sqrt(2.0 * np.sum(np.abs(lines) ** 2, axis=0)) / samples

@@ -1,0 +1,95 @@
+"""What a model expects of a drive, and how sure it is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identifier.uncertainty.valid_band import ValidBand
+from spectra import as_record
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The response that a model expects of a drive, in the model's band.
+
+    Parameters
+    ----------
+    response
+        Shape (responses, samples), without static part.
+    uncertainty_rms
+        Shape (responses): RMS of the error that the random errors of the FRF put into it, in the response's unit.
+    share_outside_band
+        Shape (drives): share of each drive's power, 0 to 1, that lies outside the band and is left out; its mean is no
+        part of either.
+    """
+
+    response: NDArray[np.float64]
+    uncertainty_rms: NDArray[np.float64]
+    share_outside_band: NDArray[np.float64]
+
+
+def predict_response(
+    drive: ArrayLike,
+    frf: NDArray[np.complex128],
+    *,
+    band: ValidBand,
+    residual_psd: NDArray[np.float64],
+    row_covariance: NDArray[np.complex128],
+) -> Prediction:
+    """Apply a model to a drive, ``Y = H U`` at the lines of the whole record.
+
+    Parameters
+    ----------
+    drive
+        Shape (drives, samples), at the model's sample rate; taken as zero outside.
+    frf
+        Complex, shape (lines, responses, drives).
+    band
+        Where the model is valid.
+    residual_psd, row_covariance
+        Shapes (lines, responses) and (lines, drives, drives): covariance of the model's rows, see `row_covariance`.
+
+    Returns
+    -------
+    Prediction
+        As many samples as the drive.
+
+    Raises
+    ------
+    ValueError
+        Where the drive has other channels than the model.
+
+    Notes
+    -----
+    Between the model's lines the FRF is laid straight, so the lines must be close enough for its resonances. Source:
+    the forward prediction of Cornelis et al., ISMA 2014, section 3.
+    """
+    record = as_record(drive, name="drive")
+    drives = frf.shape[2]
+    if record.shape[0] != drives:
+        raise ValueError(f"The drive has {record.shape[0]} channels; the model has {drives} drives.")
+    count = record.shape[1]
+    moving = record - np.mean(record, axis=1, keepdims=True)
+    # A rig answers after the drive; one more block of zeros keeps the end from coming back at the start.
+    length = count + band.block_samples
+    spectrum = np.fft.rfft(moving, n=length, axis=1)
+    frequency = np.arange(spectrum.shape[1]) * (band.sample_rate / length)
+    inside = band.contains(frequency)
+    matrix = band.between_lines(frf, frequency[inside])
+    result = np.zeros((frf.shape[1], frequency.size), dtype=np.complex128)
+    result[:, inside] = np.einsum("fij,jf->if", matrix, spectrum[:, inside])
+    response = np.fft.irfft(result, n=length, axis=1)[:, :count]
+
+    power = np.abs(spectrum) ** 2
+    total = np.sum(power, axis=1)
+    outside = np.divide(np.sum(power[:, ~inside], axis=1), total, out=np.zeros_like(total), where=total > 0.0)
+    covariance = band.between_lines(row_covariance, frequency[inside])
+    residual = band.between_lines(residual_psd, frequency[inside])
+    played = spectrum[:, inside].T
+    # E|d u|^2 = S_ee u^T R conj(u), twice for the negative frequencies, over the record by Parseval.
+    each = np.einsum("fj,fjk,fk->f", played, covariance, played.conj()).real
+    variance = 2.0 * (each @ residual) / (length * count)
+    return Prediction(
+        response=np.ascontiguousarray(response), uncertainty_rms=np.sqrt(variance), share_outside_band=outside
+    )

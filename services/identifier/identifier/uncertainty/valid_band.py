@@ -1,0 +1,71 @@
+"""Where a model is valid, and its values between its own lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spectra import line_frequencies
+
+
+@dataclass(frozen=True)
+class ValidBand:
+    """The lines of a model that were identified, from the lowest to the highest.
+
+    Parameters
+    ----------
+    lowest, highest
+        In hertz, both included.
+    sample_rate
+        In hertz.
+    block_samples
+        Of the block whose lines the model has.
+    """
+
+    lowest: float
+    highest: float
+    sample_rate: float
+    block_samples: int
+
+    @property
+    def lines(self) -> NDArray[np.bool_]:
+        """Shape (block_samples // 2 + 1): the model's lines in the band."""
+        return self.contains(line_frequencies(self.block_samples, self.sample_rate))
+
+    def contains(self, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each frequency lies in the band.
+
+        Parameters
+        ----------
+        frequency
+            Shape (lines), in hertz.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (lines), boolean.
+        """
+        return (frequency >= self.lowest) & (frequency <= self.highest)
+
+    def between_lines(self, values: NDArray, frequency: NDArray[np.float64]) -> NDArray:
+        """Lay values of the model's lines straight to other frequencies.
+
+        Parameters
+        ----------
+        values
+            Shape (lines, ...), real or complex, at the model's lines.
+        frequency
+            Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value
+            stands in.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (new lines, ...).
+        """
+        held = np.flatnonzero(self.lines)
+        position = np.clip(frequency * (self.block_samples / self.sample_rate), held[0], held[-1])
+        below = np.minimum(position.astype(int), held[-1])
+        above = np.minimum(below + 1, held[-1])
+        share = (position - below).reshape(-1, *(1,) * (values.ndim - 1))
+        return values[below] * (1.0 - share) + values[above] * share

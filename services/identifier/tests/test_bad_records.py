@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from known_plants import RATE, error, lightly_damped, noise_layout, periodic_experiment, respond
+
+from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate, require_same_rate
+
+SAMPLES = 40_000
+LAYOUT = noise_layout(SAMPLES)
+
+
+@pytest.fixture
+def records():
+    generator = np.random.default_rng(4)
+    drive = generator.standard_normal((2, SAMPLES))
+    return drive, respond(drive) + 0.01 * generator.standard_normal((3, SAMPLES))
+
+
+def test_a_sound_record_has_no_warning(records):
+    for kind in EstimatorKind:
+        if kind is not EstimatorKind.H2:
+            assert estimate(kind, *records, LAYOUT).warnings == ()
+
+
+def test_a_clipped_response_is_named_with_its_share(records):
+    drive, response = records
+    limit = 1.5 * np.std(response[1])
+    clipped = response.copy()
+    clipped[1] = np.clip(response[1], -limit, np.inf)
+    warning, *others = estimate(EstimatorKind.H1, drive, clipped, LAYOUT).warnings
+    assert not others
+    assert (warning.code, warning.channel, warning.of_drive) == (WarningCode.CLIPPED, 1, False)
+    share = np.mean(clipped[1] == -limit)
+    assert 0.5 * share < warning.size <= share
+    assert "Response 1 is clipped" in warning.sentence
+
+
+@pytest.mark.parametrize("piece", [1, 2, 5, 64, 1000])
+def test_flat_tops_are_found_however_the_record_is_cut(piece):
+    generator = np.random.default_rng(8)
+    drive = np.clip(generator.standard_normal((1, 3000)).cumsum(axis=1) % 7.0, 0.5, 3.0)
+    layout = noise_layout(3000, block=256)
+    running = Estimation(EstimatorKind.H1, layout, drives=1, responses=1, options=EstimatorOptions())
+    response = generator.standard_normal((1, 3000))
+    for start in range(0, 3000, piece):
+        running.add(drive[:, start : start + piece], response[:, start : start + piece])
+    expected = 0
+    for extreme in (0.5, 3.0):
+        runs = "".join("x" if value == extreme else " " for value in drive[0]).split()
+        expected += sum(len(run) for run in runs if len(run) >= 3)
+    (warning,) = running.estimate().warnings
+    assert warning.of_drive
+    assert warning.size == pytest.approx(expected / 3000, abs=1e-12)
+
+
+def test_a_dead_channel_is_refused_by_name(records):
+    drive, response = records
+    dead = response.copy()
+    dead[0], dead[2] = 4.5, 0.0
+    with pytest.raises(ValueError, match=r"response 0 stays at 4.5, response 2 stays at 0; check their sensors"):
+        estimate(EstimatorKind.H1, drive, dead, LAYOUT)
+
+
+@pytest.mark.parametrize("kind", [EstimatorKind.H1, EstimatorKind.LOCAL_RATIONAL])
+def test_an_all_zero_drive_is_refused(records, kind):
+    drive, response = records
+    with pytest.raises(ValueError, match=r"drive 1 stays at 0; excite every drive"):
+        estimate(kind, drive * [[1.0], [0.0]], response, LAYOUT)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_not_finite_is_refused_with_channel_and_sample(records, value):
+    drive, response = records
+    spoilt = response.copy()
+    spoilt[1, 777] = value
+    with pytest.raises(ValueError, match=r"response holds .* in channel 1 at sample 777"):
+        estimate(EstimatorKind.H1, drive, spoilt, LAYOUT)
+
+
+def test_a_record_that_does_not_fit_its_layout_is_refused(records):
+    drive, response = records
+    with pytest.raises(ValueError, match="40000 samples were played and 39999 measured"):
+        estimate(EstimatorKind.H1, drive, response[:, 1:], LAYOUT)
+    with pytest.raises(ValueError, match="The record has 39999 samples, its layout 40000"):
+        estimate(EstimatorKind.H1, drive[:, 1:], response[:, 1:], LAYOUT)
+    longer = (np.hstack([record, record[:, :1]]) for record in (drive, response))
+    with pytest.raises(ValueError, match="The record has 40001 samples or more"):
+        estimate(EstimatorKind.H1, *longer, LAYOUT)
+
+
+def test_a_record_shorter_than_a_block_has_no_layout():
+    with pytest.raises(ValueError, match="capture"):
+        noise_layout(1000, block=1024)
+
+
+def test_records_of_different_rates_are_refused():
+    require_same_rate(RATE, RATE)
+    with pytest.raises(ValueError, match="at 1000 Hz, the response at 999 Hz"):
+        require_same_rate(RATE, 999.0)
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_a_transient_left_in_the_captures_is_named(periods):
+    plant = lightly_damped(0.01)
+    drive, layout = periodic_experiment(delay=1, periods=periods)
+    generator = np.random.default_rng(3)
+    response = respond(drive, plant)
+    response += 1e-3 * np.std(response) * generator.standard_normal(response.shape)
+    found = [w for w in estimate(EstimatorKind.H1, drive, response, layout).warnings if w.code is WarningCode.TRANSIENT]
+    assert [warning.channel for warning in found] == [0, 1]
+    # The pole pair decays by exp(-zeta omega T) over the delay block, here to a quarter and to a tenth.
+    assert 0.02 < found[0].size < 0.5
+    assert found[1].size < found[0].size
+
+
+@pytest.mark.parametrize("periods", [1, 3])
+def test_noise_alone_is_no_transient(periods):
+    drive, layout = periodic_experiment(delay=4, periods=periods)
+    generator = np.random.default_rng(3)
+    response = respond(drive)
+    response += 0.3 * np.std(response) * generator.standard_normal(response.shape)
+    assert estimate(EstimatorKind.H1, drive, response, layout).warnings == ()
+
+
+def test_no_more_captures_than_drives_is_said():
+    alone, layout = periodic_experiment(drives=1, experiments=2)
+    once = alone[:, : layout.samples // 2]
+    drive = np.vstack([np.hstack([once, once]), np.hstack([once, -once])])
+    result = estimate(EstimatorKind.H1, drive, respond(drive), layout)
+    assert [warning.code for warning in result.warnings] == [WarningCode.FEW_AVERAGES]
+    assert not np.any(result.residual_psd)
+    assert np.max(error(result)) < 1e-12

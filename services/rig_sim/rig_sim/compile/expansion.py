@@ -1,0 +1,193 @@
+"""Write transcendental functions as sums and products, so that they run in the lanes of vectors like all else.
+
+A call of the mathematical library computes one lane at a time, and every register must be saved around it. Here a
+traced model gets a twin in which each function is its argument brought near zero and a Taylor polynomial there, with no
+branch: errors stay within a few units in the last place for all finite arguments (tests hold them to numpy's). What is
+given up is the sign of a zero; an angle beyond 2^50 rad, whose last digit is a fifth of a radian, gives NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+
+from rig_sim.compile.operations import Operation
+from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.traced_model import TracedModel
+from rig_sim.compile.tracing import Expression, Graph
+
+#: pi/2 and ln 2 to more digits than a double has (Abramowitz and Stegun, table 1.1).
+_HALF_PI = Fraction("1.5707963267948966192313216916397514420985846996875529104874722961539")
+_LN_2 = Fraction("0.6931471805599453094172321214581765680755001343602552541206800094934")
+_LARGEST_ANGLE = 2.0**50
+_BEYOND = 1.0e300  # times an angle above that: infinite, hence NaN
+_TAN_PI_8 = math.sqrt(2.0) - 1.0
+_SMALLEST = 5.0e-324
+# Where the exponential is 0 or infinite, and where the hyperbolic tangent is 1, to the last digit.
+_LOWEST_POWER, _HIGHEST_POWER, _SATURATED = -746.0, 710.0, 20.0
+
+
+def _parts(number: Fraction, count: int, *, bits: int = 53) -> list[float]:
+    """Split a number into doubles of falling size, all positive, whose sum it is."""
+    parts = []
+    for _ in range(count):
+        unit = Fraction(2) ** (math.frexp(float(number))[1] - bits)
+        part = number // unit * unit
+        parts.append(float(part))
+        number -= part
+    return parts
+
+
+_SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
+_COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(1, 10)]
+_EXPONENTIAL = [1.0 / math.factorial(k) for k in range(2, 15)]
+_ARCTANGENT = [(-1.0) ** k / (2 * k + 1) for k in range(1, 21)]
+
+
+def expanded(traced: TracedModel) -> TracedModel:
+    """Return the model with every transcendental function written out.
+
+    Parameters
+    ----------
+    traced : TracedModel
+
+    Returns
+    -------
+    TracedModel
+        In a graph of its own, equal to a few units in the last place.
+    """
+    graph = Graph()
+    made: dict[int, Expression] = {}
+    arguments = (*traced.state, *traced.inputs)
+    for argument in arguments:
+        made[argument.index] = graph.input(argument.name)
+    for node in creation_order((*traced.derivative, *traced.outputs)):
+        if node.value is not None:
+            made[node.index] = graph.constant(node.value)
+        elif node.operation is not Operation.INPUT:
+            operands = [made[operand.index] for operand in node.operands]
+            expansion = _EXPANSIONS.get(node.operation)
+            made[node.index] = expansion(*operands) if expansion else graph.apply(node.operation, *operands)
+
+    def twins(expressions: Sequence[Expression]) -> tuple[Expression, ...]:
+        return tuple(made[expression.index] for expression in expressions)
+
+    return TracedModel(twins(traced.state), twins(traced.inputs), twins(traced.derivative), twins(traced.outputs))
+
+
+def _polynomial(x: Expression, coefficients: Sequence[float]) -> Expression:
+    """Return the sum of the coefficients times rising powers of x."""
+    total = x.graph.constant(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
+
+
+def _floor(x: Expression) -> Expression:
+    return x.graph.apply(Operation.FLOOR, x)
+
+
+def _fused(a: Expression, b: float, c: Expression) -> Expression:
+    """Return a*b + c with one rounding, also where products and sums must not be fused otherwise."""
+    return a.graph.apply(Operation.FUSED, a, b, c)
+
+
+def _select(condition: Expression, positive: Expression | float, negative: Expression | float) -> Expression:
+    return condition.graph.apply(Operation.SELECT_POSITIVE, condition, positive, negative)
+
+
+def _quarters(angle: Expression) -> tuple[Expression, Expression]:
+    """Return the number of quarter turns in an angle, and what is left, within pi/4.
+
+    The first of three subtractions is exact: both terms are multiples of 2^-52 and their difference is below 1 (Boldo,
+    Daumas and Li, Formally Verified Argument Reduction with a Fused Multiply-Add, IEEE Trans. Comput. 58, 2009).
+    """
+    angle = angle * _select(_LARGEST_ANGLE - abs(angle), 1.0, _BEYOND)
+    turns = _floor(angle * float(1 / _HALF_PI) + 0.5)
+    left = angle
+    for part in _parts(_HALF_PI, 3):
+        left = _fused(turns, -part, left)
+    return turns, left
+
+
+def _both(angle: Expression) -> tuple[Expression, Expression, Expression, Expression]:
+    """Return sine and cosine of what is left of an angle; then whether they change places, and the sine's sign."""
+    turns, left = _quarters(angle)
+    square = left * left
+    sine = left + left * (square * _polynomial(square, _SINE))
+    cosine = 1.0 + square * _polynomial(square, _COSINE)
+    quadrant = turns - 4.0 * _floor(turns * 0.25)
+    half = _floor(quadrant * 0.5)
+    return sine, cosine, quadrant - 2.0 * half, 1.0 - 2.0 * half
+
+
+def _sine(angle: Expression) -> Expression:
+    sine, cosine, odd, sign = _both(angle)
+    return sign * _select(odd - 0.5, cosine, sine)
+
+
+def _cosine(angle: Expression) -> Expression:
+    sine, cosine, odd, sign = _both(angle)
+    return sign * (1.0 - 2.0 * odd) * _select(odd - 0.5, sine, cosine)
+
+
+def _powers(x: Expression) -> tuple[Expression, Expression]:
+    """Return n and e^r - 1 of x = n ln 2 + r, r within ln 2 / 2."""
+    whole = _floor(x * float(1 / _LN_2) + 0.5)
+    left = x
+    for part in _parts(_LN_2, 2, bits=42):  # n has 11 bits: the product with the first part is exact
+        left = _fused(whole, -part, left)
+    return whole, left + left * left * _polynomial(left, _EXPONENTIAL)
+
+
+def _power_of_two(whole: Expression) -> Expression:
+    return whole.graph.apply(Operation.POWER_OF_TWO, whole)
+
+
+def _clamped(x: Expression, lowest: float, highest: float) -> Expression:
+    return x.graph.apply(Operation.MINIMUM, x.graph.apply(Operation.MAXIMUM, x, lowest), highest)
+
+
+def _exponential(x: Expression) -> Expression:
+    whole, less_one = _powers(_clamped(x, _LOWEST_POWER, _HIGHEST_POWER))
+    # In two factors: the power itself may be below the smallest or above the largest number.
+    half = _floor(whole * 0.5)
+    return (1.0 + less_one) * _power_of_two(half) * _power_of_two(whole - half)
+
+
+def _hyperbolic_tangent(x: Expression) -> Expression:
+    whole, less_one = _powers(2.0 * _clamped(x, -_SATURATED, _SATURATED))
+    power = _power_of_two(whole)
+    difference = power * less_one + (power - 1.0)
+    return difference / (difference + 2.0)
+
+
+def _angle_of_point(y: Expression, x: Expression) -> Expression:
+    across, along = abs(y), abs(x)
+    graph = y.graph
+    short, long = graph.apply(Operation.MINIMUM, across, along), graph.apply(Operation.MAXIMUM, across, along)
+    # Above pi/8 measured from pi/4; one quotient serves both.
+    narrow = _TAN_PI_8 * long - short
+    top = _select(narrow, short, short - long)
+    tangent = top / graph.apply(Operation.MAXIMUM, _select(narrow, long, short + long), _SMALLEST)
+    square = tangent * tangent
+    half_pi = float(_HALF_PI)
+    angle = _select(narrow, 0.0, 0.5 * half_pi) + (tangent + tangent * (square * _polynomial(square, _ARCTANGENT)))
+    angle = _select(along - across, angle, half_pi - angle)
+    angle = _select(x, angle, 2.0 * half_pi - angle)
+    return _select(y, angle, -angle)
+
+
+def _inverse_sine(x: Expression) -> Expression:
+    return _angle_of_point(x, x.graph.apply(Operation.SQRT, (1.0 - x) * (1.0 + x)))
+
+
+_EXPANSIONS: dict[Operation, Callable[..., Expression]] = {
+    Operation.SIN: _sine,
+    Operation.COS: _cosine,
+    Operation.EXP: _exponential,
+    Operation.TANH: _hyperbolic_tangent,
+    Operation.ATAN2: _angle_of_point,
+    Operation.ASIN: _inverse_sine,
+}

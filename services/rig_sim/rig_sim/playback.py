@@ -1,0 +1,156 @@
+"""A playback block by block, whatever moves: approach, drive, and the way back to rest."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig_sim.approach import Approach, lead_in, lead_out
+from rig_sim.specimen import InputChannel
+
+#: Of every block but the last.
+BLOCK_SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class Block:
+    """A piece of a playback: drive (drives, samples) and measured response (responses, samples) from `first_sample`.
+
+    Samples before the drive's first one have negative numbers.
+    """
+
+    first_sample: int
+    drive: np.ndarray
+    response: np.ndarray
+    #: For watchdogs: command less achieved value, (drives, samples), in the drive's unit, zero where no actuator
+    #: follows; and the monitored values of the elements, (values, samples), in the order of the model's outputs.
+    following_error: np.ndarray
+    monitored: np.ndarray
+
+    @property
+    def end(self) -> int:
+        """The sample after its last."""
+        return self.first_sample + self.drive.shape[1]
+
+
+class DrivePlayback(ABC):
+    """One playback under way: iterate over `blocks()` to its end, then read `response`.
+
+    Parameters
+    ----------
+    drive : (drives, samples)
+        Checked, each row in its channel's unit.
+    channels : sequence of InputChannel
+        Its drives.
+    approach : Approach
+        Of the rig.
+    sample_rate : float
+        In Hz.
+    responses : int
+        Number of measured channels.
+    block_samples : int
+        Of every block but the last.
+    """
+
+    def __init__(
+        self,
+        drive: np.ndarray,
+        *,
+        channels: Sequence[InputChannel],
+        approach: Approach,
+        sample_rate: float,
+        responses: int,
+        block_samples: int,
+    ) -> None:
+        self._drive = np.ascontiguousarray(drive, dtype=np.float64)
+        self._channels = tuple(channels)
+        self._approach = approach
+        self._rate = sample_rate
+        self._lead_in = lead_in(approach, self._drive[:, 0], channels, sample_rate)
+        #: The next sample; negative before the drive begins.
+        self._next = 1 - self._lead_in.shape[1]
+        # What the rig is on its way to: linear between samples, it looks one ahead.
+        self._heading = np.zeros(len(self._drive))
+        #: May be made smaller before it plays; the bytes of an engine with fixed steps do not depend on it.
+        self.block_samples = block_samples
+        self.response = np.empty((responses, self._drive.shape[1]))
+
+    @property
+    def samples_done(self) -> int:
+        """Samples of the drive that were played."""
+        return max(self._next, 0)
+
+    @property
+    def rests_at_zero(self) -> bool:
+        """Whether all drives are at zero, so that there is nothing to ramp down."""
+        return not self._heading.any()
+
+    def approach(self) -> Iterator[Block]:
+        """Go from rest to the drive's first sample and settle there, block by block; nothing where that is zero."""
+        samples = self._lead_in.shape[1] - 1
+        while self._next < 0:
+            begin = samples + self._next
+            end = min(begin + self.block_samples, samples)
+            yield self._go_on(self._lead_in[:, begin : end + 1], counted=False)
+
+    def blocks(self) -> Iterator[Block]:
+        """Play the drive on, block by block, after the approach where that was not iterated over; the last is shorter.
+
+        Raises
+        ------
+        RigFaultError
+            Where a piston meets its end stop or the motion is no longer finite; names it and the time.
+        """
+        for _ in self.approach():
+            pass
+        samples = self._drive.shape[1]
+        while self._next < samples:
+            first, end = self._next, min(self._next + self.block_samples, samples)
+            # Nothing follows the last sample; its value is held.
+            ahead = self._drive[:, min(end, samples - 1)]
+            block = self._go_on(np.column_stack([self._drive[:, first:end], ahead]), counted=True)
+            self.response[:, first:end] = block.response
+            yield block
+
+    def ramp_down(self) -> Iterator[Block]:
+        """From where the playback was left, bring all drives to zero along a cosine and hold; blocks count on.
+
+        Raises
+        ------
+        RigFaultError
+            As `blocks`.
+        """
+        ramp = lead_out(self._approach, self._heading, self._channels, self._rate)
+        left = self._next
+        for begin in range(0, ramp.shape[1] - 1, self.block_samples):
+            end = min(begin + self.block_samples, ramp.shape[1] - 1)
+            block = self._advance(ramp[:, begin : end + 1], left + begin, counted=False)
+            self._heading = ramp[:, end]
+            yield block
+
+    def peak_ratios(self) -> list[float]:
+        """Return the largest magnitude of each drive so far over its limit in that direction, 0 to 1."""
+        played = self._drive[:, : max(self.samples_done, 1)]
+        ratios = []
+        for channel, row in zip(self._channels, played, strict=True):
+            up, down = row.max(), row.min()
+            ratios.append(
+                float(max(up / channel.maximum if up > 0 else 0.0, down / channel.minimum if down < 0 else 0.0))
+            )
+        return ratios
+
+    @abstractmethod
+    def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
+        """Play the columns of `commands` but the last, which they lead to; return them with what the sensors say.
+
+        What is counted belongs to the drive itself, and to how much of its actuators it used.
+        """
+
+    def _go_on(self, commands: np.ndarray, *, counted: bool) -> Block:
+        block = self._advance(commands, self._next, counted=counted)
+        self._heading = commands[:, -1]
+        self._next = block.end
+        return block

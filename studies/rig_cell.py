@@ -1,0 +1,150 @@
+"""A rig's core in this process, for studies: play an experiment, take its first part, estimate its FRF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifier import (
+    Capture,
+    EstimatorKind,
+    EstimatorSettings,
+    ExcitationKind,
+    ExcitationSettings,
+    Experiment,
+    FrfEstimate,
+    Layout,
+    PowerSpectrum,
+    Window,
+    design_experiment,
+    estimate_experiment,
+)
+from rig_sim.playable import KnowsItsFrf, PlayableRig
+
+_NOISE_STREAM = 7919
+"""Sets the sensors' noise apart from the drives, which count their seeds from 1."""
+
+
+@dataclass(frozen=True)
+class RigCell:
+    """A rig with the way it is excited in a study.
+
+    Parameters
+    ----------
+    rig
+        What plays.
+    spectra
+        Shape of each drive's PSD.
+    levels
+        RMS of each drive, in its unit.
+    block_samples
+        Of every experiment, so that all have the same lines.
+    fade_seconds
+        At the ends of every experiment and of every burst.
+    """
+
+    rig: PlayableRig
+    spectra: tuple[PowerSpectrum, ...]
+    levels: tuple[float, ...]
+    block_samples: int
+    fade_seconds: float
+
+    @property
+    def sample_rate(self) -> float:
+        """Of the rig, in hertz."""
+        return self.rig.specimen.sample_rate
+
+    @property
+    def block_seconds(self) -> float:
+        """Length of a block."""
+        return self.block_samples / self.sample_rate
+
+    def settings(self, kind: ExcitationKind, *, seconds: float, seed: int, delay_blocks: int = 1) -> ExcitationSettings:
+        """Return an excitation of this rig with one capture block after each delay, as in the paper."""
+        return ExcitationSettings(
+            kind=kind,
+            spectra=self.spectra,
+            levels=self.levels,
+            duration_seconds=seconds,
+            block_samples=self.block_samples,
+            fade_seconds=self.fade_seconds,
+            seed=seed,
+            delay_blocks=delay_blocks,
+            capture_blocks=1,
+        )
+
+    def play(self, settings: ExcitationSettings) -> Record:
+        """Play an experiment with the sensors' noise, which depends on the excitation's seed."""
+        experiment = design_experiment(settings, drives=len(self.levels), sample_rate=self.sample_rate)
+        run = self.rig.playback(experiment.drive, seed=_NOISE_STREAM + settings.seed)
+        for _ in run.blocks():
+            pass
+        return Record(experiment, run.response)
+
+    def true_frf(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the FRF (lines, responses, drives) that the rig knows in closed form.
+
+        Raises
+        ------
+        TypeError
+            Where it does not know it.
+        """
+        if not isinstance(self.rig, KnowsItsFrf):
+            raise TypeError(f"{self.rig.specimen.name} does not know its FRF; take aerospace, or a long experiment.")
+        return np.asarray(self.rig.sampled_frf(frequency), dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was played and measured.
+
+    Parameters
+    ----------
+    experiment
+        Drive and layout.
+    response
+        Shape (responses, samples).
+    """
+
+    experiment: Experiment
+    response: NDArray[np.float64]
+
+    @property
+    def layout(self) -> Layout:
+        """Of the drive."""
+        return self.experiment.layout
+
+    def estimate(self, kind: EstimatorKind = EstimatorKind.H1) -> FrfEstimate:
+        """Estimate the FRF."""
+        return estimate_experiment(
+            EstimatorSettings(kind=kind), self.layout, drive=self.experiment.drive, response=self.response
+        )
+
+    def first(self, seconds: float) -> Record | None:
+        """Return what an experiment of the same kind that ends after so many seconds has, None where it has nothing.
+
+        A set of orthogonal experiments counts only when it is whole.
+        """
+        layout = self.layout
+        samples = round(seconds * layout.sample_rate)
+        if layout.window is Window.HANN:
+            usable = samples - 2 * layout.fade_samples
+            if usable < layout.block_samples:
+                return None
+            capture = replace(layout.captures[0], periods=usable // layout.block_samples)
+            return self._shortened((capture,), samples)
+        columns = 1 + max(capture.experiment for capture in layout.captures)
+        within = [
+            capture
+            for capture in layout.captures
+            if capture.start + layout.samples_of(capture) + layout.fade_samples <= samples
+        ]
+        whole = within[: len(within) - len(within) % columns]
+        return self._shortened(tuple(whole), samples) if whole else None
+
+    def _shortened(self, captures: tuple[Capture, ...], samples: int) -> Record:
+        kept = min(samples, self.layout.samples)
+        layout = replace(self.layout, captures=captures, samples=kept)
+        return Record(Experiment(self.experiment.drive[:, :kept], layout), self.response[:, :kept])
