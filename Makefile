@@ -28,7 +28,7 @@ bench: setup ## measure speed, error, start-up and memory of every rig into out/
 	@$(BIN)/python benchmarks/bench.py --out out/bench.json
 
 # One thread each: sums in one order, so the same bytes, and two studies at a time.
-studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (4 minutes on two cores)
+studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (a few minutes)
 	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -I{} $(BIN)/python studies/{}.py
 
 test: setup ## run all tests (ARGS="-k name" for some)

@@ -96,7 +96,9 @@ def main() -> None:
     """Measure the chosen rigs, all by default."""
     shipped = shipped_specimens()
     parser = argparse.ArgumentParser(description="Measure speed, error, start-up and memory of the shipped rigs.")
-    parser.add_argument("--rig", action="append", choices=sorted(shipped), help="only this one; may be repeated")
+    parser.add_argument(
+        "--rig", action="append", choices=sorted(shipped), help="only this one, and no identification; may be repeated"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
     arguments = parser.parse_args()
     figures = []
@@ -104,14 +106,17 @@ def main() -> None:
         figures.append(measure(shipped[name]))
         sys.stderr.write(f"{name}: {figures[-1].rtf:.0f} times real time\n")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    document = {
+    document: dict[str, object] = {
         "seconds": SECONDS,
         "machine": machine(),
-        "identification": measure_identification(arguments.out.parent / "peers"),
         "rigs": {row.rig: {name: value for name, value in asdict(row).items() if name != "rig"} for row in figures},
     }
+    if not arguments.rig:
+        document["identification"] = measure_identification(arguments.out.parent / "peers")
     arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     sys.stdout.write(f"{', '.join(f'{name}: {value}' for name, value in machine().items())}\n{table(figures)}\n")
+    if "identification" in document:
+        sys.stdout.write(f"identification\n{json.dumps(document['identification'], indent=2)}\n")
 
 
 if __name__ == "__main__":

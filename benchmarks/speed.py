@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rig_sim.engine import Engine, EngineChoice
 from rig_sim.playable import PlayableRig
 from rig_sim.player import Rig, load_rig
 
@@ -100,7 +101,7 @@ def relative_error(rig: PlayableRig, drive: np.ndarray) -> float | None:
     return float(np.max(np.sqrt(np.mean((coarse - fine) ** 2, axis=1)) / motion))
 
 
-def drake_real_time_factor(path: Path, drive: np.ndarray) -> float | None:
+def drake_real_time_factor(path: Path, drive: np.ndarray) -> float:
     """Return the same for Drake's engine with its default accuracy, on a short drive.
 
     Parameters
@@ -111,12 +112,7 @@ def drake_real_time_factor(path: Path, drive: np.ndarray) -> float | None:
 
     Returns
     -------
-    float or None
-        None where there is no such engine.
+    float
     """
-    try:
-        from rig_sim.engine import Engine, EngineChoice
-    except ImportError:
-        return None
     rig = load_rig(path, EngineChoice(engine=Engine.DRAKE))
     return drive.shape[1] / rig.specimen.sample_rate / play(rig, drive)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from duralab.campaign_loading import load_campaign, shipped_campaigns
     from duralab.campaign_result import CampaignResult
     from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
-    from duralab.identification import ExperimentPlan, Identifier
+    from duralab.identification import ExperimentPlan, Identifier, LevelSeries
     from duralab.identification_section import EstimatorSettings, ExcitationSettings
     from duralab.iteration_table import IterationTable
     from duralab.lab import Lab, Played
@@ -32,7 +32,7 @@ _MODULES = {
     "duralab.campaign_loading": ("load_campaign", "shipped_campaigns"),
     "duralab.campaign_result": ("CampaignResult",),
     "duralab.errors": ("CampaignFaultError", "InputError", "LabError", "ServiceEndedError"),
-    "duralab.identification": ("ExperimentPlan", "Identifier"),
+    "duralab.identification": ("ExperimentPlan", "Identifier", "LevelSeries"),
     "duralab.identification_section": ("EstimatorSettings", "ExcitationSettings"),
     "duralab.iteration_table": ("IterationTable",),
     "duralab.lab": ("Lab", "Played"),
@@ -61,6 +61,7 @@ __all__ = [
     "Judgement",
     "Lab",
     "LabError",
+    "LevelSeries",
     "Model",
     "Playback",
     "Played",

@@ -49,13 +49,7 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
                 f"{channel.unit} leaves room for {room / crest:g} {channel.unit} {name.replace('rms', 'RMS')}.",
                 field=f"excitation.{name}",
             )
-    drives = [channel.name for channel in rig.drives]
-    unknown = [drive for drive in excitation.drive_spectra or {} if drive not in drives]
-    if unknown:
-        raise InputError(
-            f"excitation.drive_spectra has unknown channel {', '.join(unknown)}; the drives are {', '.join(drives)}.",
-            field="excitation.drive_spectra",
-        )
+    _check_drive_spectra(excitation, rig)
     per_channel(campaign.update.gain, rig.responses, key="update.gain")
     source = campaign.target.road or campaign.target.opencrg
     for key, seconds in (
@@ -99,7 +93,13 @@ def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -
         The rig that is identified.
     seed : int
         Of what is random in it.
+
+    Raises
+    ------
+    InputError
+        A level or a spectrum is that of an unknown drive, or a level is missing.
     """
+    _check_drive_spectra(excitation, rig)
     name, given = excitation.levels
     message = identifier_pb2.Excitation(
         kind=f"EXCITATION_KIND_{excitation.kind.name}",
@@ -132,6 +132,16 @@ def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -
             corner = own.corner_frequency or excitation.corner_frequency
             spectrum.white_pink.CopyFrom(_white_pink(excitation, corner, own.decibels_per_octave))
     return message
+
+
+def _check_drive_spectra(excitation: ExcitationSettings, rig: Rig) -> None:
+    drives = [channel.name for channel in rig.drives]
+    unknown = [drive for drive in excitation.drive_spectra or {} if drive not in drives]
+    if unknown:
+        raise InputError(
+            f"excitation.drive_spectra has unknown channel {', '.join(unknown)}; the drives are {', '.join(drives)}.",
+            field="excitation.drive_spectra",
+        )
 
 
 def _white_pink(

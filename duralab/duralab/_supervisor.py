@@ -154,7 +154,7 @@ class Supervisor:
             if (code := process.poll()) is not None:
                 return ServiceEndedError(
                     f"The service {name} ended by itself ({describe_exit(code)}); last in its log "
-                    f"{self.log_path(name)}: {last_lines(self.log_path(name))}.",
+                    f"{self.log_path(name)}: {last_lines(self.log_path(name)).rstrip('.')}.",
                     service=name,
                 )
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +56,23 @@ class LevelAdvice:
     wanted_rms: np.ndarray
     largest_rms: np.ndarray
     sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelDifference:
+    """How far a model differs from the one before it; see `duralab.v1.ModelDifference`."""
+
+    relative_difference: np.ndarray
+    expected_by_noise: np.ndarray
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LevelSeries:
+    """Models of one rig from the lowest level to the highest, and the difference of each to the one before."""
+
+    models: tuple[Model, ...]
+    differences: tuple[ModelDifference, ...]
 
 
 class Identifier:
@@ -114,16 +131,45 @@ class Identifier:
         LabError
             The rig could not play it (`InputError`), or it did not identify the rig.
         """
-
-        def report(progress: query_pb2.Progress) -> None:
-            if on_progress is not None:
-                on_progress(
-                    RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds)
-                )
-
         request = self._request(rig, excitation, estimator, seed=seed)
-        message = self._query(self._keys.identify(), request, identifier_pb2.Model, on_progress=report)
+        message = self._query(self._keys.identify(), request, identifier_pb2.Model, on_progress=_report_to(on_progress))
         return Model.from_message(message)
+
+    def levels(
+        self,
+        rig: str,
+        excitation: ExcitationSettings,
+        estimator: EstimatorSettings,
+        *,
+        factors: Sequence[float],
+        seed: int = 0,
+        on_progress: Callable[[RunProgress], None] | None = None,
+    ) -> LevelSeries:
+        """Run one experiment at several levels, from the lowest up, and return what changes; 2 to 8 factors.
+
+        Raises
+        ------
+        LabError
+            The rig could not play one of them, then nothing moved (`InputError`), or it was not identified.
+        """
+        request = identifier_pb2.LevelsRequest(
+            identify=self._request(rig, excitation, estimator, seed=seed),
+            factors=to_array(np.array(factors, dtype=np.float64)),
+        )
+        answer = self._query(
+            self._keys.identify_levels(), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
+        )
+        return LevelSeries(
+            models=tuple(Model.from_message(message) for message in answer.models),
+            differences=tuple(
+                ModelDifference(
+                    relative_difference=from_array(message.relative_difference),
+                    expected_by_noise=from_array(message.expected_by_noise),
+                    sentences=tuple(message.sentences),
+                )
+                for message in answer.differences
+            ),
+        )
 
     def predict(self, model: Model, drive: Signals) -> Signals:
         """Return the response that a model expects of a drive, in its band and without static part."""
@@ -131,12 +177,18 @@ class Identifier:
         answer = self._query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
         return Signals.from_message(answer.response, field="response")
 
-    def convergence(self, model: Model, *, gain: float, band: tuple[float, float]) -> Convergence:
-        """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz."""
+    def convergence(
+        self, model: Model, *, gain: float, band: tuple[float, float], rig_model: Model | None = None
+    ) -> Convergence:
+        """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz.
+
+        A `rig_model`, e.g. from a higher level, stands for the rig in place of the model itself.
+        """
         request = identifier_pb2.ConvergenceRequest(
             iteration_gain=to_array(np.full(len(model.responses), float(gain))),
             lowest_frequency=band[0],
             highest_frequency=band[1],
+            rig_model_id="" if rig_model is None else rig_model.id,
         )
         answer = self._query(self._keys.convergence(model.id), request, identifier_pb2.Convergence)
         return Convergence(
@@ -174,3 +226,13 @@ class Identifier:
             run=f"identify-{uuid.uuid4().hex[:12]}",
             rig_seed=seed,
         )
+
+
+def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
+    def report(progress: query_pb2.Progress) -> None:
+        if on_progress is not None:
+            on_progress(
+                RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds)
+            )
+
+    return report

@@ -235,7 +235,7 @@ class Gateway:
             self.latched = True
             self.reason = "" if self.has(Defect.STOP_WITHOUT_REASON) else request.reason
         self.publish_state()
-        self.resting.wait(5.0)
+        self.resting.wait(60.0)
         return self.state()
 
     def reset(self, request: rig_pb2.ResetRequest, call) -> rig_pb2.RigState:

@@ -62,7 +62,7 @@ def start_up(tmp_path, *options):
     return process, endpoint, [int(pid) for pid in re.findall(r"\((\d+)\)", line)]
 
 
-def finish(process, *, seconds=60):
+def finish(process, *, seconds=120):
     try:
         stdout, stderr = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -251,7 +251,7 @@ def test_viewer_is_started_on_loopback_and_ended(tmp_path, monkeypatch):
         assert {address for address, _ in ports} == {"127.0.0.1"}
         assert {viewer._port, viewer._web_port} <= {port for _, port in ports}
         assert viewer.page.startswith(f"http://127.0.0.1:{viewer._web_port}/?url=rerun%2Bhttp")
-    assert wait_until_gone(pids, seconds=1.0) == []
+    assert wait_until_gone(pids) == []
 
 
 def _command_of(folder):

@@ -47,7 +47,7 @@ def test_services_are_live_after_start_and_gone_after_stop(bus, fake_services, t
 
 def test_service_that_ends_at_once_is_named_with_code_and_log(bus, fake_services, tmp_path):
     with Supervisor([ServicePlan("steady"), ServicePlan("dying")], bus=bus, logs=tmp_path) as supervisor:
-        with pytest.raises(ServiceEndedError, match=r"dying ended by itself \(exit code 3\).*the oil is cold"):
+        with pytest.raises(ServiceEndedError, match=r"dying ended by itself \(exit code 3\).*the oil is cold\.$"):
             supervisor.start(timeout_seconds=60)
         pids = list(supervisor.process_ids.values())
     assert wait_until_gone(pids, seconds=0.0) == []

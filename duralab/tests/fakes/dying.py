@@ -1,4 +1,4 @@
 import sys
 
-sys.stderr.write("first line\nthe oil is cold\n")
+sys.stderr.write("first line\nthe oil is cold.\n")
 sys.exit(3)

@@ -12,17 +12,19 @@ from identifier.excitation import ExcitationSettings, plan_experiment
 from identifier.layout import Layout
 from identifier.line_filling import fill_lines, valid_band
 from identifier.model import IdentifiedModel, with_id
-from identifier.rig_under_test import RigUnderTest
+from identifier.rig_under_test import RigUnderTest, with_names
 from identifier.uncertainty import (
     DistortionLevels,
     ValidBand,
     can_separate,
     distortion_shares,
+    has_other_phases,
     noise_shares,
     separate_distortion,
     separated_verdicts,
     unexplained_shares,
     unexplained_verdicts,
+    unknown_verdicts,
 )
 
 _WARNING_CODES: Final = {
@@ -104,6 +106,8 @@ def model_of(
     names = [channel.name for channel in rig.responses]
     if levels is not None:
         verdicts = separated_verdicts(levels, responses=names)
+    elif not has_other_phases(layout) or not np.any(estimate.degrees_of_freedom > 0.0):
+        verdicts = unknown_verdicts(responses=names)
     else:
         unexplained = estimate.response_psd * (1.0 - estimate.coherence)
         shares = unexplained_shares(
@@ -163,16 +167,14 @@ def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], lay
 
 
 def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWarning:
-    channels, kind = (rig.drives, "Drive") if warning.of_drive else (rig.responses, "Response")
+    channels = rig.drives if warning.of_drive else rig.responses
     name = "" if warning.channel is None else channels[warning.channel].name
-    # The estimators know channels by number only.
-    sentence = warning.sentence.replace(f"{kind} {warning.channel} ", f"{kind} {name} ") if name else warning.sentence
     return identifier_pb2.ModelWarning(
         code=_WARNING_CODES.get(warning.code, identifier_pb2.MODEL_WARNING_CODE_OTHER),
         channel=name,
         lowest_frequency=warning.lowest or 0.0,
         highest_frequency=warning.highest or 0.0,
-        sentence=sentence,
+        sentence=with_names(warning.sentence, rig),
     )
 
 

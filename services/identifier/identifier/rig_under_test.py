@@ -1,12 +1,13 @@
 """The rig an experiment is for, and whether the experiment fits it."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from duralab_proto.v1 import array_pb2, rig_pb2
-from identifier.estimators import EstimatorKind
+from identifier.estimators import Estimation, EstimatorKind
 from identifier.excitation import ExcitationKind, ExcitationSettings, LevelKind, schedule_experiment
 from identifier.setting_error import SettingError
 from identifier.settings import IdentificationSettings
@@ -80,6 +81,29 @@ class RigUnderTest:
         )
 
 
+def with_names(sentence: str, rig: RigUnderTest) -> str:
+    """Put the names of channels for their numbers, which is all that estimators know of them.
+
+    Parameters
+    ----------
+    sentence
+        Of an estimator, e.g. "response 1 stays at 0".
+    rig
+        Whose channels they are.
+
+    Returns
+    -------
+    str
+        The same with names.
+    """
+
+    def name(match: re.Match[str]) -> str:
+        channels = rig.drives if match["kind"].lower().startswith("drive") else rig.responses
+        return match["kind"] + re.sub(r"\d+", lambda number: channels[int(number[0])].name, match["numbers"])
+
+    return re.sub(r"\b(?P<kind>[Rr]esponse|[Dd]rive|[Dd]rives)(?P<numbers> \d+\b(?: and \d+\b)?)", name, sentence)
+
+
 def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> None:
     """Refuse an experiment that a rig cannot play or that would not identify it.
 
@@ -117,7 +141,14 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
             "both: take H1 or Hv.",
             field="estimator.kind",
         )
-    schedule_experiment(excitation, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    layout = schedule_experiment(excitation, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    estimator = settings.estimator
+    try:
+        Estimation(
+            estimator.kind, layout, drives=len(rig.drives), responses=len(rig.responses), options=estimator.options
+        )
+    except ValueError as error:
+        raise SettingError(str(error), field="estimator.local_half_width") from error
 
 
 def _check_blocks(excitation: ExcitationSettings, sample_rate: float) -> None:

@@ -20,7 +20,7 @@ from identifier.model_queries import advise, converge, difference, predict
 from identifier.model_shelf import ModelShelf
 from identifier.request import settings_of
 from identifier.rig_playback import describe_rig, play_experiment
-from identifier.rig_under_test import RigUnderTest, check_against_rig
+from identifier.rig_under_test import RigUnderTest, check_against_rig, with_names
 from identifier.setting_error import SettingError
 from identifier.settings import IdentificationSettings
 from labbus import Bus, Call, FaultError, ServiceConfig
@@ -245,6 +245,13 @@ class IdentifierService:
         FaultError
             Where the model is not held or a value is not allowed.
         """
+        if not request.model_id:
+            raise FaultError(
+                query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+                "No model is named, and without one nobody knows what a drive does to the rig: identify it at a low "
+                "level first, e.g. with an RMS of a hundredth of each drive's limit, and ask with that model's id.",
+                field="model_id",
+            )
         call.progress("looking for levels", 0.0)
         with _invalid():
             return advise(self._held_model(request.model_id, field="model_id"), request)
@@ -279,7 +286,7 @@ class IdentifierService:
             estimate = estimate_experiment(prepared.settings.estimator, layout, drive=drive, response=response)
             levels = distortion_of(drive, response, layout)
         except ValueError as error:
-            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, with_names(str(error), rig)) from error
         model = model_of(
             request,
             settings=prepared.settings.excitation,

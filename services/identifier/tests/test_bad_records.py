@@ -52,6 +52,22 @@ def test_flat_tops_are_found_however_the_record_is_cut(piece):
     assert warning.size == pytest.approx(expected / 3000, abs=1e-12)
 
 
+@pytest.mark.parametrize("kind", [EstimatorKind.H1, EstimatorKind.LOCAL_RATIONAL])
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(1e-200, "drive 0 stays at "), (1e-59, None), (1e59, None), (1e200, "Drive 1 reaches .*e.200; at most 1e.60 can")],
+)
+def test_magnitudes_that_overflow_are_refused_and_the_rest_gives_finite_numbers(records, kind, factor, text):
+    drive, response = (record * factor for record in records)
+    if text is not None:
+        with pytest.raises(ValueError, match=text):
+            estimate(kind, drive, response, LAYOUT)
+        return
+    found, plain = estimate(kind, drive, response, LAYOUT), estimate(kind, *records, LAYOUT)
+    np.testing.assert_allclose(found.frf, plain.frf, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.residual_psd, plain.residual_psd * factor**2, rtol=1e-6)
+
+
 def test_a_dead_channel_is_refused_by_name(records):
     drive, response = records
     dead = response.copy()

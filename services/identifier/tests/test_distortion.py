@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -103,7 +104,34 @@ def test_cubes_fall_on_the_odd_lines_left_out_and_squares_on_the_even_ones(power
         # The even distortion does not reach the excited lines at all.
         assert abs(np.mean(levels.distortion_psd[levels.excited])) < 1e-3 * large
     sentence = separated_verdicts(levels, responses=("a", "b"))[0]
-    assert ("odd" in sentence) == odd
+    assert sentence.startswith("Nonlinear ")
+    told = re.search(r"\(odd (\d+) %, even 0 %\)" if odd else r"\(odd 0 %, even (\d+) %\)", sentence)
+    share = np.sqrt(large / np.mean(levels.response_psd[levels.excited]))
+    assert float(told[1]) == pytest.approx(100.0 * share, rel=0.1)
+
+
+def test_lines_left_out_say_nothing_of_a_linear_plant():
+    settings = replace(SETTINGS, odd_lines=True, detection_share=0.25)
+    for noise in (0.0, 0.3):
+        sentences = separated_verdicts(played(settings, linear, noise=noise), responses=("a", "b"))
+        assert [sentence.startswith("No nonlinearity beyond the noise in ") for sentence in sentences] == [True] * 2
+
+
+def test_the_columns_of_one_hadamard_realisation_do_not_pass_for_other_phases():
+    # Six drives have eight columns: more experiments than drives, but one set of phases.
+    settings = replace(
+        SETTINGS,
+        kind=ExcitationKind.HADAMARD,
+        spectra=SETTINGS.spectra[:1] * 6,
+        levels=(1.0,) * 6,
+        duration_seconds=70.0,
+    )
+    one, two = (
+        design_experiment(replace(settings, realisations=number), drives=6, sample_rate=RATE).layout
+        for number in (1, 2)
+    )
+    assert not can_separate(one, drives=6)
+    assert can_separate(two, drives=6)
 
 
 def test_the_verdict_names_channel_frequency_and_share():

@@ -154,6 +154,10 @@ def test_levels_are_advised_from_a_target(bus, model, linear_rig):
     np.testing.assert_allclose(from_array(advice.rms), [0.01, 0.1 / 4.5], rtol=0.01)
     assert "as far as its limit allows; the target needs 0.05 m" in advice.sentences[1]
     assert "limit" not in advice.sentences[0]
+    wish.model_id = ""
+    with pytest.raises(FaultError, match="identify it at a low level first") as fault:
+        bus.query(bus.keys.level_advice(), wish, identifier_pb2.LevelAdvice)
+    assert fault.value.field == "model_id"
 
 
 def test_several_levels_are_compared(bus):

@@ -258,10 +258,11 @@ def test_a_model_survives_the_bus_unchanged(message):
 
 
 def test_a_model_says_how_linear_the_rig_is():
-    together, apart = make_model(), make_model(multisine())
+    together, apart, unknown = make_model(), make_model(multisine()), make_model(multisine(excitation__realisations=1))
     assert len(together.verdicts) == len(apart.verdicts) == 3
     assert together.distortion is None
-    assert together.verdicts[0].startswith("Noise and nonlinearity together ")
+    assert together.verdicts[0].startswith("Unexplained ")
+    assert unknown.verdicts[0].startswith("This experiment does not show how linear force 0 is: ")
     assert apart.distortion is not None
     assert apart.verdicts[0].startswith("No nonlinearity beyond the noise in force 0; noise ")
     noise = from_array(apart.distortion.noise_psd)
@@ -289,8 +290,7 @@ def test_the_plan_is_what_is_played():
     assert model.plan.duration_seconds == experiment.drive.shape[1] / 1000.0
     assert model.plan.lines == int(experiment.layout.excited.sum())
     assert (model.plan.lowest_frequency, model.plan.highest_frequency) == (model.band.lowest, model.band.highest)
-    # The noise averages over the periods of each experiment, the distortion does not.
-    assert model.plan.independent_averages == 2 * model.independent_averages
+    assert (model.plan.blocks, model.plan.independent_averages) == (model.blocks, model.independent_averages)
 
 
 def test_the_same_experiment_gives_the_same_id_and_any_change_another():

@@ -10,11 +10,11 @@ from enum import StrEnum
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, ValidationError
 
 from rig_sim.hydraulics.mounting import all_supplies
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
-from rig_sim.specimen import Specimen, SpecimenError
+from rig_sim.specimen import Specimen, SpecimenError, problems_in_words
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -143,8 +143,8 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
     document["title"] += told_in_a_title(faults)
     try:
         return Specimen.model_validate(document)
-    except ValueError as error:
-        raise SpecimenError(f"{specimen.name} cannot be with these faults: {error}") from error
+    except ValidationError as error:
+        raise SpecimenError(f"{specimen.name} cannot be with these faults: {problems_in_words(error)}.") from error
 
 
 def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str]) -> tuple[SensorFault, ...]:

@@ -204,10 +204,11 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
     try:
         return kind.model_validate(read_document(path))
     except ValidationError as error:
-        raise SpecimenError(f"specimen {path.name}: {_problems(error)}.") from error
+        raise SpecimenError(f"specimen {path.name}: {problems_in_words(error)}.") from error
 
 
-def _problems(error: ValidationError) -> str:
+def problems_in_words(error: ValidationError) -> str:
+    """Return all that is wrong with a document, in one line without a full stop."""
     texts = []
     for problem in error.errors():
         # A union puts the name of the kind it took into the place.

@@ -35,6 +35,14 @@ def test_a_ramp_is_smooth_and_ends_in_the_first_sample_which_is_held():
     assert np.abs(np.diff(commands)).max() * 1000.0 == pytest.approx(np.pi * 2.0 / (2 * 0.5), rel=1e-3)
 
 
+@pytest.mark.parametrize(("key", "longest"), [("ramp", 60.0), ("settle", 60.0), ("ramp_down", 10.0), ("hold", 10.0)])
+def test_no_way_is_longer_than_somebody_waits_for_it(key, longest):
+    assert getattr(Approach(**{key: longest}), key) == longest
+    for value in (1.01 * longest, -0.1, np.nan):
+        with pytest.raises(ValueError, match=key):
+            Approach(**{key: value})
+
+
 def test_a_slew_limit_makes_both_ramps_longer():
     up = lead_in(Approach(settle=0.0), np.array([0.1]), [SLOW], 1000.0)
     down = lead_out(Approach(hold=0.0), np.array([0.1]), [SLOW], 1000.0)

@@ -34,7 +34,7 @@ SPOILED = {
         "predecessor",
         None,
         ("<drake:bushing_force_stiffness>", "<drake:bushing_force_stiffness>-"),
-        r"force_stiffness of a linear_bushing_rpy is '-1000000 2200000 2200000'; it takes constants of 0 or more",
+        r"force_stiffness of a linear_bushing_rpy is '-1000000 2200000 2200000'; it takes 3 constants of 0 or more",
     ),
     "massless": ("macpherson", None, ("<mass>", "<mass>0.0</mass><mass>"), r"link 'body' has the mass '0\.0'"),
     "unknown_tag": (

@@ -159,3 +159,12 @@ def test_a_supply_that_is_not_there_does_not_sag():
 def test_a_share_is_between_nothing_and_all(share):
     with pytest.raises(ValueError, match="share"):
         fault(kind="supply_sag", share=share)
+
+
+def test_a_fault_that_leaves_no_rig_is_refused_in_one_sentence(front_axle):
+    with pytest.raises(SpecimenError) as caught:
+        break_specimen(front_axle.specimen, [fault(kind="supply_sag", share=0.01)])
+    assert str(caught.value) == (
+        "front_axle cannot be with these faults: supply: supply_pressure is 280000 Pa; it must be above "
+        "return_pressure, 500000 Pa."
+    )

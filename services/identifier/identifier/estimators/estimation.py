@@ -11,7 +11,7 @@ from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, Model
 from identifier.estimators.local_polynomial import local_polynomial_model
 from identifier.estimators.local_rational import local_rational_model
 from identifier.estimators.local_regression import LocalModel, LocalSums
-from identifier.estimators.local_solution import solve_local
+from identifier.estimators.local_solution import degrees_of_freedom, solve_local
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
@@ -83,6 +83,7 @@ class Estimation:
         if kind in _LOCAL:
             model = _local_model(kind, layout, drives=drives, options=options)
             self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
+            degrees_of_freedom(self._local, equations=self._local.equations_to_come)
         self._used = UsedStretches(layout)
         self._drive_check = ChannelCheck(drives, name="drive", of_drive=True)
         self._response_check = ChannelCheck(responses, name="response", of_drive=False)
@@ -105,13 +106,13 @@ class Estimation:
         """
         inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
         _require_same_length(inputs, outputs)
+        for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
+            self._drive_check.add(inputs[:, piece])
+            self._response_check.add(outputs[:, piece])
         self._spectral.add(inputs, outputs)
         if self._local is not None:
             self._local.add(inputs, outputs)
         self._periodicity.add(outputs)
-        for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
-            self._drive_check.add(inputs[:, piece])
-            self._response_check.add(outputs[:, piece])
 
     def estimate(self) -> FrfEstimate:
         """Return the estimate from the whole record.

@@ -84,6 +84,16 @@ class LocalSums:
         columns = drives * (model.order + 1) + responses * (model.denominator_order + 1)
         self.factor = np.zeros((self.lines.size, columns, columns), dtype=np.complex128)
 
+    @property
+    def equations_to_come(self) -> int:
+        """What `equations` will be after the whole record."""
+        total = 0
+        for capture in self._layout.captures:
+            length = self._segments.length_of(capture)
+            of_segment = max(0, self._width(length) - self.model.order - 1)
+            total += self._layout.samples_of(capture) // length * of_segment
+        return total
+
     def add(self, drive: ArrayLike, response: ArrayLike) -> None:
         """Add the next samples of the whole record, fades and delay blocks included.
 

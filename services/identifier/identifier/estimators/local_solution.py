@@ -60,12 +60,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
     """
     n_u, n_y, poles = sums.drives, sums.responses, sums.model.denominator_order
     unknowns = n_u * (sums.model.order + 1)
-    freedom = sums.equations - unknowns - poles
-    if freedom < 1:
-        raise ValueError(
-            f"The neighbourhood of a line gives {sums.equations} equations for {unknowns + poles} unknowns; take a "
-            "larger half-width, a longer record, or more experiments."
-        )
+    freedom = degrees_of_freedom(sums, equations=sums.equations)
     _require_independent(sums, unknowns)
     size = np.linalg.norm(sums.factor, axis=1)
     of_drives = sums.factor[:, :unknowns, :unknowns] / size[:, None, :unknowns]
@@ -95,6 +90,35 @@ def solve_local(sums: LocalSums) -> LocalSolution:
         drive_weight=np.sum(np.abs(inverse) ** 2, axis=2) / size[:, :n_u] ** 2,
         degrees_of_freedom=freedom,
     )
+
+
+def degrees_of_freedom(sums: LocalSums, *, equations: int) -> int:
+    """Count the equations at a line beyond its unknowns.
+
+    Parameters
+    ----------
+    sums
+        Before or after the record.
+    equations
+        Of the whole record.
+
+    Returns
+    -------
+    int
+        1 or more.
+
+    Raises
+    ------
+    ValueError
+        Where there are too few equations.
+    """
+    unknowns = sums.drives * (sums.model.order + 1) + sums.model.denominator_order
+    if equations <= unknowns:
+        raise ValueError(
+            f"The neighbourhood of a line gives {equations} equations for {unknowns} unknowns; take a larger "
+            "half-width, a longer record, or more experiments."
+        )
+    return equations - unknowns
 
 
 def _denominator(rest: NDArray[np.complex128], size: NDArray[np.float64]) -> NDArray[np.complex128]:

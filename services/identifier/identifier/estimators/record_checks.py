@@ -10,6 +10,10 @@ SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
 
 
+LARGEST_MAGNITUDE, SMALLEST_MAGNITUDE = 1e60, 1e-60
+"""Between these the squares of a density and their inverses are finite numbers, whatever is divided by whatever."""
+
+
 class ChannelCheck:
     """Watches the channels of a record that arrives in pieces.
 
@@ -36,8 +40,20 @@ class ChannelCheck:
         ----------
         record
             Shape (channels, samples), finite.
+
+        Raises
+        ------
+        ValueError
+            Where a magnitude is beyond what can be computed with.
         """
         samples = as_record(record, name=self._name)
+        largest = np.maximum(np.max(samples, axis=1), -np.min(samples, axis=1))
+        if np.any(largest > LARGEST_MAGNITUDE):
+            row = int(np.argmax(largest))
+            raise ValueError(
+                f"{self._name.capitalize()} {row} reaches {largest[row]:g}; at most {LARGEST_MAGNITUDE:g} can be "
+                "computed with, so check its sensor or take another unit."
+            )
         self._samples += samples.shape[1]
         self._tops.add(samples)
         self._bottoms.add(samples)
@@ -56,7 +72,7 @@ class ChannelCheck:
             Where channels never move; all of them are named.
         """
         highest, lowest = self._tops.extreme + 0.0, -self._bottoms.extreme  # never a minus zero in a sentence
-        dead = np.flatnonzero(highest == lowest)
+        dead = np.flatnonzero(highest - lowest < SMALLEST_MAGNITUDE)
         if dead.size:
             values = ", ".join(f"{self._name} {row} stays at {highest[row]:g}" for row in dead)
             raise ValueError(

@@ -26,7 +26,8 @@ class ExperimentPlan:
     blocks
         Averaged.
     independent_averages
-        Equivalent independent blocks, overlap and window accounted for: what noise averages down by.
+        Equivalent independent blocks, overlap and window accounted for; of multisines each capture counts once, however
+        many periods it has, since they hold the same distortion.
     frequency_resolution
         Distance of neighbouring lines, in hertz.
     lines

@@ -80,12 +80,13 @@ def averages_of(layout: Layout) -> tuple[int, float]:
     blocks
         Averaged (Eq. 10).
     independent
-        Equivalent independent blocks, overlap and window accounted for.
+        Equivalent independent ones, overlap and window accounted for. Of periodic excitations each capture counts
+        once: its periods average noise, but hold the same distortion.
     """
     block = layout.block_samples
     counts = [count_blocks(layout.samples_of(capture), block, layout.overlap) for capture in layout.captures]
     if layout.window is Window.NONE:
-        return sum(counts), float(sum(counts))
+        return sum(counts), float(len(counts) if layout.periodic else sum(counts))
     window, hop = hann_periodic(block), hop_samples(block, layout.overlap)
     return sum(counts), sum(independent_averages(window, hop, count) for count in counts)
 

@@ -202,8 +202,10 @@ class ExcitationSettings:
                 f"{self.duration_seconds / 2.0:g} s.",
                 field="excitation.fade_seconds",
             )
-        if not 0 <= self.seed < 2**64:
-            raise SettingError(f"The seed is {self.seed}; it must be from 0 to 2^64 - 1.", field="excitation.seed")
+        if not _is_whole(self.seed) or not 0 <= self.seed < 2**64:
+            raise SettingError(
+                f"The seed is {self.seed}; it must be a whole number from 0 to 2^64 - 1.", field="excitation.seed"
+            )
 
     def _check_blocks(self) -> None:
         block = self.block_samples

@@ -2,7 +2,7 @@
 
 from identifier.uncertainty.convergence import Convergence, predict_convergence, spectral_radius
 from identifier.uncertainty.covariance import element_variance, relative_magnitude_variance, row_covariance
-from identifier.uncertainty.distortion import DistortionLevels, can_separate, separate_distortion
+from identifier.uncertainty.distortion import DistortionLevels, can_separate, has_other_phases, separate_distortion
 from identifier.uncertainty.level_advice import LevelAdvice, advise_levels
 from identifier.uncertainty.model_difference import ModelDifference, difference_sentences, model_difference
 from identifier.uncertainty.prediction import Prediction, predict_response
@@ -14,6 +14,7 @@ from identifier.uncertainty.verdict import (
     separated_verdicts,
     unexplained_shares,
     unexplained_verdicts,
+    unknown_verdicts,
 )
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "difference_sentences",
     "distortion_shares",
     "element_variance",
+    "has_other_phases",
     "model_difference",
     "noise_shares",
     "predict_convergence",
@@ -40,4 +42,5 @@ __all__ = [
     "spectral_radius",
     "unexplained_shares",
     "unexplained_verdicts",
+    "unknown_verdicts",
 ]

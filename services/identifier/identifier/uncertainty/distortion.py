@@ -9,11 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identifier.layout import Layout
+from identifier.layout import Layout, Window
 from spectra import as_record
 
 FEWEST_PERIODS = 2
 """Periods of one drive from which its noise can be told."""
+
+FEWEST_REALISATIONS = 2
+"""Sets of phases: the experiments of one set share phases, and what a rig's distortion makes of them looks linear."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class DistortionLevels:
     frequency
         Shape (lines), in hertz.
     excited
-        Shape (lines), boolean; everything but `odd_psd` and `even_psd` is 0 at other lines.
+        Shape (lines), boolean; the densities at the lines left out apart, everything is 0 at other lines.
     best_linear_approximation
         Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
     response_psd
@@ -39,6 +42,9 @@ class DistortionLevels:
     odd_psd, even_psd
         Shape (lines, responses): of the distortion at the odd lines left out and at the even lines, 0 at others; None
         where the excitation has even lines.
+    left_out_noise_psd
+        Shape (lines, responses): of the noise in each period at the lines of `odd_psd` and `even_psd`, 0 at others;
+        None with them.
     periods
         Averaged in each experiment.
     experiments
@@ -53,6 +59,7 @@ class DistortionLevels:
     distortion_psd: NDArray[np.float64]
     odd_psd: NDArray[np.float64] | None
     even_psd: NDArray[np.float64] | None
+    left_out_noise_psd: NDArray[np.float64] | None
     periods: int
     experiments: int
 
@@ -75,10 +82,33 @@ def can_separate(layout: Layout, *, drives: int) -> bool:
     Returns
     -------
     bool
-        True for periodic excitations with two periods of each drive and more different experiments than drives.
+        True for periodic excitations with two periods of each drive, two realisations, and more different experiments
+        than drives.
     """
     periods = _periods(layout)
-    return layout.periodic and min(periods.values()) >= FEWEST_PERIODS and len(periods) > drives
+    return (
+        layout.periodic
+        and min(periods.values()) >= FEWEST_PERIODS
+        and has_other_phases(layout)
+        and len(periods) > drives
+    )
+
+
+def has_other_phases(layout: Layout) -> bool:
+    """Whether an experiment shows distortion at all, be it together with the noise.
+
+    Parameters
+    ----------
+    layout
+        Of the experiment.
+
+    Returns
+    -------
+    bool
+        False where every block repeats the same sweep or set of phases: distortion repeats itself, too.
+    """
+    realisations = {capture.realisation for capture in layout.captures}
+    return layout.window is Window.HANN or len(realisations) >= FEWEST_REALISATIONS
 
 
 def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -> DistortionLevels:
@@ -116,7 +146,8 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
         counts = sorted(set(periods.values()))
         raise ValueError(
             f"{len(periods)} different experiments with {counts} periods of {inputs.shape[0]} drives do not tell noise "
-            "from distortion; play more experiments than drives, each with the same 2 periods or more."
+            "from distortion; play 2 realisations or more, with more experiments than drives, each with the same 2 "
+            "periods or more."
         )
     u, _ = _mean_periods(inputs, layout)
     y, scatter = _mean_periods(outputs, layout)
@@ -131,7 +162,7 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
     total = scale * np.sum(np.abs(left_over) ** 2, axis=1) / (experiments - inputs.shape[0])
 
     mean_power = scale * np.mean(np.abs(y) ** 2, axis=1)
-    odd, even = _by_parity(mean_power - noise / each, layout)
+    odd, even, left_out_noise = _by_parity(mean_power - noise / each, noise, layout)
     return DistortionLevels(
         frequency=layout.frequency,
         excited=layout.excited,
@@ -141,6 +172,7 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
         distortion_psd=_placed(total - noise[line] / each, line, layout.excited.size),
         odd_psd=odd,
         even_psd=even,
+        left_out_noise_psd=left_out_noise,
         periods=each,
         experiments=experiments,
     )
@@ -189,15 +221,16 @@ def _least_squares(
 
 
 def _by_parity(
-    power: NDArray[np.float64], layout: Layout
-) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    power: NDArray[np.float64], noise: NDArray[np.float64], layout: Layout
+) -> tuple[NDArray[np.float64] | None, ...]:
+    """Take the power at the odd and at the even lines that no drive excites, and the noise at both."""
     even_line = np.arange(layout.excited.size) % 2 == 0
     if np.any(layout.excited & even_line):
-        return None, None
+        return None, None, None
     in_band = (layout.frequency >= layout.lowest) & (layout.frequency <= layout.highest)
     # Every line that no drive excites shows what the rig itself puts there: squares to even lines, cubes to odd ones.
     silent = in_band & ~layout.excited
-    return _only(power, silent & ~even_line), _only(power, silent & even_line)
+    return _only(power, silent & ~even_line), _only(power, silent & even_line), _only(noise, silent)
 
 
 def _only(values: NDArray[np.float64], lines: NDArray[np.bool_]) -> NDArray[np.float64]:

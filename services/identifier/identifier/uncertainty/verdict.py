@@ -103,6 +103,35 @@ def unexplained_shares(
     return _shares(frequency, lines, residual_psd, response_psd)
 
 
+def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Odd and even distortion as shares of each response, from the lines that were left out.
+
+    Parameters
+    ----------
+    levels
+        From the robust method.
+
+    Returns
+    -------
+    tuple of numpy.ndarray or None
+        Odd and even, each of shape (responses), RMS over RMS as if all lines of the band were like those; 0 where
+        nothing was found beyond the noise. None where the excitation has even lines.
+    """
+    if levels.odd_psd is None or levels.even_psd is None or levels.left_out_noise_psd is None:
+        return None
+    freedom = (1.0 + 1.0 / (levels.periods - 1)) / levels.experiments
+    response = np.mean(levels.response_psd[levels.excited], axis=0)
+
+    def share(psd: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+        held = np.any(psd != 0.0, axis=1)
+        whole = response * np.sum(held)
+        amount = np.sum(psd[held], axis=0)
+        least = np.maximum(_by_chance(noise[held] / levels.periods, freedom), SMALLEST_SHARE**2 * whole)
+        return np.sqrt(np.divide(amount, whole, out=np.zeros_like(amount), where=amount > least))
+
+    return share(levels.odd_psd, levels.left_out_noise_psd), share(levels.even_psd, levels.left_out_noise_psd)
+
+
 def separated_verdicts(levels: DistortionLevels, *, responses: Sequence[str]) -> tuple[str, ...]:
     """Say how nonlinear and how noisy each response is.
 
@@ -118,23 +147,27 @@ def separated_verdicts(levels: DistortionLevels, *, responses: Sequence[str]) ->
     tuple of str
         One sentence for each.
     """
-    nonlinear, noise = distortion_shares(levels), noise_shares(levels)
+    nonlinear, noise, left_out = distortion_shares(levels), noise_shares(levels), left_out_shares(levels)
     sentences = []
     for i, name in enumerate(responses):
         channel = name.replace("_", " ")
         share = f"noise {_percent(noise.over_band[i])} over the band"
-        if nonlinear.worst_frequency[i] == 0.0:
-            sentences.append(f"No nonlinearity beyond the noise in {channel}; {share}.")
-        else:
+        parity = "" if left_out is None else f" (odd {_percent(left_out[0][i])}, even {_percent(left_out[1][i])})"
+        if nonlinear.worst_frequency[i] > 0.0:
             sentences.append(
                 f"Nonlinear {_percent(nonlinear.worst[i])} of the response at {nonlinear.worst_frequency[i]:.3g} Hz in "
-                f"{channel}, {_percent(nonlinear.over_band[i])} over the band{_parity(levels, i)}; {share}."
+                f"{channel}, {_percent(nonlinear.over_band[i])} over the band{parity}; {share}."
             )
+        elif left_out is not None and (left_out[0][i] > 0.0 or left_out[1][i] > 0.0):
+            # A square of odd lines leaves them alone: it shows at the even ones only.
+            sentences.append(f"Nonlinear at the lines left out in {channel}{parity}; {share}.")
+        else:
+            sentences.append(f"No nonlinearity beyond the noise in {channel}; {share}.")
     return tuple(sentences)
 
 
 def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[str, ...]:
-    """Say how much of each response the drives do not explain, where noise and distortion cannot be told apart.
+    """Say how much of each response the model does not explain, where its causes cannot be told apart.
 
     Parameters
     ----------
@@ -149,10 +182,32 @@ def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[s
         One sentence for each.
     """
     return tuple(
-        f"Noise and nonlinearity together {_percent(shares.worst[i])} of the response at "
-        f"{shares.worst_frequency[i]:.3g} Hz in {name.replace('_', ' ')}, {_percent(shares.over_band[i])} over the "
-        "band."
+        f"Unexplained {_percent(shares.worst[i])} of the response at {shares.worst_frequency[i]:.3g} Hz in "
+        f"{name.replace('_', ' ')}, {_percent(shares.over_band[i])} over the band: noise, nonlinearity, leakage and "
+        "misfit together."
+        if shares.worst_frequency[i] > 0.0
+        else f"Everything is explained in {name.replace('_', ' ')}."
         for i, name in enumerate(responses)
+    )
+
+
+def unknown_verdicts(*, responses: Sequence[str]) -> tuple[str, ...]:
+    """Say that an experiment does not show how linear the rig is.
+
+    Parameters
+    ----------
+    responses
+        Names of the channels, in order.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each.
+    """
+    return tuple(
+        f"This experiment does not show how linear {name.replace('_', ' ')} is: play two realisations of a multisine, "
+        "or noise."
+        for name in responses
     )
 
 
@@ -165,16 +220,12 @@ def _shares(
     noise: NDArray[np.float64] | None = None,
     freedom: float = 0.0,
 ) -> Shares:
-    by_chance = np.zeros_like(part) if noise is None else noise
+    of_noise = np.zeros_like(part) if noise is None else noise
     held = np.flatnonzero(lines)
 
     def share(piece: NDArray[np.intp]) -> NDArray[np.float64]:
         amount, total = np.sum(part[piece], axis=0), np.sum(whole[piece], axis=0)
-        chance = np.sum(by_chance[piece], axis=0)
-        squares = np.sum(by_chance[piece] ** 2, axis=0)
-        # The logarithm of a ratio of two estimates scatters evenly to both sides, the ratio itself does not.
-        scatter = np.sqrt(freedom * np.divide(squares, chance**2, out=np.zeros_like(chance), where=chance > 0.0))
-        least = np.maximum(chance * np.expm1(SIGNIFICANCE * scatter), SMALLEST_SHARE**2 * total)
+        least = np.maximum(_by_chance(of_noise[piece], freedom), SMALLEST_SHARE**2 * total)
         return np.sqrt(np.where(amount > least, amount, 0.0) / total)
 
     worst, where = np.zeros(part.shape[1]), np.zeros(part.shape[1])
@@ -185,6 +236,15 @@ def _shares(
         worst = np.where(better, ratio, worst)
         where = np.where(better, frequency[piece[len(piece) // 2]], where)
     return Shares(over_band=share(held), worst=worst, worst_frequency=where)
+
+
+def _by_chance(noise: NDArray[np.float64], freedom: float) -> NDArray[np.float64]:
+    """Say what the sum of differences of two estimates of this noise, (lines, responses), hardly ever exceeds."""
+    total = np.sum(noise, axis=0)
+    squares = np.sum(noise**2, axis=0)
+    # The logarithm of a ratio of two estimates scatters evenly to both sides, the ratio itself does not.
+    scatter = np.sqrt(freedom * np.divide(squares, total**2, out=np.zeros_like(total), where=total > 0.0))
+    return total * np.expm1(SIGNIFICANCE * scatter)
 
 
 def _windows(frequency: NDArray[np.float64]) -> list[tuple[int, int]]:
@@ -201,19 +261,6 @@ def _windows(frequency: NDArray[np.float64]) -> list[tuple[int, int]]:
             stop = first + least
         windows.append((first, stop))
     return windows
-
-
-def _parity(levels: DistortionLevels, response: int) -> str:
-    if levels.odd_psd is None or levels.even_psd is None:
-        return ""
-    means = []
-    for psd in (levels.odd_psd, levels.even_psd):
-        held = psd[:, response] != 0.0
-        # Each kind is seen at some lines only; its mean density stands for all.
-        means.append(max(0.0, float(np.mean(psd[held, response]))) if held.any() else 0.0)
-    mean_response = float(np.mean(levels.response_psd[levels.excited, response]))
-    odd, even = (np.sqrt(mean / mean_response) for mean in means)
-    return f" (odd {_percent(odd)}, even {_percent(even)})"
 
 
 def _percent(share: float) -> str:

@@ -145,9 +145,8 @@ class MultibodyTree:
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise ValueError(
-            f"joint {name!r} is not in the specimen; its joints are {', '.join(joint.name for joint in self.joints) or 'none'}."
-        )
+        known = ", ".join(joint.name for joint in self.joints) or "none"
+        raise ValueError(f"joint {name!r} is not in the specimen; its joints are {known}.")
 
     def frame(self, name: str) -> tuple[int, Pose]:
         """Return body and pose in the body of the frame of that name.

@@ -100,10 +100,8 @@ def test_a_fault_of_what_it_has_not_is_refused(document, said):
 @pytest.mark.parametrize("limits", ["following_errors: {nose: 1.0}", "monitored: {oil: {maximum: 1.0}}"])
 def test_a_watchdog_on_what_it_has_not_is_refused(tmp_path, limits):
     text = PATH.read_text()
-    begin = text.index("watchdogs:\n")
     path = tmp_path / "mine.yaml"
-    path.write_text(f"{text[:begin]}watchdogs:\n  {limits}\n{text[begin + len('watchdogs:') + 1 :]}")
-    path.write_text(path.read_text().replace("  responses: {left_wing: 180.0", "  responses: {nose: 180.0", 1))
+    path.write_text(text.replace("watchdogs:\n", f"watchdogs:\n  {limits}\n", 1))
     with pytest.raises(SpecimenError, match=r"; there are none\."):
         load_any_rig(path)
 
