@@ -7,13 +7,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import drive_condition, unit_diagonal
-from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning
+from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning, WarningCode
 from identifier.estimators.local_polynomial import local_polynomial_model
 from identifier.estimators.local_rational import local_rational_model
 from identifier.estimators.local_regression import LocalModel, LocalSums
 from identifier.estimators.local_solution import degrees_of_freedom, solve_local
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
+from identifier.estimators.smoothing_check import smoothing_warnings
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Layout, Window
@@ -136,7 +137,9 @@ class Estimation:
         spectra = self._spectral.averages()
         if self._local is None:
             return estimate_from_spectra(self._kind, spectra, warnings=warnings)
-        return _local_estimate(self._kind, self._local, spectra, warnings)
+        # H1 is a judge only where nothing leaks: periodic drives, and no transient left in the captures.
+        settled = self._layout.periodic and not any(warning.code is WarningCode.TRANSIENT for warning in warnings)
+        return _local_estimate(self._kind, self._local, spectra, warnings, settled=settled)
 
 
 def estimate(
@@ -212,12 +215,14 @@ def _local_model(kind: EstimatorKind, layout: Layout, *, drives: int, options: E
 
 
 def _local_estimate(
-    kind: EstimatorKind, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...]
+    kind: EstimatorKind, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...], *, settled: bool
 ) -> FrfEstimate:
     lines, size = sums.lines, spectra.frequency.size
     scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
     condition = drive_condition(scaled, spectra.frequency[lines])
     solution = solve_local(sums)
+    if settled:
+        warnings = (*warnings, *smoothing_warnings(spectra, solution.frf, solution.residual_psd))
     # As many averages as would give H1 the same variance, on the mean over the drives.
     of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
     averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)

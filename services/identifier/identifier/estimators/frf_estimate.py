@@ -31,6 +31,8 @@ class WarningCode(Enum):
     """Capture blocks are not yet periodic."""
     FEW_AVERAGES = "few_averages"
     """No more averages than drives: nothing is left to judge the noise by."""
+    SMOOTHED = "smoothed"
+    """A local method disagrees with H1 of captures that do not leak: it smoothed a resonance."""
 
 
 @dataclass(frozen=True)
