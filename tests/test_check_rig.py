@@ -15,12 +15,8 @@ from duralab.lab_opening import join_bus
 from duralab.shipped_rigs import shipped_rigs
 
 RIGS = tuple(shipped_rigs())
-#: A road and a shaker have no slew limit, and the modes of a structure no bodies; everything else is tried.
-NOT_TRIED = {
-    "predecessor": {"refuse.jump"},
-    "full_vehicle": {"refuse.jump"},
-    "aerospace": {"refuse.jump", "play.poses"},
-}
+#: Shakers have no slew limit, and the modes of a structure no bodies; everything else is tried.
+NOT_TRIED = {"aerospace": {"refuse.jump", "play.poses"}}
 
 
 @pytest.fixture(scope="module")

@@ -203,7 +203,18 @@ def test_interrupt_stops_the_campaign_and_ends_the_lab(fake_services, tmp_path, 
     monkeypatch.setenv("FAKE_ITERATOR", "stay")
     monkeypatch.setenv("FAKE_STOPPED", str(tmp_path / "stopped"))
     process = subprocess.Popen(
-        [*COMMAND, "run", str(quick(tmp_path)), "--out", str(tmp_path / "out")],
+        # Deaf to SIGINT from the start, as a script's shell makes what it starts with &.
+        [
+            "sh",
+            "-c",
+            'trap "" INT; exec "$@"',
+            "sh",
+            *COMMAND,
+            "run",
+            str(quick(tmp_path)),
+            "--out",
+            str(tmp_path / "out"),
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

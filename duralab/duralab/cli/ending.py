@@ -42,6 +42,8 @@ def _on_sigterm(_number: int, _frame: FrameType | None) -> NoReturn:
 def ended_well() -> Iterator[None]:
     """Turn errors and signals into one sentence on standard error and an exit code."""
     signal.signal(signal.SIGTERM, _on_sigterm)
+    # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     # A terminal that is closed means the same.
     signal.signal(signal.SIGHUP, _on_sigterm)
     try:
