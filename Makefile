@@ -8,8 +8,8 @@ ARGS ?=
 UPGRADE ?=
 export PYTHON
 
-STUDIES := excitation_against_time figure_3 figure_4 figure_5 \
-	rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
+STUDIES := excitation_against_time figure_3 figure_4 figure_5 figure_7_8_9 \
+	algorithms_on_random_plants rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
 CHECKS := format lint types imports generated contract determinism
 
 .DEFAULT_GOAL := help
@@ -28,7 +28,7 @@ bench: setup ## measure speed, error, start-up and memory of every rig into out/
 	@$(BIN)/python benchmarks/bench.py --out out/bench.json
 
 # One thread each: sums in one order, so the same bytes, and two studies at a time.
-studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (a few minutes)
+studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)
 	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -I{} $(BIN)/python studies/{}.py
 
 test: setup ## run all tests (ARGS="-k name" for some)

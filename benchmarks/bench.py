@@ -1,4 +1,6 @@
-"""Measure every shipped rig (speed, error, start-up, memory) and identification; writes out/bench.json and a table.
+"""Measure every shipped rig (speed, error, start-up, memory), identification and iteration.
+
+Writes out/bench.json and a table.
 
 `python benchmarks/bench.py [--rig NAME …] [--out FILE]`
 """
@@ -11,6 +13,7 @@ from pathlib import Path
 
 from drives import noise_drive, playable_share
 from identification import measure_identification
+from iteration import measure_iteration
 from machine import machine
 from processes import memory, startup_seconds
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
@@ -113,10 +116,12 @@ def main() -> None:
     }
     if not arguments.rig:
         document["identification"] = measure_identification(arguments.out.parent / "peers")
+        document["iteration"] = measure_iteration()
     arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     sys.stdout.write(f"{', '.join(f'{name}: {value}' for name, value in machine().items())}\n{table(figures)}\n")
-    if "identification" in document:
-        sys.stdout.write(f"identification\n{json.dumps(document['identification'], indent=2)}\n")
+    for part in ("identification", "iteration"):
+        if part in document:
+            sys.stdout.write(f"{part}\n{json.dumps(document[part], indent=2)}\n")
 
 
 if __name__ == "__main__":

@@ -8,9 +8,18 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+
+import duralab
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "docs/contract.md", "docs/guides/identification.md", "services/identifier/README.md")
+PAGES = (
+    "README.md",
+    "docs/contract.md",
+    "docs/guides/identification.md",
+    "docs/guides/iteration.md",
+    "services/identifier/README.md",
+)
 BLOCKS = [
     (page, number, block)
     for page in PAGES
@@ -32,3 +41,19 @@ def test_a_documented_script_runs(lab, page: str, number: int, block: str, tmp_p
     )
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout
+
+
+@pytest.mark.parametrize(
+    "text", re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/guides/iteration.md").read_text(), flags=re.S)
+)
+def test_a_documented_part_of_a_campaign_file_fits_into_one(text: str, tmp_path: Path):
+    shipped = Path(duralab.__file__).with_name("campaigns") / "front_axle_demo.yaml"
+    part = yaml.safe_load(text)
+    path = tmp_path / "campaign.yaml"
+    path.write_text(yaml.safe_dump(yaml.safe_load(shipped.read_text()) | part))
+    loaded = duralab.load_campaign(path).model_dump(mode="json")
+    for key, section in part.items():
+        if isinstance(section, dict):
+            assert section.keys() <= loaded[key].keys()
+        else:
+            assert loaded[key] == section

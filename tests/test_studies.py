@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
-NAMES = ("figure_3", "figure_4", "figure_5", "excitation_against_time")
+NAMES = (
+    "figure_3",
+    "figure_4",
+    "figure_5",
+    "figure_7_8_9",
+    "excitation_against_time",
+    "algorithms_on_random_plants",
+)
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from duralab.identification import ExperimentPlan, Identifier, LevelSeries
     from duralab.identification_section import EstimatorSettings, ExcitationSettings
     from duralab.iteration_table import IterationTable
-    from duralab.lab import Lab, Played
+    from duralab.lab import Lab
     from duralab.lab_opening import connect, start
+    from duralab.played import Played
     from duralab.recording import Recording, open_recording
     from duralab.recording_content import ActuatorUse, Model, Playback
     from duralab.report import write_report
@@ -35,8 +36,9 @@ _MODULES = {
     "duralab.identification": ("ExperimentPlan", "Identifier", "LevelSeries"),
     "duralab.identification_section": ("EstimatorSettings", "ExcitationSettings"),
     "duralab.iteration_table": ("IterationTable",),
-    "duralab.lab": ("Lab", "Played"),
+    "duralab.lab": ("Lab",),
     "duralab.lab_opening": ("connect", "start"),
+    "duralab.played": ("Played",),
     "duralab.recording": ("Recording", "open_recording"),
     "duralab.recording_content": ("ActuatorUse", "Model", "Playback"),
     "duralab.report": ("write_report",),

@@ -6,8 +6,12 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from duralab.errors import InputError
+
+OUTPUTS: Final = ("recording.mcap", "live.rrd", "report.html")
+"""Files that a campaign leaves in its folder."""
 
 
 @contextmanager

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from duralab.campaign_file import Algorithm, Campaign
+from duralab.campaign_file import Campaign
 from duralab.errors import InputError
 from duralab.identification_section import EstimatorSettings, ExcitationKind, ExcitationSettings
+from duralab.iteration_section import Algorithm, StopSection, UpdateSection
 from duralab.rig import Rig
 from duralab.signals import Channel, Signals
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 
 _UPDATES = {
+    Algorithm.SECANT: iterator_pb2.UPDATE_KIND_SECANT,
     Algorithm.ADAPTIVE_MODELLING: iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING,
     Algorithm.BASIC_TWR: iterator_pb2.UPDATE_KIND_BASIC_TWR,
 }
@@ -50,7 +52,8 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
                 field=f"excitation.{name}",
             )
     _check_drive_spectra(excitation, rig)
-    per_channel(campaign.update.gain, rig.responses, key="update.gain")
+    response_gains(campaign.update, rig=rig)
+    response_weights(campaign.update, rig=rig)
     source = campaign.target.road or campaign.target.opencrg
     for key, seconds in (
         ("excitation.duration", excitation.duration),
@@ -80,6 +83,57 @@ def per_channel(value: float | dict[str, float], channels: tuple[Channel, ...], 
         found += [f"no value for {', '.join(missing)}"] if missing else []
         raise InputError(f"{key} has {' and '.join(found)}; it needs one for each of {', '.join(names)}.", field=key)
     return np.array([float(value[name]) for name in names])
+
+
+def response_gains(update: UpdateSection, *, rig: Rig) -> np.ndarray:
+    """Return the gain of each response, from its group where that has one; shape (responses).
+
+    Raises
+    ------
+    InputError
+        A channel is unknown, or a response has no gain or two.
+    """
+    _require_responses(
+        [name for group in update.groups.values() for name in group.channels], rig=rig, key="update.groups"
+    )
+    gains = {name: group.gain for group in update.groups.values() if group.gain is not None for name in group.channels}
+    others = tuple(channel for channel in rig.responses if channel.name not in gains)
+    for channel, gain in zip(others, per_channel(update.gain, others, key="update.gain"), strict=True):
+        gains[channel.name] = float(gain)
+    return np.array([gains[channel.name] for channel in rig.responses])
+
+
+def response_weights(update: UpdateSection, *, rig: Rig) -> np.ndarray | None:
+    """Return how much each response counts, 0 where it is watched; None where all count alike; shape (responses).
+
+    Raises
+    ------
+    InputError
+        A channel is unknown, or fewer responses are controlled than there are drives.
+    """
+    _require_responses(list(update.watch), rig=rig, key="update.watch")
+    _require_responses(list(update.weights), rig=rig, key="update.weights")
+    given = {name: group.weight for group in update.groups.values() for name in group.channels if group.weight}
+    given |= update.weights | dict.fromkeys(update.watch, 0.0)
+    if not given:
+        return None
+    controlled = len(rig.responses) - len(update.watch)
+    if controlled < len(rig.drives):
+        raise InputError(
+            f"update.watch leaves {controlled} of {len(rig.responses)} responses to control; rig {rig.name!r} has "
+            f"{len(rig.drives)} drives and needs as many at least.",
+            field="update.watch",
+        )
+    return np.array([float(given.get(channel.name, 1.0)) for channel in rig.responses])
+
+
+def _require_responses(names: list[str], *, rig: Rig, key: str) -> None:
+    known = [channel.name for channel in rig.responses]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise InputError(
+            f"{key} has unknown channel {', '.join(unknown)}; the responses are {', '.join(known)}.", field=key
+        )
 
 
 def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
@@ -166,6 +220,52 @@ def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
     )
 
 
+def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSettings:
+    """Put the update into the words of the contract."""
+    message = iterator_pb2.UpdateSettings(
+        kind=_UPDATES[update.algorithm],
+        iteration_gain=to_array(response_gains(update, rig=rig)),
+        accept_segments=update.accepts_segments,
+        gain_schedule=update.gain_schedule,
+        smallest_correction=update.smallest_correction,
+        largest_correction=update.largest_correction,
+        weigh_by_coherence=update.weigh_by_coherence,
+        lowest_coherence=update.lowest_coherence,
+        prediction=f"CORRECTION_PREDICTION_{update.prediction.name}",
+        shape=f"CORRECTION_SHAPE_{update.correction.name}",
+        secant=iterator_pb2.SecantSettings(
+            forgetting=update.forgetting,
+            prior_strength=update.prior_strength,
+            caution=update.caution,
+            regularisation=update.regularisation,
+        ),
+    )
+    weights = response_weights(update, rig=rig)
+    if weights is not None:
+        message.response_weight.CopyFrom(to_array(weights))
+    if update.gain_curve:
+        shares = [per_channel(point.share, rig.responses, key="update.gain_curve") for point in update.gain_curve]
+        frequencies = np.array([point.frequency for point in update.gain_curve])
+        message.gain_curve_frequency.CopyFrom(to_array(frequencies))
+        message.gain_curve_share.CopyFrom(to_array(np.stack(shares)))
+    return message
+
+
+def stop_message(stop: StopSection) -> iterator_pb2.StopCriteria:
+    """Put the stop criteria into the words of the contract."""
+    return iterator_pb2.StopCriteria(
+        largest_iterations=stop.iterations,
+        relative_rms_error=stop.relative_rms_error,
+        divergence_ratio=stop.divergence_ratio,
+        smallest_damage_ratio=stop.damage_ratio[0] if stop.damage_ratio is not None else 0.0,
+        largest_damage_ratio=stop.damage_ratio[1] if stop.damage_ratio is not None else 0.0,
+        damage_exponent=float(stop.damage_exponent),
+        damage_budget=stop.damage_budget,
+        smallest_improvement=stop.smallest_improvement,
+        improvement_playbacks=stop.improvement_playbacks,
+    )
+
+
 def build_specification(
     campaign: Campaign, *, id: str, rig: Rig, target: Signals, source: str
 ) -> iterator_pb2.CampaignSpec:
@@ -184,29 +284,20 @@ def build_specification(
     source : str
         Where the target comes from, in words.
     """
-    excitation, estimator, update, stop = campaign.excitation, campaign.estimator, campaign.update, campaign.stop
     return iterator_pb2.CampaignSpec(
         id=id,
         rig=rig.name,
         target=target.to_message(),
         target_source=source,
-        excitation=excitation_message(excitation, rig=rig, seed=campaign.seed),
-        estimator=estimator_message(estimator),
-        update=iterator_pb2.UpdateSettings(
-            kind=_UPDATES[update.algorithm],
-            iteration_gain=to_array(per_channel(update.gain, rig.responses, key="update.gain")),
-            smallest_correction=update.smallest_correction,
-            largest_correction=update.largest_correction,
-            weigh_by_coherence=update.weigh_by_coherence,
-            lowest_coherence=update.lowest_coherence,
-        ),
-        stop=iterator_pb2.StopCriteria(
-            largest_iterations=stop.iterations,
-            relative_rms_error=stop.relative_rms_error,
-            divergence_ratio=stop.divergence_ratio,
-        ),
+        excitation=excitation_message(campaign.excitation, rig=rig, seed=campaign.seed),
+        estimator=estimator_message(campaign.estimator),
+        update=update_message(campaign.update, rig=rig),
+        stop=stop_message(campaign.stop),
         lowest_frequency=campaign.control_band.lowest_frequency,
         highest_frequency=campaign.control_band.highest_frequency,
         seed=campaign.seed,
         scenario=campaign.text,
+        levels=campaign.levels,
+        limit_policy=f"LIMIT_POLICY_{campaign.at_limits.name}",
+        confirmations=campaign.confirm.playbacks,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -93,7 +93,7 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
     """
     target = campaign.target
     if target.file is not None:
-        return read_target_file(campaign.folder / target.file, rig=rig)
+        return read_target_file(campaign.folder / target.file, rig=rig, watched=campaign.update.watch)
     if vehicle is None or play is None:
         raise ValueError("A road needs a vehicle that plays it.")
     if vehicle.sample_rate != rig.sample_rate:
@@ -102,7 +102,8 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
             f"{rig.sample_rate:g} Hz; they must be equal.",
             field="target.vehicle",
         )
-    return select_channels(play(road_inputs(campaign, vehicle=vehicle)), rig=rig, source=f"vehicle {vehicle.name!r}")
+    driven = play(road_inputs(campaign, vehicle=vehicle))
+    return select_channels(driven, rig=rig, source=f"vehicle {vehicle.name!r}", watched=campaign.update.watch)
 
 
 def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
@@ -190,28 +191,35 @@ def _measured(road: MeasuredRoad, *, folder: Path, length: float):  # noqa: ANN2
     return roads.repeat_mirrored(roads.level(surface), length)
 
 
-def select_channels(signals: Signals, *, rig: Rig, source: str) -> Signals:
-    """Put signals into the order of the rig's responses; every response must be there, in its unit."""
+def select_channels(signals: Signals, *, rig: Rig, source: str, watched: Collection[str] = ()) -> Signals:
+    """Put signals into the order of the rig's responses; every response must be there, in its unit.
+
+    Of one that is `watched` there may be none: its target is silent, and nothing is told relative to it.
+    """
     rows = {channel.name: (channel.unit, row) for row, channel in enumerate(signals.channels)}
     wanted = [channel.name for channel in rig.responses]
-    missing = [name for name in wanted if name not in rows]
+    missing = [name for name in wanted if name not in rows and name not in watched]
     if missing:
         raise InputError(
-            f"target: {source} lacks {', '.join(missing)}; the rig {rig.name!r} needs {', '.join(wanted)}.",
+            f"target: {source} lacks {', '.join(missing)}; the rig {rig.name!r} needs {', '.join(wanted)}, "
+            "but for those in update.watch.",
             field="target",
         )
     for channel in rig.responses:
-        if rows[channel.name][0] != channel.unit:
+        if channel.name in rows and rows[channel.name][0] != channel.unit:
             raise InputError(
                 f"target: {source} has {channel.name} in {rows[channel.name][0]}; it must be in {channel.unit}.",
                 field="target",
             )
-    samples = np.ascontiguousarray(signals.samples[[rows[name][1] for name in wanted]])
+    silent = np.zeros(signals.samples.shape[1])
+    samples = np.stack([signals.samples[rows[name][1]] if name in rows else silent for name in wanted])
     return Signals(rig.responses, signals.sample_rate, samples)
 
 
-def read_target_file(path: Path, *, rig: Rig) -> Signals:
+def read_target_file(path: Path, *, rig: Rig, watched: Collection[str] = ()) -> Signals:
     """Read a target from a CSV file: a column 'time [s]', then one column '<response> [<unit>]' for each response.
+
+    Those that are `watched` may be missing.
 
     Raises
     ------
@@ -238,7 +246,7 @@ def read_target_file(path: Path, *, rig: Rig) -> Signals:
     values = _numbers(path, lines)
     _require_rate(path, values[0], rig.sample_rate)
     given = Signals(tuple(channels[1:]), rig.sample_rate, values[1:])
-    return select_channels(given, rig=rig, source=f"file {path}")
+    return select_channels(given, rig=rig, source=f"file {path}", watched=watched)
 
 
 def _column(path: Path, heading: str) -> Channel:

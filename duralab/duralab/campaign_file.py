@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from duralab.campaign_values import GainPerChannel, NotNegative, Positive, Range, Section, Seed
+from duralab.campaign_values import Levels, Positive, Range, Section, Seed
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
+from duralab.iteration_section import AtLimits, StopSection, UpdateSection
 
 
 class Potholes(Section):
@@ -90,49 +90,21 @@ class ControlBand(Section):
         return self
 
 
-class Algorithm(StrEnum):
-    """How each next drive is made."""
-
-    ADAPTIVE_MODELLING = "adaptive_modelling"
-    BASIC_TWR = "basic_twr"
-
-
-class UpdateSection(Section):
-    """How each next drive is made from the error of the last playback."""
-
-    algorithm: Algorithm = Field(strict=False, description="The update of the drive.")
-    gain: GainPerChannel = Field(
-        description="Share of the error that a playback corrects, above 0 to 1: one number, or one for each response."
-    )
-    smallest_correction: float = Field(default=0.5, gt=0, le=1, description="Least factor on the inverse model.")
-    largest_correction: float = Field(default=2.0, ge=1, le=100, description="Greatest factor on the inverse model.")
-    weigh_by_coherence: bool = Field(
-        default=True, description="Correct less where the response is not what the model foresees."
-    )
-    lowest_coherence: float = Field(
-        default=0.7,
-        ge=0,
-        lt=1,
-        description="Coherence of measured with foreseen response below which nothing is corrected.",
-    )
-
-
-class StopSection(Section):
-    """When the iteration ends."""
-
-    iterations: int = Field(ge=1, le=1000, description="Most playbacks of the target.")
-    relative_rms_error: NotNegative = Field(
-        default=0.0, description="End when every channel's relative RMS error is at most this; 0: use all playbacks."
-    )
-    divergence_ratio: NotNegative = Field(
-        default=0.0, description="End when a channel's error exceeds this multiple of its best; 0: never."
-    )
-
-
 class Acceptance(Section):
     """What the report and the exit code judge the result by."""
 
     relative_rms_error: Positive = Field(description="Largest relative RMS error of any channel that is accepted.")
+
+
+class Confirm(Section):
+    """Whether the best drive is played again after the iteration."""
+
+    playbacks: int = Field(
+        default=0,
+        ge=0,
+        le=100,
+        description="How often, each time with other seeds; the result then tells how far the rig repeats itself.",
+    )
 
 
 class Campaign(Section):
@@ -150,6 +122,19 @@ class Campaign(Section):
     control_band: ControlBand = Field(description="Where the target is reproduced and judged.")
     update: UpdateSection = Field(description="How each next drive is made.")
     stop: StopSection = Field(description="When the iteration ends.")
+    confirm: Confirm = Field(default=Confirm(), description="Playing the best drive again, to know how far it repeats.")
+    at_limits: AtLimits = Field(
+        default=AtLimits.PROJECT,
+        strict=False,
+        description="What becomes of a drive past a limit: project plays a near one and says so, refuse ends the "
+        "campaign.",
+    )
+    levels: Levels = Field(
+        default=(),
+        strict=False,
+        description="Share of the target in each of the first playbacks, rising to 1, e.g. [0.5, 0.75, 1.0]; left out: "
+        "all play the whole target.",
+    )
     accept: Acceptance | None = Field(default=None, description="What the result is judged by; left out: by nothing.")
 
     _folder: Path = PrivateAttr(default=Path())
@@ -162,6 +147,20 @@ class Campaign(Section):
             raise ValueError(
                 f"control_band reaches from {band.lowest_frequency:g} to {band.highest_frequency:g} Hz; it must lie in "
                 f"the excited band from {excited.lowest_frequency:g} to {excited.highest_frequency:g} Hz"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_levels(self) -> Self:
+        if not self.levels:
+            return self
+        if list(self.levels) != sorted(self.levels) or self.levels[-1] != 1.0:
+            raise ValueError(f"levels is {list(self.levels)}; it must never fall and end with 1, the whole target")
+        partial = sum(level < 1.0 for level in self.levels)
+        if partial >= self.stop.iterations:
+            raise ValueError(
+                f"levels has {partial} playbacks below 1 and stop.iterations is {self.stop.iterations}; at least one "
+                "playback of the whole target must follow"
             )
         return self
 

@@ -53,5 +53,6 @@ class CampaignResult:
         return write_report(self.recording, path or self.recording_path.with_name("report.html"))
 
     def __str__(self) -> str:
-        """Return the table and the verdict as text."""
-        return f"{self.iterations}\n{self.verdict.sentence}"
+        """Return the table, the verdict and what is worth knowing besides as text."""
+        remarks = "".join(f"\n- {remark}" for remark in self.status.remarks)
+        return f"{self.iterations}\n{self.verdict.sentence}{remarks}"

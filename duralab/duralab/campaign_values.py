@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+Levels = tuple[Gain, ...]
 Range = tuple[Positive, Positive]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 

@@ -3,68 +3,33 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
-from google.protobuf.message import Message
 
+from duralab._asking import Asking
+from duralab._campaigns import OnProgress, collect, followed, free_id, stop_campaign
 from duralab._drive_signals import drive_signals
-from duralab._fetching import fetch_result
-from duralab._following import RunProgress, Stage, follow_campaign, progress_of
+from duralab._following import RunProgress, Stage, progress_of
+from duralab._resuming import resume_campaign
 from duralab._specification import build_specification, check_against_rig
 from duralab._supervisor import Supervisor
 from duralab._target import describe_target, make_target
 from duralab.campaign_file import Campaign
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
-from duralab.errors import CampaignFaultError, InputError, LabError
+from duralab.errors import InputError, LabError
 from duralab.identification import Identifier
-from duralab.recording_content import ActuatorUse, actuator_use
+from duralab.played import Played
+from duralab.recording_content import actuator_use
 from duralab.rig import Rig
 from duralab.signals import Signals
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, BusError, FaultError
+from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
+from labbus import Bus, FaultError
 
 if TYPE_CHECKING:
     import xarray
-
-_INPUT_FAULTS: Final = frozenset(
-    {
-        query_pb2.FAULT_CODE_INVALID_ARGUMENT,
-        query_pb2.FAULT_CODE_NOT_FOUND,
-        query_pb2.FAULT_CODE_ALREADY_EXISTS,
-    }
-)
-_STOP_SILENCE_SECONDS: Final = 2.0
-
-MessageT = TypeVar("MessageT", bound=Message)
-OnProgress = Callable[[RunProgress], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Played:
-    """What a rig answered to a drive.
-
-    Parameters
-    ----------
-    run : str
-        Name of the playback.
-    response : Signals
-        All responses, as many samples as the drive.
-    actuators : tuple of ActuatorUse
-        How each actuator was used.
-    real_time_factor : float
-        Simulated seconds per second of wall time.
-    """
-
-    run: str
-    response: Signals
-    actuators: tuple[ActuatorUse, ...]
-    real_time_factor: float
 
 
 class Lab:
@@ -84,6 +49,7 @@ class Lab:
         self.out = out
         self._bus = bus
         self._supervisor = supervisor
+        self._ask = Asking(bus, self.failure)
 
     @property
     def endpoints(self) -> tuple[str, ...]:
@@ -106,7 +72,7 @@ class Lab:
     @property
     def identifier(self) -> Identifier:
         """Identifies rigs without a campaign around it."""
-        return Identifier(query=self._query, describe=self.describe, keys=self._bus.keys)
+        return Identifier(query=self._ask.query, describe=self.describe, keys=self._bus.keys)
 
     def rigs(self) -> list[Rig]:
         """Return all rigs that are there, by name; raises `LabError` where one of them cannot be used."""
@@ -120,7 +86,7 @@ class Lab:
         InputError
             There is no such rig.
         """
-        key = self._key("rig", self._bus.keys.rig_description, rig)
+        key = self._ask.key("rig", self._bus.keys.rig_description, rig)
         known = self.rig_names()
         if rig not in known and self.failure() is None:
             there = (
@@ -129,7 +95,7 @@ class Lab:
                 else "no rig is on the bus, or not yet: see whether rig_sim runs"
             )
             raise InputError(f"There is no rig {rig!r}; {there}.", field="rig")
-        return Rig.from_message(self._query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
+        return Rig.from_message(self._ask.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
 
     def play(
         self,
@@ -179,8 +145,8 @@ class Lab:
                     )
                 )
 
-        key = self._key("rig", self._bus.keys.rig_play, rig)
-        result = self._query(key, request, rig_pb2.PlayResult, on_progress=report)
+        key = self._ask.key("rig", self._bus.keys.rig_play, rig)
+        result = self._ask.query(key, request, rig_pb2.PlayResult, on_progress=report)
         return Played(
             run=result.run,
             response=Signals.from_message(result.response, field="response"),
@@ -221,7 +187,7 @@ class Lab:
         """
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
         tell = on_progress or _tell_nobody
-        id = self._free_id(plan.name)
+        id = free_id(self._ask, plan.name)
         tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
         rig = self.describe(plan.rig)
         check_against_rig(plan, rig)
@@ -239,99 +205,82 @@ class Lab:
             # With these the target can be made again, sample by sample.
             specification.target_drive.CopyFrom(inputs.to_message())
             specification.target_rig, specification.target_seed = plan.target.vehicle or "", plan.seed
-        status = self._campaign(specification, tell)
-        return self._collect(specification, status, folder=Path(out) if out is not None else self.out / id)
+
+        def begin() -> iterator_pb2.CampaignStatus:
+            return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
+
+        status = followed(self._ask, id, begin=begin, tell=tell)
+        return collect(self._ask, specification, status, folder=Path(out) if out is not None else self.out / id)
+
+    def resume(
+        self,
+        id: str,
+        *,
+        settings: Campaign | str | Path | None = None,
+        from_iteration: int = 0,
+        out: str | Path | None = None,
+        replace: bool = True,
+        on_progress: OnProgress | None = None,
+    ) -> CampaignResult:
+        """Go on with a campaign that a crash broke off, or take up an ended one again; nothing committed is replayed.
+
+        An ended campaign, one whose recorder ended too, and other settings make a new campaign that names its parent.
+
+        Parameters
+        ----------
+        id : str
+            The campaign, by the name of its recording.
+        settings : Campaign, str or Path, optional
+            A campaign file whose sections `update` and `stop` take the place of the campaign's own.
+        from_iteration : int
+            The last playback to build on, from 1; 0 is the last there is.
+        out, on_progress
+            As for `run`.
+        replace : bool
+            False refuses to go on where an output would take the place of an existing file.
+
+        Raises
+        ------
+        InputError, CampaignFaultError, LabError
+            As `run` does.
+        """
+        plan = settings if settings is None or isinstance(settings, Campaign) else load_campaign(settings)
+        return resume_campaign(
+            self._ask,
+            id,
+            settings=plan,
+            from_iteration=from_iteration,
+            describe=self.describe,
+            folder=lambda name: Path(out) if out is not None else self.out / name,
+            replace=replace,
+            tell=on_progress or _tell_nobody,
+        )
+
+    def stop(self, id: str, *, reason: str = "") -> RunProgress:
+        """Stop a campaign and its playback, and return how far it got; one that has ended stays as it is.
+
+        Parameters
+        ----------
+        id : str
+            The campaign.
+        reason : str
+            In words; kept in the recording.
+
+        Raises
+        ------
+        InputError
+            No such campaign was started or resumed since the iterator began.
+        """
+        try:
+            return progress_of(stop_campaign(self._ask, id, reason=reason))
+        except FaultError as fault:
+            raise self._ask.explained(fault) from fault
 
     def _drive_road(self, plan: Campaign, id: str, inputs: Signals, tell: OnProgress) -> Signals:
         vehicle = plan.target.vehicle or ""
         tell(RunProgress(Stage.TARGET, f"driving {vehicle} over the road", 0.0, -1.0))
         run = f"{id}.target-{uuid.uuid4().hex[:8]}"
         return self.play(vehicle, inputs, run=run, seed=plan.seed, on_progress=tell).response
-
-    def _free_id(self, name: str) -> str:
-        """Return the campaign's name, with a number where the lab's recorder holds one of that name already."""
-        taken = {
-            information.recording
-            for information in self._query(
-                self._bus.keys.recordings(), recorder_pb2.ListRecordingsRequest(), recorder_pb2.RecordingList
-            ).recordings
-        }
-        numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
-        return next(candidate for candidate in numbered if candidate not in taken)
-
-    def _campaign(self, specification: iterator_pb2.CampaignSpec, tell: OnProgress) -> iterator_pb2.CampaignStatus:
-        def begin() -> iterator_pb2.CampaignStatus:
-            return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
-
-        def on_status(status: iterator_pb2.CampaignStatus) -> None:
-            if (ended := self.failure()) is not None:
-                raise ended
-            tell(progress_of(status))
-
-        try:
-            return follow_campaign(self._bus, specification.id, begin=begin, on_status=on_status)
-        except FaultError as fault:
-            raise self._explained(fault) from fault
-        except KeyboardInterrupt:
-            self._stop_campaign(specification.id)
-            raise
-
-    def _stop_campaign(self, id: str) -> None:
-        # Best effort: whoever interrupts does not want to wait for a service that is gone.
-        with suppress(FaultError, BusError):
-            self._bus.query(
-                self._bus.keys.campaign_stop(id),
-                iterator_pb2.StopCampaignRequest(reason="interrupted by the user"),
-                iterator_pb2.CampaignStatus,
-                silence_seconds=_STOP_SILENCE_SECONDS,
-            )
-
-    def _collect(
-        self, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
-    ) -> CampaignResult:
-        if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
-            if (ended := self.failure()) is not None:
-                raise ended
-            sentence = status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}."
-            if status.iterations:
-                with suppress(FaultError, LabError):
-                    kept = fetch_result(self._bus, specification, status, folder=folder).recording_path
-                    sentence += f" What was played until then is in {kept}; `duralab report` shows it."
-            raise CampaignFaultError(
-                sentence,
-                field=status.fault.field,
-                service=status.fault.service,
-            )
-        try:
-            return fetch_result(self._bus, specification, status, folder=folder)
-        except FaultError as fault:
-            raise self._explained(fault) from fault
-
-    def _key(self, what: str, make: Callable[[str], str], name: str) -> str:
-        try:
-            return make(name)
-        except ValueError as error:
-            raise InputError(str(error), field=what) from error
-
-    def _query(
-        self,
-        key: str,
-        request: Message,
-        kind: type[MessageT],
-        *,
-        on_progress: Callable[[query_pb2.Progress], None] | None = None,
-    ) -> MessageT:
-        try:
-            return self._bus.query(key, request, kind, on_progress=on_progress)
-        except FaultError as fault:
-            raise self._explained(fault) from fault
-
-    def _explained(self, fault: FaultError) -> LabError:
-        """Return a fault as an error for the user: the end of a service explains what it broke."""
-        if (ended := self.failure()) is not None:
-            return ended
-        kind = InputError if fault.code in _INPUT_FAULTS else LabError
-        return kind(fault.message, field=fault.field, service=fault.service)
 
 
 def _tell_nobody(progress: RunProgress) -> None:

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 
 from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
 from duralab_proto.v1 import iterator_pb2
+
+_ENDS: Final = MappingProxyType(
+    {
+        iterator_pb2.OUTCOME_REACHED: " It ended because what was asked of it was reached.",
+        iterator_pb2.OUTCOME_ITERATIONS_USED: " It ended because all playbacks were used.",
+        iterator_pb2.OUTCOME_NO_IMPROVEMENT: " It ended because the last playbacks did not improve the best error.",
+        iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: " It ended because the specimen's damage budget was used.",
+    }
+)
 
 
 class Judgement(StrEnum):
@@ -76,10 +87,10 @@ def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.Ca
         reason = fault or "the recording ends before the campaign does."
         done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
         return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {reason}", limit)
-    errors = table.relative_rms_error[-1]
+    errors = table.judged_error[-1]
     worst = int(np.argmax(errors))
-    largest = f"{errors[worst]:.3f} ({_words(table.channels[worst])})"
-    after = f"after playback {table.numbers[-1]}"
+    largest = f"{errors[worst]:.3f} ({_words(table.judged[worst])})"
+    after, end = f"after playback {table.numbers[-1]}", _ENDS.get(status.outcome, "")
     if status.outcome == iterator_pb2.OUTCOME_DIVERGED:
         return Verdict(
             Judgement.DIVERGED,
@@ -88,19 +99,20 @@ def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.Ca
             limit,
         )
     if limit is None:
-        return Verdict(Judgement.NOT_JUDGED, f"{after.capitalize()} the largest relative RMS error is {largest}.", None)
+        sentence = f"{after.capitalize()} the largest relative RMS error is {largest}.{end}"
+        return Verdict(Judgement.NOT_JUDGED, sentence, None)
     if errors[worst] <= limit:
         return Verdict(
             Judgement.REACHED,
             f"The target was reached: {after}, every channel's relative RMS error is at most {limit:g}; "
-            f"the largest is {largest}.",
+            f"the largest is {largest}.{end}",
             limit,
         )
-    above = [_words(name) for name, error in zip(table.channels, errors, strict=True) if error > limit]
+    above = [_words(name) for name, error in zip(table.judged, errors, strict=True) if error > limit]
     return Verdict(
         Judgement.NOT_REACHED,
         f"The target was not reached: {after}, {len(above)} of {errors.size} channels are above the accepted relative "
-        f"RMS error of {limit:g} ({', '.join(above)}); the largest is {largest}.",
+        f"RMS error of {limit:g} ({', '.join(above)}); the largest is {largest}.{end}",
         limit,
     )
 
@@ -111,14 +123,30 @@ def compare_with_first(table: IterationTable) -> str:
         return "There was one playback only, so nothing to compare it with."
     worse = [
         _words(name)
-        for name, first, last in zip(
-            table.channels, table.relative_rms_error[0], table.relative_rms_error[-1], strict=True
-        )
+        for name, first, last in zip(table.judged, table.judged_error[0], table.judged_error[-1], strict=True)
         if last >= first
     ]
     if not worse:
         return "Every channel is closer to its target than after the first playback."
     return f"Not closer to the target than after the first playback: {', '.join(worse)}."
+
+
+def repeatability_in_words(status: iterator_pb2.CampaignStatus) -> str:
+    """Return in one sentence how the error compares with what the rig repeats; nothing where no drive was repeated."""
+    watched = {channel.channel for channel in status.iterations[-1].channels if channel.watched}
+    told = [channel for channel in status.repeatability.channels if channel.channel not in watched]
+    if not told:
+        return ""
+    repeated = f"{status.repeatability.playbacks} playbacks of the drive of playback {status.repeatability.iteration}"
+    noisy = [channel for channel in told if channel.noise_floor > 0.0]
+    if not noisy:
+        return f"The rig repeats {repeated} exactly."
+    worst = max(noisy, key=lambda channel: channel.relative_rms_error / channel.noise_floor)
+    error, floor = worst.relative_rms_error, worst.noise_floor
+    return (
+        f"By {repeated}, the target is reproduced to within {error / floor:.1f} × of the repeatability; the largest is "
+        f"that of {_words(worst.channel)}, {error:.3f} over a noise floor of {floor:.2g}."
+    )
 
 
 def _words(name: str) -> str:

@@ -208,6 +208,8 @@ def metrics(campaign: Campaign, row: int) -> iterator_pb2.IterationMetrics:
                 relative_rms_error=campaign.errors[row, i],
                 rms_response=campaign.rms_responses[row, i],
                 peak_ratio=campaign.peak_ratios[row, i],
+                # What a response does that has the target's shape.
+                damage_ratio=[campaign.rms_responses[row, i] ** slope for slope in (3, 5, 8)],
             )
             for i, name in enumerate(NAMES)
         ],
@@ -259,6 +261,7 @@ def steps(campaign: Campaign, *, scenario: str = "") -> list[Message]:
             iterations=[metrics(campaign, row) for row in range(count)],
             outcome=iterator_pb2.OUTCOME_ITERATIONS_USED,
             best_iteration=best,
+            remarks=["Playback 2: The drive of left_lateral would have passed its slew limit."],
         ),
         recorder_pb2.RecordingClosed(reason="finished"),
     ]

@@ -16,6 +16,7 @@ from test_campaign_file import CONTENT, changed
 from test_supervisor import alive
 
 import duralab
+from duralab._campaigns import free_id
 from duralab.campaign_loading import parse_campaign
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
@@ -128,9 +129,9 @@ def test_taken_name_gets_a_number(lab, monkeypatch, tmp_path):
     class Recordings:
         recordings = (type("R", (), {"recording": "mine"}), type("R", (), {"recording": "mine-2"}))
 
-    monkeypatch.setattr(lab, "_query", lambda *_, **__: Recordings)
-    assert lab._free_id("mine") == "mine-3"
-    assert lab._free_id("other") == "other"
+    monkeypatch.setattr(lab._ask, "query", lambda *_, **__: Recordings)
+    assert free_id(lab._ask, "mine") == "mine-3"
+    assert free_id(lab._ask, "other") == "other"
 
 
 def test_connected_script_sees_the_same_lab(lab):
@@ -167,7 +168,7 @@ def test_dying_service_ends_the_run_with_a_clear_error(fake_services, monkeypatc
 def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
     fault = query_pb2.Fault(message="The rig is interlocked: it met a limit.", service="rig_sim")
     status = iterator_pb2.CampaignStatus(id="mine", phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=fault)
-    monkeypatch.setattr("duralab.lab.follow_campaign", lambda *_, **__: status)
+    monkeypatch.setattr("duralab._campaigns.follow_campaign", lambda *_, **__: status)
     with pytest.raises(CampaignFaultError, match="The rig is interlocked") as caught:
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert caught.value.service == "rig_sim"

@@ -15,6 +15,7 @@ def test_figures_equal_those_that_were_written(recording_path, campaign):
     np.testing.assert_array_equal(table.relative_rms_error, campaign.errors)
     np.testing.assert_array_equal(table.rms_response, campaign.rms_responses)
     np.testing.assert_array_equal(table.peak_ratio, campaign.peak_ratios)
+    np.testing.assert_allclose(table.damage_ratio, campaign.rms_responses[:, :, None] ** np.array([3.0, 5.0, 8.0]))
     np.testing.assert_allclose(table.overall, np.sqrt(np.mean(campaign.errors**2, axis=1)))
 
 

@@ -13,8 +13,9 @@ from duralab.recording import open_recording
 from duralab.report import write_report
 from duralab.report.figures import contributions
 from duralab.report.series import LARGEST_POINTS, thin_out
-from duralab.report.tables import playback_rows
-from duralab.verdict import Judgement, judge
+from duralab.report.tables import channel_rows, playback_rows, repeatability_rows
+from duralab.signals import Channel, Signals
+from duralab.verdict import Judgement, compare_with_first, judge, repeatability_in_words
 from duralab_proto.v1 import iterator_pb2, query_pb2
 
 LARGEST_REPORT = 15_000_000
@@ -46,6 +47,25 @@ def test_every_number_of_the_error_table_stands_in_the_page(html, campaign):
     for row, errors, responses in zip(rows, campaign.errors, campaign.rms_responses, strict=True):
         cells = re.findall(r"<span class=\"(?:best)?\">([\d.]+)</span><br><small>([\d.]+)</small>", row)
         assert cells == [(f"{e:.3f}", f"{r:.3f}") for e, r in zip(errors, responses, strict=True)]
+
+
+def test_the_summary_tells_the_last_damage_ratios_of_each_channel(html, campaign):
+    for response in campaign.rms_responses[-1]:
+        assert f"{response**3:.2f} / {response**5:.2f} / {response**8:.2f}" in body(html)
+
+
+def test_the_summary_tells_what_is_worth_knowing(html):
+    assert "<li>Playback 2: The drive of left_lateral would have passed its slew limit.</li>" in body(html)
+
+
+def test_an_older_recording_without_damage_ratios_shows_a_dash():
+    old = iterator_pb2.IterationMetrics(
+        iteration=1, channels=[iterator_pb2.ChannelMetrics(channel="left_vertical", relative_rms_error=0.5)]
+    )
+    table = IterationTable.from_messages([old])
+    target = Signals((Channel("left_vertical", "N"),), 100.0, np.ones((1, 4)))
+    (row,) = channel_rows(table, target, limit=None)
+    assert row.damage_ratios == "–"
 
 
 def test_curves_hold_the_metrics_and_the_signals(html, campaign):
@@ -144,12 +164,22 @@ def test_shares_of_a_noiseless_model_add_up_to_the_whole(recording_path):
     np.testing.assert_allclose(np.sum(shares**2, axis=1), 0.93, rtol=0.03)
 
 
-def table_of(*errors):
+def table_of(*errors, watched=()):
     rows = np.array(errors)
     ones = np.ones_like(rows)
     names = tuple(f"c_{i}" for i in range(rows.shape[1]))
     overall = np.sqrt(np.mean(rows**2, axis=1))
-    return IterationTable(names, tuple(range(1, len(rows) + 1)), rows, ones, ones, overall)
+    return IterationTable(
+        channels=names,
+        numbers=tuple(range(1, len(rows) + 1)),
+        relative_rms_error=rows,
+        rms_response=ones,
+        peak_ratio=ones,
+        damage_ratio=np.ones((*rows.shape, 3)),
+        overall=overall,
+        level=np.ones(len(rows)),
+        watched=np.array([name in watched for name in names]),
+    )
 
 
 FINISHED = iterator_pb2.CampaignStatus(
@@ -166,6 +196,51 @@ def test_verdict_follows_the_worst_channel_of_the_last_playback():
     assert judge(table, limit=None, status=FINISHED).judgement is Judgement.NOT_JUDGED
 
 
+def test_a_watched_channel_has_no_say_in_the_verdict_and_is_named_so_in_the_tables(recording_path):
+    table = table_of([0.6, 0.5, np.nan], [0.1, 0.9, np.nan], watched=("c_1", "c_2"))
+    verdict = judge(table, limit=0.25, status=FINISHED)
+    assert verdict.judgement is Judgement.REACHED
+    assert "0.100 (c 0)" in verdict.sentence
+    assert compare_with_first(table).startswith("Every channel is closer")
+    assert "c 1 (watched)" in str(table)
+    target = open_recording(recording_path).target
+    three = Signals(target.channels[:3], target.sample_rate, target.samples[:3])
+    rows = channel_rows(table, three, limit=0.25)
+    assert [row.words for row in rows] == ["accepted", "watched", "watched"]
+    assert [row.last_error for row in rows] == ["0.100", "0.900", "–"]
+    assert [row.accepted for row in rows] == [True, None, None]
+
+
+def test_the_error_is_told_beside_the_noise_floor():
+    table = table_of([0.12, 0.2], watched=("c_1",))
+    told = iterator_pb2.Repeatability(
+        iteration=1,
+        playbacks=3,
+        channels=[
+            iterator_pb2.ChannelRepeatability(channel=name, noise_floor=0.1, relative_rms_error=0.12)
+            for name in table.channels
+        ],
+    )
+    rows = repeatability_rows(told, table)
+    assert [row.words for row in rows] == ["reproduced to within 1.2 × of the repeatability", "watched"]
+    assert rows[0].noise_floor == "0.1"
+    status = iterator_pb2.CampaignStatus(
+        iterations=[
+            iterator_pb2.IterationMetrics(
+                channels=[iterator_pb2.ChannelMetrics(channel=name, watched=name == "c_1") for name in table.channels]
+            )
+        ],
+        repeatability=told,
+    )
+    assert repeatability_in_words(status).startswith(
+        "By 3 playbacks of the drive of playback 1, the target is reproduced to within 1.2 × of the repeatability"
+    )
+    status.ClearField("repeatability")
+    assert repeatability_in_words(status) == ""
+    told.channels[0].noise_floor = 0.0
+    assert repeatability_rows(told, table)[0].words == "repeats exactly"
+
+
 def test_verdict_of_a_diverged_or_broken_campaign_says_so():
     table = table_of([0.1, 0.1], [0.5, 0.1])
     diverged = iterator_pb2.CampaignStatus(
@@ -179,6 +254,27 @@ def test_verdict_of_a_diverged_or_broken_campaign_says_so():
     assert verdict.judgement is Judgement.ENDED_EARLY
     assert "The oil is cold." in verdict.sentence
     assert judge(table, limit=0.9, status=None).judgement is Judgement.ENDED_EARLY
+
+
+@pytest.mark.parametrize(
+    ("outcome", "reason"),
+    [
+        (iterator_pb2.OUTCOME_REACHED, "what was asked of it was reached"),
+        (iterator_pb2.OUTCOME_ITERATIONS_USED, "all playbacks were used"),
+        (iterator_pb2.OUTCOME_DIVERGED, "diverged"),
+        (iterator_pb2.OUTCOME_NO_IMPROVEMENT, "did not improve"),
+        (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, "damage budget was used"),
+    ],
+)
+def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):
+    status = iterator_pb2.CampaignStatus(phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=outcome)
+    for limit in (0.25, 0.7, None):
+        assert reason in judge(table_of([0.6, 0.5]), limit=limit, status=status).sentence
+        others = [other for other in iterator_pb2.Outcome.values() if other not in (outcome, 0)]
+        for other in others:
+            status.outcome = other
+            assert reason not in judge(table_of([0.6, 0.5]), limit=limit, status=status).sentence
+        status.outcome = outcome
 
 
 def test_best_playback_and_least_errors_are_marked():

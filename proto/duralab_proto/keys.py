@@ -187,6 +187,10 @@ class Keys:
         """Query: ReadRecordingRequest → RecordingPart."""
         return self._key("recorder", "recording", _or_any(id, check_id), "read")
 
+    def recording_steps(self, id: str) -> str:
+        """Query: ReadStepsRequest → RecordedSteps."""
+        return self._key("recorder", "recording", _or_any(id, check_id), "steps")
+
     def recording_verify(self, id: str) -> str:
         """Query: VerifyRecordingRequest → VerifyResult."""
         return self._key("recorder", "recording", _or_any(id, check_id), "verify")

@@ -36,6 +36,7 @@ def test_id_comes_back_out_of_every_key_that_holds_one(lab, name):
         k.campaign_event(name),
         k.recording(name),
         k.recording_read(name),
+        k.recording_steps(name),
         k.recording_verify(name),
     ):
         assert keys.id_of(key) == name

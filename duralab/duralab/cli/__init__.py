@@ -67,6 +67,46 @@ def run(
         run_campaign(campaign, out=out, endpoint=connect, view=view, replace=replace)
 
 
+Lab = Annotated[str, typer.Option("--connect", metavar="ENDPOINT", help="Where the lab listens.")]
+
+
+@app.command()
+def resume(
+    campaign: Annotated[str, typer.Argument(metavar="ID", help="The campaign, by the name of its recording.")],
+    *,
+    settings: Annotated[
+        str | None,
+        typer.Option("--settings", metavar="FILE", help="A campaign file whose `update` and `stop` count from here."),
+    ] = None,
+    from_iteration: Annotated[
+        int, typer.Option("--from", min=0, metavar="N", help="Build on playback N; 0 is the last there is.")
+    ] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
+    ] = None,
+    connect: Lab = "tcp/127.0.0.1:7474",
+    replace: Replace = False,
+) -> None:
+    """Go on with a campaign that was broken off, or take one up again, possibly with other settings."""
+    from duralab.cli.resume_command import resume as go_on
+
+    with ended_well():
+        go_on(campaign, endpoint=connect, settings=settings, from_iteration=from_iteration, out=out, replace=replace)
+
+
+@app.command()
+def stop(
+    campaign: Annotated[str, typer.Argument(metavar="ID", help="The campaign, by the name of its recording.")],
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why; kept in the recording.")] = "",
+    connect: Lab = "tcp/127.0.0.1:7474",
+) -> None:
+    """Stop a campaign; the rig ramps down and is latched where it plays."""
+    from duralab.cli.resume_command import stop as end
+
+    with ended_well():
+        end(campaign, endpoint=connect, reason=reason)
+
+
 @app.command()
 def report(
     recording: Annotated[Path, typer.Argument(help="A recording.mcap.")],
@@ -94,9 +134,7 @@ def rigs(connect: Connect = None) -> None:
 @app.command()
 def reset(
     rig: Annotated[str, typer.Argument(help="Name of the rig, e.g. front_axle.")],
-    connect: Annotated[
-        str, typer.Option("--connect", metavar="ENDPOINT", help="Where the lab listens.")
-    ] = "tcp/127.0.0.1:7474",
+    connect: Lab = "tcp/127.0.0.1:7474",
 ) -> None:
     """Clear the latch of an interlocked rig, after the reason is dealt with."""
     from duralab.cli.reset_command import reset as clear

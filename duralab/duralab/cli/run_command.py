@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,7 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from duralab._outputs import require_free
+from duralab._outputs import OUTPUTS, require_free
 from duralab._viewer import Viewer
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
@@ -22,12 +23,10 @@ from duralab.cli.opening import open_hint, own_command
 from duralab.cli.run_display import RunDisplay
 from duralab.errors import InputError
 from duralab.lab_opening import connect, start
-from duralab.verdict import Judgement
+from duralab.verdict import Judgement, repeatability_in_words
 
 LARGEST_COLUMNS = 8
 """Playbacks in a table for the terminal."""
-
-OUTPUTS = ("recording.mcap", "live.rrd", "report.html")
 
 
 def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view: bool, replace: bool) -> None:
@@ -54,20 +53,32 @@ def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view:
             result = lab.run(plan, out=folder, on_progress=display.show)
             display.write_report()
             report = result.report(folder / "report.html")
-        _print_result(console, result, report)
+        print_result(console, result, report)
         if viewer is not None and console.is_terminal:
             _leave_open(viewer, console)
+    exit_with(result)
+
+
+def exit_with(result: CampaignResult) -> None:
+    """Raise typer.Exit where the target was not reached."""
     if result.verdict.judgement not in (Judgement.REACHED, Judgement.NOT_JUDGED):
         raise typer.Exit(int(ExitCode.NOT_REACHED))
 
 
-def _print_result(console: Console, result: CampaignResult, report: Path) -> None:
+def print_result(console: Console, result: CampaignResult, report: Path) -> None:
+    """Print the figures of a campaign, its verdict, and how to open what it left."""
     iterations = result.iterations
     title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
     console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
     title = "RMS response (1 is perfect)"
     console.print(figure_table(title, result, iterations.rms_response, overall=None))
     console.print(result.verdict.sentence, highlight=False, markup=False)
+    if repeats := repeatability_in_words(result.status):
+        console.print(repeats, highlight=False, markup=False)
+    if result.status.remarks:
+        console.print("\nWorth knowing", style="bold")
+    for remark in result.status.remarks:
+        console.print(f"· {remark}", highlight=False, markup=False)
     console.print()
     rows = (
         ("report", report, open_hint(report)),
@@ -102,21 +113,27 @@ def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, over
     limit = result.verdict.limit if overall is not None else None
     shown = shown_playbacks(len(iterations), best=iterations.best)
     table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column("playback", no_wrap=True)
+    table.add_column("playback")
     for row in shown:
-        table.add_column(f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right")
+        table.add_column(
+            f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right", no_wrap=True
+        )
     for i, name in enumerate(iterations.channels):
-        cells = [
-            f"[green]{values[row, i]:.3f}[/green]"
-            if limit is not None and values[row, i] <= limit
-            else f"{values[row, i]:.3f}"
-            for row in shown
-        ]
-        table.add_row(name.replace("_", " "), *cells)
+        watched = bool(iterations.watched[i])
+        green = limit if not watched else None
+        cells = [figure_cell(float(values[row, i]), green=green) for row in shown]
+        table.add_row(name.replace("_", " ") + (" (watched)" if watched else ""), *cells)
     if overall is not None:
         table.add_section()
         table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))
     return table
+
+
+def figure_cell(value: float, *, green: float | None) -> str:
+    """Return a figure as the terminal shows it: green up to a limit, a dash where a watched channel has none."""
+    if math.isnan(value):
+        return "–"
+    return f"[green]{value:.3f}[/green]" if green is not None and value <= green else f"{value:.3f}"
 
 
 def shown_playbacks(count: int, *, best: int) -> list[int]:

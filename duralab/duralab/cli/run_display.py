@@ -20,11 +20,11 @@ class RunDisplay:
     ----------
     console : Console
         Where they are drawn. On a terminal that is none, one line is printed for each new activity instead.
-    iterations : int
-        Most playbacks of the campaign.
+    iterations : int, optional
+        Most playbacks of the campaign; not shown where it is not known.
     """
 
-    def __init__(self, console: Console, *, iterations: int) -> None:
+    def __init__(self, console: Console, *, iterations: int | None = None) -> None:
         self._console = console
         self._iterations = iterations
         self._last_line = ""
@@ -75,8 +75,9 @@ class RunDisplay:
         table = progress.iterations
         if table is None or not len(table):
             return ""
-        worst = float(table.relative_rms_error[-1].max())
-        return f" · {table.numbers[-1]}/{self._iterations} played, error {table.overall[-1]:.3f}, worst {worst:.3f}"
+        worst = float(table.judged_error[-1].max())
+        of = f"/{self._iterations}" if self._iterations is not None else ""
+        return f" · {table.numbers[-1]}{of} played, error {table.overall[-1]:.3f}, worst {worst:.3f}"
 
     def __enter__(self) -> Self:
         self._progress.start()

@@ -24,7 +24,8 @@ def _markers(index: int, name: str, *, x: Sequence[int], y: np.ndarray) -> Figur
         "mode": "lines+markers",
         "name": name.replace("_", " "),
         "x": list(x),
-        "y": [float(value) for value in y],
+        # The figure of a watched channel without a target is left out: a number that is none is no JSON either.
+        "y": [float(value) if np.isfinite(value) else None for value in y],
         "line": {"color": f"@channel-{index % _COLORS}", "width": 1.5},
         "marker": {"symbol": _SYMBOLS[index % len(_SYMBOLS)], "size": 7},
     }

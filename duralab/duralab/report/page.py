@@ -99,6 +99,7 @@ def render_report(recording: Recording) -> str:
         drives=shown.last.drive.channels,
         rows=tables.channel_rows(table, shown.target, limit=verdict.limit),
         playbacks=tables.playback_rows(table),
+        repeatability=_repeatability(recording),
         actuators=tables.actuator_rows(shown.last.actuators, shown.last.drive.channels),
         cells=tables.matrix_cells(figures.contributions(model, band)) if model is not None else [],
         model=model,
@@ -123,6 +124,16 @@ def _shown(recording: Recording) -> waveforms.Shown:
         band=(specification.lowest_frequency, specification.highest_frequency),
         block_samples=specification.estimator.block_samples,
     )
+
+
+def _repeatability(recording: Recording) -> dict[str, Any] | None:
+    """Return what the report says of a drive that was played again; None where none was."""
+    status = recording.status
+    if status is None or not status.HasField("repeatability"):
+        return None
+    told = status.repeatability
+    rows = tables.repeatability_rows(told, recording.iterations)
+    return {"iteration": told.iteration, "playbacks": told.playbacks, "rows": rows}
 
 
 def _asset(name: str) -> Markup:

@@ -19,6 +19,7 @@ from duralab_proto.v1 import iterator_pb2
 _ALGORITHMS = {
     iterator_pb2.UPDATE_KIND_BASIC_TWR: "basic Time Waveform Replication",
     iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING: "Adaptive Modelling",
+    iterator_pb2.UPDATE_KIND_SECANT: "secant update",
 }
 
 
@@ -33,6 +34,7 @@ class ChannelRow:
     last_error: str
     rms_response: str
     peak_ratio: str
+    damage_ratios: str
     accepted: bool | None
     words: str
 
@@ -43,18 +45,66 @@ def channel_rows(table: IterationTable, target: Signals, *, limit: float | None)
     rows = []
     for i, channel in enumerate(target.channels):
         error = float(table.relative_rms_error[-1, i])
-        accepted = None if limit is None else error <= limit
+        watched = bool(table.watched[i])
+        accepted = None if limit is None or watched else error <= limit
         rows.append(
             ChannelRow(
                 title=channel.title,
                 target_rms=f"{levels[i]:,.0f} {channel.unit}" if levels[i] >= 10 else f"{levels[i]:.3g} {channel.unit}",
-                first_error=f"{table.relative_rms_error[0, i]:.3f}",
-                best_error=f"{table.relative_rms_error[best, i]:.3f}",
-                last_error=f"{error:.3f}",
-                rms_response=f"{table.rms_response[-1, i]:.3f}",
-                peak_ratio=f"{table.peak_ratio[-1, i]:.3f}",
+                first_error=_figure(table.relative_rms_error[0, i]),
+                best_error=_figure(table.relative_rms_error[best, i]),
+                last_error=_figure(error),
+                rms_response=_figure(table.rms_response[-1, i]),
+                peak_ratio=_figure(table.peak_ratio[-1, i]),
+                damage_ratios=_damage_in_words(table.damage_ratio[-1, i]),
                 accepted=accepted,
-                words={None: "not judged", True: "accepted", False: "above the limit"}[accepted],
+                words="watched"
+                if watched
+                else {None: "not judged", True: "accepted", False: "above the limit"}[accepted],
+            )
+        )
+    return rows
+
+
+def _figure(value: float) -> str:
+    """Return a figure, or a dash where there is none: that of a watched channel without a target."""
+    return "–" if np.isnan(value) else f"{value:.3f}"
+
+
+def _damage_in_words(ratios: np.ndarray) -> str:
+    """Return the damage ratios of one channel, steepest S-N line last, or a dash where they are not told."""
+    return "–" if np.isnan(ratios).any() else " / ".join(f"{ratio:.2f}" for ratio in ratios)
+
+
+@dataclass(frozen=True)
+class RepeatabilityRow:
+    """How far one response channel repeats itself; numbers as they are printed, relative to the target's RMS."""
+
+    title: str
+    error: str
+    noise_floor: str
+    systematic_error: str
+    words: str
+
+
+def repeatability_rows(repeatability: iterator_pb2.Repeatability, table: IterationTable) -> list[RepeatabilityRow]:
+    """Return the error of the confirmed drive beside the noise floor, a row for each channel."""
+    rows = []
+    for channel, watched in zip(repeatability.channels, table.watched, strict=True):
+        error, floor = channel.relative_rms_error, channel.noise_floor
+        if watched:
+            words = "watched"
+        elif floor > 0.0:
+            words = f"reproduced to within {error / floor:.1f} × of the repeatability"
+        else:
+            words = "repeats exactly"
+        rows.append(
+            RepeatabilityRow(
+                title=channel.channel.replace("_", " "),
+                error=_figure(error),
+                noise_floor="–" if np.isnan(floor) else f"{floor:.2g}",
+                systematic_error=_figure(channel.systematic_error),
+                words=words,
             )
         )
     return rows
@@ -77,7 +127,7 @@ def playback_rows(table: IterationTable) -> list[PlaybackRow]:
         PlaybackRow(
             number=number,
             cells=[
-                (f"{error:.3f}", f"{response:.3f}", bool(error == least[i]))
+                (_figure(error), _figure(response), bool(error == least[i]))
                 for i, (error, response) in enumerate(
                     zip(table.relative_rms_error[row], table.rms_response[row], strict=True)
                 )
@@ -179,7 +229,18 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
             "End",
             f"after {stop.largest_iterations} playbacks"
             + (f", or at a relative RMS error of {stop.relative_rms_error:g}" if stop.relative_rms_error else "")
-            + (f", or when an error exceeds {stop.divergence_ratio:g} × its best" if stop.divergence_ratio else ""),
+            + (
+                f", with damage ratios of {stop.smallest_damage_ratio:g} to {stop.largest_damage_ratio:g}"
+                if stop.largest_damage_ratio
+                else ""
+            )
+            + (f", or when an error exceeds {stop.divergence_ratio:g} × its best" if stop.divergence_ratio else "")
+            + (
+                f", or when the best error falls by less than {stop.smallest_improvement:.1%}"
+                if stop.smallest_improvement
+                else ""
+            )
+            + (f", or before more than {stop.damage_budget:g} × the target's damage" if stop.damage_budget else ""),
         ),
     ]
 

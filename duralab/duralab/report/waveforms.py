@@ -109,7 +109,9 @@ def waveform(shown: Shown, row: int) -> Figure:
 
 def zoom_window(target: Signals) -> slice:
     """Return the samples around the largest peak of the target, relative to its channel's RMS."""
-    relative = np.abs(target.samples) / spectra.rms(target.samples)[:, np.newaxis]
+    level = spectra.rms(target.samples)[:, np.newaxis]
+    # The target of a watched channel may be silent.
+    relative = np.divide(np.abs(target.samples), level, out=np.zeros_like(target.samples), where=level > 0.0)
     centre = int(np.argmax(relative.max(axis=0)))
     length = min(target.samples.shape[1], round(ZOOM_SECONDS * target.sample_rate))
     start = min(max(0, centre - length // 2), target.samples.shape[1] - length)

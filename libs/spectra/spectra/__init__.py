@@ -9,8 +9,17 @@ from spectra.band import band_mask, limit_band
 from spectra.blocks import count_blocks, hop_samples, independent_averages
 from spectra.filtering import centred_impulse_response, filter_whole_record, interpolate_frf, overlap_save
 from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
+from spectra.level_crossing import count_level_crossings
 from spectra.lines import line_frequencies, smooth_lines
-from spectra.metrics import overall_relative_rms_error, peak_ratio, relative_rms_error, rms, rms_response
+from spectra.metrics import (
+    crest_factor,
+    overall_relative_rms_error,
+    peak_ratio,
+    relative_rms_error,
+    rms,
+    rms_response,
+)
+from spectra.noise_floor import noise_floor
 from spectra.records import as_record, require_sample_rate
 from spectra.running_spectra import CrossSpectra, SpectraEstimate
 from spectra.welch import auto_spectra, cross_spectra, paired_spectra
@@ -26,6 +35,8 @@ __all__ = [
     "band_mask",
     "centred_impulse_response",
     "count_blocks",
+    "count_level_crossings",
+    "crest_factor",
     "cross_spectra",
     "filter_whole_record",
     "hann_periodic",
@@ -35,6 +46,7 @@ __all__ = [
     "inverse_frf",
     "limit_band",
     "line_frequencies",
+    "noise_floor",
     "overall_relative_rms_error",
     "overlap_save",
     "paired_spectra",

@@ -22,16 +22,20 @@ class BlockSpectra:
         Samples between the starts of neighbouring blocks, 1 or more.
     channels
         Of all records together, 1 or more.
+    chosen
+        Lines that are kept; all where not given.
     """
 
-    def __init__(self, window: NDArray[np.float64], *, hop: int, channels: int) -> None:
+    def __init__(self, window: NDArray[np.float64], *, hop: int, channels: int, chosen: slice | None = None) -> None:
         block, lines = window.size, window.size // 2 + 1
         self._window = window
         self._hop = hop
+        self._chosen = slice(None) if chosen is None else chosen
         self.blocks_in_chunk = max(1, min(_CHANNEL_BYTES // (8 * block), _SPECTRA_BYTES // (16 * lines * channels)))
         self._windowed = np.empty((self.blocks_in_chunk, block))
         self._spectra = np.empty((self.blocks_in_chunk, lines), dtype=np.complex128)
-        self._by_line = np.empty((lines, channels, self.blocks_in_chunk), dtype=np.complex128)
+        kept = len(range(lines)[self._chosen])
+        self._by_line = np.empty((kept, channels, self.blocks_in_chunk), dtype=np.complex128)
 
     def chunks(self, *records: NDArray[np.float64]) -> Iterator[NDArray[np.complex128]]:
         """Yield the spectra of the whole blocks of records that were sampled together.
@@ -44,7 +48,8 @@ class BlockSpectra:
         Yields
         ------
         numpy.ndarray
-            Shape (lines, channels of all records, blocks of the chunk), contiguous; the next chunk overwrites it.
+            Shape (lines kept, channels of all records, blocks of the chunk), contiguous; the next chunk overwrites
+            it.
         """
         block = self._window.size
         if records[0].shape[1] < block:
@@ -62,7 +67,7 @@ class BlockSpectra:
                 # numpy's transform writes into memory that is there; fresh pages would cost more than the transform.
                 np.fft.rfft(windowed, axis=-1, out=spectra)
                 # The product at each line runs ten times slower on a foreign layout than this copy takes.
-                by_line[:, channel] = spectra.T
+                by_line[:, channel] = spectra[:, self._chosen].T
             yield by_line
 
 

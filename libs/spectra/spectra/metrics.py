@@ -128,6 +128,32 @@ def peak_ratio(target: ArrayLike, response: ArrayLike) -> NDArray[np.float64]:
     return np.max(np.abs(measured), axis=1) / np.max(np.abs(wanted), axis=1)
 
 
+def crest_factor(samples: ArrayLike) -> NDArray[np.float64]:
+    """Largest magnitude of each channel over its RMS, mean included: 1 for a square wave, the root of 2 for a sine.
+
+    Parameters
+    ----------
+    samples
+        Shape (channels, samples); no channel zero throughout.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (channels), 1 or more.
+
+    Raises
+    ------
+    ValueError
+        Where the record is not allowed or a channel is zero throughout.
+    """
+    record = as_record(samples)
+    level = rms(record)
+    silent = np.flatnonzero(level == 0.0)
+    if silent.size:
+        raise ValueError(f"Channel {silent[0]} is zero throughout and has no crest factor; leave it out.")
+    return np.max(np.abs(record), axis=1) / level
+
+
 def _comparable(target: ArrayLike, response: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     wanted, measured = as_record(target, name="target"), as_record(response, name="response")
     if wanted.shape != measured.shape:

@@ -67,6 +67,8 @@ class CrossSpectra:
         Whether all of ``S_aa`` is averaged, not its diagonal alone: H2 and total least squares need it.
     without_mean
         Whether each channel's mean over all samples comes off; the estimate is as if it had come off before.
+    chosen
+        Lines that are averaged, one or more next to each other; all where not given. Not together with `without_mean`.
 
     Raises
     ------
@@ -84,6 +86,7 @@ class CrossSpectra:
         sample_rate: float,
         full: bool = False,
         without_mean: bool = False,
+        chosen: slice | None = None,
     ) -> None:
         if n_a < 1 or n_b < 1:
             raise ValueError(f"The records have {n_a} and {n_b} channels; both need at least one.")
@@ -92,11 +95,17 @@ class CrossSpectra:
         self._block_samples = block_samples
         self._sample_rate = sample_rate
         self._window = hann_periodic(block_samples)
-        self._spectra = BlockSpectra(self._window, hop=self._hop, channels=n_a + n_b)
+        kept = range(block_samples // 2 + 1) if chosen is None else range(block_samples // 2 + 1)[chosen]
+        if not kept or kept.step != 1:
+            raise ValueError(f"The chosen lines are {chosen}; they must be one or more lines next to each other.")
+        if chosen is not None and without_mean:
+            raise ValueError("The mean comes off where all lines are averaged; ask for one of the two.")
+        self._chosen = slice(kept.start, kept.stop)
+        self._spectra = BlockSpectra(self._window, hop=self._hop, channels=n_a + n_b, chosen=self._chosen)
         self._n_a = n_a
         self._full, self._without_mean = full, without_mean
         self._tail = np.empty((n_a + n_b, 0))
-        lines, columns = block_samples // 2 + 1, n_a + n_b if full else n_b
+        lines, columns = len(kept), n_a + n_b if full else n_b
         self._products = np.zeros((lines, n_a + n_b, columns), dtype=np.complex128)
         self._of_lines = np.empty((_LINES_TOGETHER, n_a + n_b, columns), dtype=np.complex128)
         self._conjugate = np.empty((_LINES_TOGETHER, columns, self._spectra.blocks_in_chunk), dtype=np.complex128)
@@ -179,10 +188,10 @@ class CrossSpectra:
             low = correction.shape[0]
             auto_a[:low] -= np.einsum("fii->fi", correction).real[:, :n_a]
             products[:low] -= correction[:, :, -products.shape[2] :]
-        scale = density_scale(self._window, self._sample_rate, self._blocks)
+        scale = density_scale(self._window, self._sample_rate, self._blocks)[self._chosen]
         products *= scale[:, None, None]
         return SpectraEstimate(
-            frequency=line_frequencies(self._block_samples, self._sample_rate),
+            frequency=line_frequencies(self._block_samples, self._sample_rate)[self._chosen],
             s_ab=np.ascontiguousarray(products[:, :n_a, n_a if self._full else 0 :]),
             s_bb=np.ascontiguousarray(products[:, n_a:, n_a if self._full else 0 :]),
             auto_a=np.maximum(auto_a, 0.0) * scale[:, None],

@@ -27,3 +27,13 @@ def test_a_silent_target_channel_is_refused_by_its_number():
 def test_records_of_different_length_are_not_compared():
     with pytest.raises(ValueError, match="must be equal to be compared"):
         spectra.rms_response(np.ones((1, 3)), np.ones((1, 4)))
+
+
+def test_the_crest_factor_of_a_sine_is_the_root_of_two_and_of_a_square_wave_one():
+    sine = np.sin(2.0 * np.pi * np.arange(1000) / 40.0)
+    np.testing.assert_allclose(spectra.crest_factor(np.vstack([sine, np.sign(sine + 0.5)])), [np.sqrt(2.0), 1.0])
+
+
+def test_a_channel_at_rest_has_no_crest_factor():
+    with pytest.raises(ValueError, match="Channel 1 is zero throughout"):
+        spectra.crest_factor(np.array([[1.0], [0.0]]))

@@ -100,3 +100,16 @@ def test_an_estimate_of_less_than_a_block_is_refused():
         running.estimate()
     with pytest.raises(ValueError, match="2 and 1 channels"):
         running.add(np.ones((2, 255)), np.ones((1, 255)))
+
+
+def test_chosen_lines_are_those_of_the_whole_estimate(records):
+    whole, some = spectra.CrossSpectra(4, 3, **SETTINGS), spectra.CrossSpectra(4, 3, chosen=slice(7, 90), **SETTINGS)
+    for running in (whole, some):
+        running.add(*records)
+    expected, found = whole.estimate(), some.estimate()
+    for name in ("frequency", "s_ab", "s_bb", "auto_a"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name)[7:90], rtol=1e-12)
+    with pytest.raises(ValueError, match="next to each other"):
+        spectra.CrossSpectra(4, 3, chosen=slice(200, 500), **(SETTINGS | {"block_samples": 16}))
+    with pytest.raises(ValueError, match="ask for one of the two"):
+        spectra.CrossSpectra(4, 3, chosen=slice(7, 90), without_mean=True, **SETTINGS)

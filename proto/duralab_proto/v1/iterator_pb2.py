@@ -28,41 +28,55 @@ from duralab_proto.v1 import query_pb2 as duralab_dot_v1_dot_query__pb2
 from duralab_proto.v1 import rig_pb2 as duralab_dot_v1_dot_rig__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/iterator.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x1b\x64uralab/v1/identifier.proto\x1a\x16\x64uralab/v1/query.proto\x1a\x14\x64uralab/v1/rig.proto\"\xd0\x01\n\x0eUpdateSettings\x12$\n\x04kind\x18\x01 \x01(\x0e\x32\x16.duralab.v1.UpdateKind\x12)\n\x0eiteration_gain\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1b\n\x13smallest_correction\x18\x03 \x01(\x01\x12\x1a\n\x12largest_correction\x18\x04 \x01(\x01\x12\x1a\n\x12weigh_by_coherence\x18\x05 \x01(\x08\x12\x18\n\x10lowest_coherence\x18\x06 \x01(\x01\"`\n\x0cStopCriteria\x12\x1a\n\x12largest_iterations\x18\x01 \x01(\r\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x18\n\x10\x64ivergence_ratio\x18\x03 \x01(\x01\"\xb4\x03\n\x0c\x43\x61mpaignSpec\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\"\n\x06target\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x15\n\rtarget_source\x18\x04 \x01(\t\x12*\n\nexcitation\x18\x05 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x06 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12*\n\x06update\x18\x07 \x01(\x0b\x32\x1a.duralab.v1.UpdateSettings\x12&\n\x04stop\x18\x08 \x01(\x0b\x32\x18.duralab.v1.StopCriteria\x12\x18\n\x10lowest_frequency\x18\t \x01(\x01\x12\x19\n\x11highest_frequency\x18\n \x01(\x01\x12\x0c\n\x04seed\x18\x0b \x01(\x04\x12\x10\n\x08scenario\x18\x0c \x01(\t\x12(\n\x0ctarget_drive\x18\r \x01(\x0b\x32\x12.duralab.v1.Record\x12\x12\n\ntarget_rig\x18\x0e \x01(\t\x12\x13\n\x0btarget_seed\x18\x0f \x01(\x04\"\x11\n\x0f\x43\x61mpaignRequest\"%\n\x13StopCampaignRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x17\n\x15ResumeCampaignRequest\"\x97\x02\n\x0e\x43\x61mpaignStatus\x12\n\n\x02id\x18\x01 \x01(\t\x12(\n\x05phase\x18\x02 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12\x10\n\x08\x61\x63tivity\x18\x03 \x01(\t\x12\x10\n\x08\x66raction\x18\x04 \x01(\x01\x12\x19\n\x11remaining_seconds\x18\x05 \x01(\x01\x12\x30\n\niterations\x18\x06 \x03(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12$\n\x07outcome\x18\x07 \x01(\x0e\x32\x13.duralab.v1.Outcome\x12 \n\x05\x66\x61ult\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Fault\x12\x16\n\x0e\x62\x65st_iteration\x18\t \x01(\r\"g\n\x0e\x43hannelMetrics\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x14\n\x0crms_response\x18\x03 \x01(\x01\x12\x12\n\npeak_ratio\x18\x04 \x01(\x01\"w\n\x10IterationMetrics\x12\x11\n\titeration\x18\x01 \x01(\r\x12,\n\x08\x63hannels\x18\x02 \x03(\x0b\x32\x1a.duralab.v1.ChannelMetrics\x12\"\n\x1aoverall_relative_rms_error\x18\x03 \x01(\x01\";\n\rCampaignEvent\x12*\n\x06status\x18\x01 \x01(\x0b\x32\x1a.duralab.v1.CampaignStatus\"\xa8\x02\n\rIterationStep\x12\x11\n\titeration\x18\x01 \x01(\r\x12\x0b\n\x03run\x18\x02 \x01(\t\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\x12-\n\x07metrics\x18\x05 \x01(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12*\n\tactuators\x18\x06 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12&\n\x0binverse_frf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10response_in_band\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\"2\n\x0cTargetInBand\x12\"\n\x07samples\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array*h\n\nUpdateKind\x12\x1b\n\x17UPDATE_KIND_UNSPECIFIED\x10\x00\x12\x19\n\x15UPDATE_KIND_BASIC_TWR\x10\x01\x12\"\n\x1eUPDATE_KIND_ADAPTIVE_MODELLING\x10\x02*\xdf\x01\n\rCampaignPhase\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_CHECKING\x10\x01\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_IDENTIFYING\x10\x02\x12\x1c\n\x18\x43\x41MPAIGN_PHASE_ITERATING\x10\x03\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_FINISHED\x10\x04\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_FAULTED\x10\x05\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_STOPPED\x10\x06*j\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x13\n\x0fOUTCOME_REACHED\x10\x01\x12\x1b\n\x17OUTCOME_ITERATIONS_USED\x10\x02\x12\x14\n\x10OUTCOME_DIVERGED\x10\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/iterator.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x1b\x64uralab/v1/identifier.proto\x1a\x16\x64uralab/v1/query.proto\x1a\x14\x64uralab/v1/rig.proto\"e\n\x0eSecantSettings\x12\x12\n\nforgetting\x18\x01 \x01(\x01\x12\x16\n\x0eprior_strength\x18\x02 \x01(\x01\x12\x0f\n\x07\x63\x61ution\x18\x03 \x01(\x01\x12\x16\n\x0eregularisation\x18\x04 \x01(\x01\"\x98\x04\n\x0eUpdateSettings\x12$\n\x04kind\x18\x01 \x01(\x0e\x32\x16.duralab.v1.UpdateKind\x12)\n\x0eiteration_gain\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1b\n\x13smallest_correction\x18\x03 \x01(\x01\x12\x1a\n\x12largest_correction\x18\x04 \x01(\x01\x12\x1a\n\x12weigh_by_coherence\x18\x05 \x01(\x08\x12\x18\n\x10lowest_coherence\x18\x06 \x01(\x01\x12\x17\n\x0f\x61\x63\x63\x65pt_segments\x18\x07 \x01(\x08\x12\x15\n\rgain_schedule\x18\x08 \x03(\x01\x12/\n\x14gain_curve_frequency\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10gain_curve_share\x18\n \x01(\x0b\x32\x11.duralab.v1.Array\x12\x34\n\nprediction\x18\x0b \x01(\x0e\x32 .duralab.v1.CorrectionPrediction\x12*\n\x05shape\x18\x0c \x01(\x0e\x32\x1b.duralab.v1.CorrectionShape\x12*\n\x06secant\x18\r \x01(\x0b\x32\x1a.duralab.v1.SecantSettings\x12*\n\x0fresponse_weight\x18\x0e \x01(\x0b\x32\x11.duralab.v1.Array\"\x8a\x02\n\x0cStopCriteria\x12\x1a\n\x12largest_iterations\x18\x01 \x01(\r\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x18\n\x10\x64ivergence_ratio\x18\x03 \x01(\x01\x12\x1d\n\x15smallest_damage_ratio\x18\x04 \x01(\x01\x12\x1c\n\x14largest_damage_ratio\x18\x05 \x01(\x01\x12\x1c\n\x14smallest_improvement\x18\x06 \x01(\x01\x12\x1d\n\x15improvement_playbacks\x18\x07 \x01(\r\x12\x15\n\rdamage_budget\x18\x08 \x01(\x01\x12\x17\n\x0f\x64\x61mage_exponent\x18\t \x01(\x01\"\xb4\x04\n\x0c\x43\x61mpaignSpec\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\"\n\x06target\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x15\n\rtarget_source\x18\x04 \x01(\t\x12*\n\nexcitation\x18\x05 \x01(\x0b\x32\x16.duralab.v1.Excitation\x12(\n\testimator\x18\x06 \x01(\x0b\x32\x15.duralab.v1.Estimator\x12*\n\x06update\x18\x07 \x01(\x0b\x32\x1a.duralab.v1.UpdateSettings\x12&\n\x04stop\x18\x08 \x01(\x0b\x32\x18.duralab.v1.StopCriteria\x12\x18\n\x10lowest_frequency\x18\t \x01(\x01\x12\x19\n\x11highest_frequency\x18\n \x01(\x01\x12\x0c\n\x04seed\x18\x0b \x01(\x04\x12\x10\n\x08scenario\x18\x0c \x01(\t\x12(\n\x0ctarget_drive\x18\r \x01(\x0b\x32\x12.duralab.v1.Record\x12\x12\n\ntarget_rig\x18\x0e \x01(\t\x12\x13\n\x0btarget_seed\x18\x0f \x01(\x04\x12\x0e\n\x06levels\x18\x10 \x03(\x01\x12\x0e\n\x06parent\x18\x11 \x01(\t\x12\x18\n\x10parent_iteration\x18\x12 \x01(\r\x12-\n\x0climit_policy\x18\x13 \x01(\x0e\x32\x17.duralab.v1.LimitPolicy\x12\x15\n\rconfirmations\x18\x14 \x01(\r\"\x11\n\x0f\x43\x61mpaignRequest\"%\n\x13StopCampaignRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\xa5\x01\n\x15ResumeCampaignRequest\x12\x0e\n\x06new_id\x18\x01 \x01(\t\x12\x16\n\x0e\x66rom_iteration\x18\x02 \x01(\r\x12*\n\x06update\x18\x03 \x01(\x0b\x32\x1a.duralab.v1.UpdateSettings\x12&\n\x04stop\x18\x04 \x01(\x0b\x32\x18.duralab.v1.StopCriteria\x12\x10\n\x08scenario\x18\x05 \x01(\t\"\xda\x02\n\x0e\x43\x61mpaignStatus\x12\n\n\x02id\x18\x01 \x01(\t\x12(\n\x05phase\x18\x02 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12\x10\n\x08\x61\x63tivity\x18\x03 \x01(\t\x12\x10\n\x08\x66raction\x18\x04 \x01(\x01\x12\x19\n\x11remaining_seconds\x18\x05 \x01(\x01\x12\x30\n\niterations\x18\x06 \x03(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12$\n\x07outcome\x18\x07 \x01(\x0e\x32\x13.duralab.v1.Outcome\x12 \n\x05\x66\x61ult\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Fault\x12\x16\n\x0e\x62\x65st_iteration\x18\t \x01(\r\x12\x0f\n\x07remarks\x18\n \x03(\t\x12\x30\n\rrepeatability\x18\x0b \x01(\x0b\x32\x19.duralab.v1.Repeatability\"i\n\rRepeatability\x12\x11\n\titeration\x18\x01 \x01(\r\x12\x11\n\tplaybacks\x18\x02 \x01(\r\x12\x32\n\x08\x63hannels\x18\x03 \x03(\x0b\x32 .duralab.v1.ChannelRepeatability\"r\n\x14\x43hannelRepeatability\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x13\n\x0bnoise_floor\x18\x02 \x01(\x01\x12\x1a\n\x12relative_rms_error\x18\x03 \x01(\x01\x12\x18\n\x10systematic_error\x18\x04 \x01(\x01\"\xa3\x01\n\x0e\x43hannelMetrics\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x1a\n\x12relative_rms_error\x18\x02 \x01(\x01\x12\x14\n\x0crms_response\x18\x03 \x01(\x01\x12\x12\n\npeak_ratio\x18\x04 \x01(\x01\x12\x13\n\x0b\x63rest_ratio\x18\x05 \x01(\x01\x12\x14\n\x0c\x64\x61mage_ratio\x18\x06 \x03(\x01\x12\x0f\n\x07watched\x18\x07 \x01(\x08\"\x86\x01\n\x10IterationMetrics\x12\x11\n\titeration\x18\x01 \x01(\r\x12,\n\x08\x63hannels\x18\x02 \x03(\x0b\x32\x1a.duralab.v1.ChannelMetrics\x12\"\n\x1aoverall_relative_rms_error\x18\x03 \x01(\x01\x12\r\n\x05level\x18\x04 \x01(\x01\";\n\rCampaignEvent\x12*\n\x06status\x18\x01 \x01(\x0b\x32\x1a.duralab.v1.CampaignStatus\"\xf5\x02\n\rIterationStep\x12\x11\n\titeration\x18\x01 \x01(\r\x12\x0b\n\x03run\x18\x02 \x01(\t\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\x12-\n\x07metrics\x18\x05 \x01(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12*\n\tactuators\x18\x06 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12&\n\x0binverse_frf\x18\x07 \x01(\x0b\x32\x11.duralab.v1.Array\x12+\n\x10response_in_band\x18\x08 \x01(\x0b\x32\x11.duralab.v1.Array\x12\r\n\x05level\x18\t \x01(\x01\x12\x14\n\x0csignal_epoch\x18\n \x01(\x04\x12\x15\n\rsignal_blocks\x18\x0b \x01(\x04\x12\x0f\n\x07remarks\x18\x0c \x03(\t\"\x9d\x02\n\x10\x43onfirmationStep\x12\x0e\n\x06number\x18\x01 \x01(\r\x12\x0b\n\x03run\x18\x02 \x01(\t\x12\x11\n\titeration\x18\x03 \x01(\r\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\x12+\n\x10response_in_band\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12-\n\x07metrics\x18\x06 \x01(\x0b\x32\x1c.duralab.v1.IterationMetrics\x12*\n\tactuators\x18\x07 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12\x14\n\x0csignal_epoch\x18\x08 \x01(\x04\x12\x15\n\rsignal_blocks\x18\t \x01(\x04\"2\n\x0cTargetInBand\x12\"\n\x07samples\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array*\x80\x01\n\nUpdateKind\x12\x1b\n\x17UPDATE_KIND_UNSPECIFIED\x10\x00\x12\x19\n\x15UPDATE_KIND_BASIC_TWR\x10\x01\x12\"\n\x1eUPDATE_KIND_ADAPTIVE_MODELLING\x10\x02\x12\x16\n\x12UPDATE_KIND_SECANT\x10\x03*\x84\x01\n\x14\x43orrectionPrediction\x12%\n!CORRECTION_PREDICTION_UNSPECIFIED\x10\x00\x12!\n\x1d\x43ORRECTION_PREDICTION_FORWARD\x10\x01\x12\"\n\x1e\x43ORRECTION_PREDICTION_BACKWARD\x10\x02*m\n\x0f\x43orrectionShape\x12 \n\x1c\x43ORRECTION_SHAPE_UNSPECIFIED\x10\x00\x12\x1d\n\x19\x43ORRECTION_SHAPE_DIAGONAL\x10\x01\x12\x19\n\x15\x43ORRECTION_SHAPE_FULL\x10\x02*^\n\x0bLimitPolicy\x12\x1c\n\x18LIMIT_POLICY_UNSPECIFIED\x10\x00\x12\x17\n\x13LIMIT_POLICY_REFUSE\x10\x01\x12\x18\n\x14LIMIT_POLICY_PROJECT\x10\x02*\xfe\x01\n\rCampaignPhase\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_CHECKING\x10\x01\x12\x1e\n\x1a\x43\x41MPAIGN_PHASE_IDENTIFYING\x10\x02\x12\x1c\n\x18\x43\x41MPAIGN_PHASE_ITERATING\x10\x03\x12\x1b\n\x17\x43\x41MPAIGN_PHASE_FINISHED\x10\x04\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_FAULTED\x10\x05\x12\x1a\n\x16\x43\x41MPAIGN_PHASE_STOPPED\x10\x06\x12\x1d\n\x19\x43\x41MPAIGN_PHASE_CONFIRMING\x10\x07*\xa6\x01\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x13\n\x0fOUTCOME_REACHED\x10\x01\x12\x1b\n\x17OUTCOME_ITERATIONS_USED\x10\x02\x12\x14\n\x10OUTCOME_DIVERGED\x10\x03\x12\x1a\n\x16OUTCOME_NO_IMPROVEMENT\x10\x04\x12\x1e\n\x1aOUTCOME_DAMAGE_BUDGET_USED\x10\x05\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.iterator_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_UPDATEKIND']._serialized_start=1891
-  _globals['_UPDATEKIND']._serialized_end=1995
-  _globals['_CAMPAIGNPHASE']._serialized_start=1998
-  _globals['_CAMPAIGNPHASE']._serialized_end=2221
-  _globals['_OUTCOME']._serialized_start=2223
-  _globals['_OUTCOME']._serialized_end=2329
-  _globals['_UPDATESETTINGS']._serialized_start=141
-  _globals['_UPDATESETTINGS']._serialized_end=349
-  _globals['_STOPCRITERIA']._serialized_start=351
-  _globals['_STOPCRITERIA']._serialized_end=447
-  _globals['_CAMPAIGNSPEC']._serialized_start=450
-  _globals['_CAMPAIGNSPEC']._serialized_end=886
-  _globals['_CAMPAIGNREQUEST']._serialized_start=888
-  _globals['_CAMPAIGNREQUEST']._serialized_end=905
-  _globals['_STOPCAMPAIGNREQUEST']._serialized_start=907
-  _globals['_STOPCAMPAIGNREQUEST']._serialized_end=944
-  _globals['_RESUMECAMPAIGNREQUEST']._serialized_start=946
-  _globals['_RESUMECAMPAIGNREQUEST']._serialized_end=969
-  _globals['_CAMPAIGNSTATUS']._serialized_start=972
-  _globals['_CAMPAIGNSTATUS']._serialized_end=1251
-  _globals['_CHANNELMETRICS']._serialized_start=1253
-  _globals['_CHANNELMETRICS']._serialized_end=1356
-  _globals['_ITERATIONMETRICS']._serialized_start=1358
-  _globals['_ITERATIONMETRICS']._serialized_end=1477
-  _globals['_CAMPAIGNEVENT']._serialized_start=1479
-  _globals['_CAMPAIGNEVENT']._serialized_end=1538
-  _globals['_ITERATIONSTEP']._serialized_start=1541
-  _globals['_ITERATIONSTEP']._serialized_end=1837
-  _globals['_TARGETINBAND']._serialized_start=1839
-  _globals['_TARGETINBAND']._serialized_end=1889
+  _globals['_UPDATEKIND']._serialized_start=3497
+  _globals['_UPDATEKIND']._serialized_end=3625
+  _globals['_CORRECTIONPREDICTION']._serialized_start=3628
+  _globals['_CORRECTIONPREDICTION']._serialized_end=3760
+  _globals['_CORRECTIONSHAPE']._serialized_start=3762
+  _globals['_CORRECTIONSHAPE']._serialized_end=3871
+  _globals['_LIMITPOLICY']._serialized_start=3873
+  _globals['_LIMITPOLICY']._serialized_end=3967
+  _globals['_CAMPAIGNPHASE']._serialized_start=3970
+  _globals['_CAMPAIGNPHASE']._serialized_end=4224
+  _globals['_OUTCOME']._serialized_start=4227
+  _globals['_OUTCOME']._serialized_end=4393
+  _globals['_SECANTSETTINGS']._serialized_start=140
+  _globals['_SECANTSETTINGS']._serialized_end=241
+  _globals['_UPDATESETTINGS']._serialized_start=244
+  _globals['_UPDATESETTINGS']._serialized_end=780
+  _globals['_STOPCRITERIA']._serialized_start=783
+  _globals['_STOPCRITERIA']._serialized_end=1049
+  _globals['_CAMPAIGNSPEC']._serialized_start=1052
+  _globals['_CAMPAIGNSPEC']._serialized_end=1616
+  _globals['_CAMPAIGNREQUEST']._serialized_start=1618
+  _globals['_CAMPAIGNREQUEST']._serialized_end=1635
+  _globals['_STOPCAMPAIGNREQUEST']._serialized_start=1637
+  _globals['_STOPCAMPAIGNREQUEST']._serialized_end=1674
+  _globals['_RESUMECAMPAIGNREQUEST']._serialized_start=1677
+  _globals['_RESUMECAMPAIGNREQUEST']._serialized_end=1842
+  _globals['_CAMPAIGNSTATUS']._serialized_start=1845
+  _globals['_CAMPAIGNSTATUS']._serialized_end=2191
+  _globals['_REPEATABILITY']._serialized_start=2193
+  _globals['_REPEATABILITY']._serialized_end=2298
+  _globals['_CHANNELREPEATABILITY']._serialized_start=2300
+  _globals['_CHANNELREPEATABILITY']._serialized_end=2414
+  _globals['_CHANNELMETRICS']._serialized_start=2417
+  _globals['_CHANNELMETRICS']._serialized_end=2580
+  _globals['_ITERATIONMETRICS']._serialized_start=2583
+  _globals['_ITERATIONMETRICS']._serialized_end=2717
+  _globals['_CAMPAIGNEVENT']._serialized_start=2719
+  _globals['_CAMPAIGNEVENT']._serialized_end=2778
+  _globals['_ITERATIONSTEP']._serialized_start=2781
+  _globals['_ITERATIONSTEP']._serialized_end=3154
+  _globals['_CONFIRMATIONSTEP']._serialized_start=3157
+  _globals['_CONFIRMATIONSTEP']._serialized_end=3442
+  _globals['_TARGETINBAND']._serialized_start=3444
+  _globals['_TARGETINBAND']._serialized_end=3494
 # @@protoc_insertion_point(module_scope)

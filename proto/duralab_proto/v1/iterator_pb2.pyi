@@ -16,6 +16,25 @@ class UpdateKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     UPDATE_KIND_UNSPECIFIED: _ClassVar[UpdateKind]
     UPDATE_KIND_BASIC_TWR: _ClassVar[UpdateKind]
     UPDATE_KIND_ADAPTIVE_MODELLING: _ClassVar[UpdateKind]
+    UPDATE_KIND_SECANT: _ClassVar[UpdateKind]
+
+class CorrectionPrediction(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    CORRECTION_PREDICTION_UNSPECIFIED: _ClassVar[CorrectionPrediction]
+    CORRECTION_PREDICTION_FORWARD: _ClassVar[CorrectionPrediction]
+    CORRECTION_PREDICTION_BACKWARD: _ClassVar[CorrectionPrediction]
+
+class CorrectionShape(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    CORRECTION_SHAPE_UNSPECIFIED: _ClassVar[CorrectionShape]
+    CORRECTION_SHAPE_DIAGONAL: _ClassVar[CorrectionShape]
+    CORRECTION_SHAPE_FULL: _ClassVar[CorrectionShape]
+
+class LimitPolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    LIMIT_POLICY_UNSPECIFIED: _ClassVar[LimitPolicy]
+    LIMIT_POLICY_REFUSE: _ClassVar[LimitPolicy]
+    LIMIT_POLICY_PROJECT: _ClassVar[LimitPolicy]
 
 class CampaignPhase(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -26,6 +45,7 @@ class CampaignPhase(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     CAMPAIGN_PHASE_FINISHED: _ClassVar[CampaignPhase]
     CAMPAIGN_PHASE_FAULTED: _ClassVar[CampaignPhase]
     CAMPAIGN_PHASE_STOPPED: _ClassVar[CampaignPhase]
+    CAMPAIGN_PHASE_CONFIRMING: _ClassVar[CampaignPhase]
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -33,9 +53,21 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_REACHED: _ClassVar[Outcome]
     OUTCOME_ITERATIONS_USED: _ClassVar[Outcome]
     OUTCOME_DIVERGED: _ClassVar[Outcome]
+    OUTCOME_NO_IMPROVEMENT: _ClassVar[Outcome]
+    OUTCOME_DAMAGE_BUDGET_USED: _ClassVar[Outcome]
 UPDATE_KIND_UNSPECIFIED: UpdateKind
 UPDATE_KIND_BASIC_TWR: UpdateKind
 UPDATE_KIND_ADAPTIVE_MODELLING: UpdateKind
+UPDATE_KIND_SECANT: UpdateKind
+CORRECTION_PREDICTION_UNSPECIFIED: CorrectionPrediction
+CORRECTION_PREDICTION_FORWARD: CorrectionPrediction
+CORRECTION_PREDICTION_BACKWARD: CorrectionPrediction
+CORRECTION_SHAPE_UNSPECIFIED: CorrectionShape
+CORRECTION_SHAPE_DIAGONAL: CorrectionShape
+CORRECTION_SHAPE_FULL: CorrectionShape
+LIMIT_POLICY_UNSPECIFIED: LimitPolicy
+LIMIT_POLICY_REFUSE: LimitPolicy
+LIMIT_POLICY_PROJECT: LimitPolicy
 CAMPAIGN_PHASE_UNSPECIFIED: CampaignPhase
 CAMPAIGN_PHASE_CHECKING: CampaignPhase
 CAMPAIGN_PHASE_IDENTIFYING: CampaignPhase
@@ -43,39 +75,82 @@ CAMPAIGN_PHASE_ITERATING: CampaignPhase
 CAMPAIGN_PHASE_FINISHED: CampaignPhase
 CAMPAIGN_PHASE_FAULTED: CampaignPhase
 CAMPAIGN_PHASE_STOPPED: CampaignPhase
+CAMPAIGN_PHASE_CONFIRMING: CampaignPhase
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_REACHED: Outcome
 OUTCOME_ITERATIONS_USED: Outcome
 OUTCOME_DIVERGED: Outcome
+OUTCOME_NO_IMPROVEMENT: Outcome
+OUTCOME_DAMAGE_BUDGET_USED: Outcome
+
+class SecantSettings(_message.Message):
+    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation")
+    FORGETTING_FIELD_NUMBER: _ClassVar[int]
+    PRIOR_STRENGTH_FIELD_NUMBER: _ClassVar[int]
+    CAUTION_FIELD_NUMBER: _ClassVar[int]
+    REGULARISATION_FIELD_NUMBER: _ClassVar[int]
+    forgetting: float
+    prior_strength: float
+    caution: float
+    regularisation: float
+    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ...) -> None: ...
 
 class UpdateSettings(_message.Message):
-    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence")
+    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "shape", "secant", "response_weight")
     KIND_FIELD_NUMBER: _ClassVar[int]
     ITERATION_GAIN_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
     LARGEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
     WEIGH_BY_COHERENCE_FIELD_NUMBER: _ClassVar[int]
     LOWEST_COHERENCE_FIELD_NUMBER: _ClassVar[int]
+    ACCEPT_SEGMENTS_FIELD_NUMBER: _ClassVar[int]
+    GAIN_SCHEDULE_FIELD_NUMBER: _ClassVar[int]
+    GAIN_CURVE_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    GAIN_CURVE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    PREDICTION_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    SECANT_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_WEIGHT_FIELD_NUMBER: _ClassVar[int]
     kind: UpdateKind
     iteration_gain: _array_pb2.Array
     smallest_correction: float
     largest_correction: float
     weigh_by_coherence: bool
     lowest_coherence: float
-    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ...) -> None: ...
+    accept_segments: bool
+    gain_schedule: _containers.RepeatedScalarFieldContainer[float]
+    gain_curve_frequency: _array_pb2.Array
+    gain_curve_share: _array_pb2.Array
+    prediction: CorrectionPrediction
+    shape: CorrectionShape
+    secant: SecantSettings
+    response_weight: _array_pb2.Array
+    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., shape: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., response_weight: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
-    __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio")
+    __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent")
     LARGEST_ITERATIONS_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     DIVERGENCE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    SMALLEST_DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    SMALLEST_IMPROVEMENT_FIELD_NUMBER: _ClassVar[int]
+    IMPROVEMENT_PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_BUDGET_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_EXPONENT_FIELD_NUMBER: _ClassVar[int]
     largest_iterations: int
     relative_rms_error: float
     divergence_ratio: float
-    def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ...) -> None: ...
+    smallest_damage_ratio: float
+    largest_damage_ratio: float
+    smallest_improvement: float
+    improvement_playbacks: int
+    damage_budget: float
+    damage_exponent: float
+    def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ...) -> None: ...
 
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "confirmations")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -91,6 +166,11 @@ class CampaignSpec(_message.Message):
     TARGET_DRIVE_FIELD_NUMBER: _ClassVar[int]
     TARGET_RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_SEED_FIELD_NUMBER: _ClassVar[int]
+    LEVELS_FIELD_NUMBER: _ClassVar[int]
+    PARENT_FIELD_NUMBER: _ClassVar[int]
+    PARENT_ITERATION_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_POLICY_FIELD_NUMBER: _ClassVar[int]
+    CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     target: _array_pb2.Record
@@ -106,7 +186,12 @@ class CampaignSpec(_message.Message):
     target_drive: _array_pb2.Record
     target_rig: str
     target_seed: int
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ...) -> None: ...
+    levels: _containers.RepeatedScalarFieldContainer[float]
+    parent: str
+    parent_iteration: int
+    limit_policy: LimitPolicy
+    confirmations: int
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., confirmations: _Optional[int] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()
@@ -119,11 +204,21 @@ class StopCampaignRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class ResumeCampaignRequest(_message.Message):
-    __slots__ = ()
-    def __init__(self) -> None: ...
+    __slots__ = ("new_id", "from_iteration", "update", "stop", "scenario")
+    NEW_ID_FIELD_NUMBER: _ClassVar[int]
+    FROM_ITERATION_FIELD_NUMBER: _ClassVar[int]
+    UPDATE_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
+    SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    new_id: str
+    from_iteration: int
+    update: UpdateSettings
+    stop: StopCriteria
+    scenario: str
+    def __init__(self, new_id: _Optional[str] = ..., from_iteration: _Optional[int] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., scenario: _Optional[str] = ...) -> None: ...
 
 class CampaignStatus(_message.Message):
-    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration")
+    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability")
     ID_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
@@ -133,6 +228,8 @@ class CampaignStatus(_message.Message):
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
     BEST_ITERATION_FIELD_NUMBER: _ClassVar[int]
+    REMARKS_FIELD_NUMBER: _ClassVar[int]
+    REPEATABILITY_FIELD_NUMBER: _ClassVar[int]
     id: str
     phase: CampaignPhase
     activity: str
@@ -142,29 +239,61 @@ class CampaignStatus(_message.Message):
     outcome: Outcome
     fault: _query_pb2.Fault
     best_iteration: int
-    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ...) -> None: ...
+    remarks: _containers.RepeatedScalarFieldContainer[str]
+    repeatability: Repeatability
+    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ...) -> None: ...
+
+class Repeatability(_message.Message):
+    __slots__ = ("iteration", "playbacks", "channels")
+    ITERATION_FIELD_NUMBER: _ClassVar[int]
+    PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    iteration: int
+    playbacks: int
+    channels: _containers.RepeatedCompositeFieldContainer[ChannelRepeatability]
+    def __init__(self, iteration: _Optional[int] = ..., playbacks: _Optional[int] = ..., channels: _Optional[_Iterable[_Union[ChannelRepeatability, _Mapping]]] = ...) -> None: ...
+
+class ChannelRepeatability(_message.Message):
+    __slots__ = ("channel", "noise_floor", "relative_rms_error", "systematic_error")
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    NOISE_FLOOR_FIELD_NUMBER: _ClassVar[int]
+    RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
+    SYSTEMATIC_ERROR_FIELD_NUMBER: _ClassVar[int]
+    channel: str
+    noise_floor: float
+    relative_rms_error: float
+    systematic_error: float
+    def __init__(self, channel: _Optional[str] = ..., noise_floor: _Optional[float] = ..., relative_rms_error: _Optional[float] = ..., systematic_error: _Optional[float] = ...) -> None: ...
 
 class ChannelMetrics(_message.Message):
-    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio")
+    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     RMS_RESPONSE_FIELD_NUMBER: _ClassVar[int]
     PEAK_RATIO_FIELD_NUMBER: _ClassVar[int]
+    CREST_RATIO_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    WATCHED_FIELD_NUMBER: _ClassVar[int]
     channel: str
     relative_rms_error: float
     rms_response: float
     peak_ratio: float
-    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ...) -> None: ...
+    crest_ratio: float
+    damage_ratio: _containers.RepeatedScalarFieldContainer[float]
+    watched: bool
+    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ...) -> None: ...
 
 class IterationMetrics(_message.Message):
-    __slots__ = ("iteration", "channels", "overall_relative_rms_error")
+    __slots__ = ("iteration", "channels", "overall_relative_rms_error", "level")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     CHANNELS_FIELD_NUMBER: _ClassVar[int]
     OVERALL_RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     channels: _containers.RepeatedCompositeFieldContainer[ChannelMetrics]
     overall_relative_rms_error: float
-    def __init__(self, iteration: _Optional[int] = ..., channels: _Optional[_Iterable[_Union[ChannelMetrics, _Mapping]]] = ..., overall_relative_rms_error: _Optional[float] = ...) -> None: ...
+    level: float
+    def __init__(self, iteration: _Optional[int] = ..., channels: _Optional[_Iterable[_Union[ChannelMetrics, _Mapping]]] = ..., overall_relative_rms_error: _Optional[float] = ..., level: _Optional[float] = ...) -> None: ...
 
 class CampaignEvent(_message.Message):
     __slots__ = ("status",)
@@ -173,7 +302,7 @@ class CampaignEvent(_message.Message):
     def __init__(self, status: _Optional[_Union[CampaignStatus, _Mapping]] = ...) -> None: ...
 
 class IterationStep(_message.Message):
-    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band")
+    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -182,6 +311,10 @@ class IterationStep(_message.Message):
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
     INVERSE_FRF_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_IN_BAND_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    REMARKS_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     run: str
     drive: _array_pb2.Record
@@ -190,7 +323,33 @@ class IterationStep(_message.Message):
     actuators: _containers.RepeatedCompositeFieldContainer[_rig_pb2.ActuatorUse]
     inverse_frf: _array_pb2.Array
     response_in_band: _array_pb2.Array
-    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    level: float
+    signal_epoch: int
+    signal_blocks: int
+    remarks: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class ConfirmationStep(_message.Message):
+    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    ITERATION_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_IN_BAND_FIELD_NUMBER: _ClassVar[int]
+    METRICS_FIELD_NUMBER: _ClassVar[int]
+    ACTUATORS_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    run: str
+    iteration: int
+    response: _array_pb2.Record
+    response_in_band: _array_pb2.Array
+    metrics: IterationMetrics
+    actuators: _containers.RepeatedCompositeFieldContainer[_rig_pb2.ActuatorUse]
+    signal_epoch: int
+    signal_blocks: int
+    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ...) -> None: ...
 
 class TargetInBand(_message.Message):
     __slots__ = ("samples",)

@@ -110,6 +110,30 @@ class RecordingPart(_message.Message):
     total: int
     def __init__(self, offset: _Optional[int] = ..., data: _Optional[bytes] = ..., total: _Optional[int] = ...) -> None: ...
 
+class ReadStepsRequest(_message.Message):
+    __slots__ = ("first",)
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    first: int
+    def __init__(self, first: _Optional[int] = ...) -> None: ...
+
+class RecordedStep(_message.Message):
+    __slots__ = ("step", "message_type", "payload")
+    STEP_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_TYPE_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    step: int
+    message_type: str
+    payload: bytes
+    def __init__(self, step: _Optional[int] = ..., message_type: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class RecordedSteps(_message.Message):
+    __slots__ = ("steps", "total")
+    STEPS_FIELD_NUMBER: _ClassVar[int]
+    TOTAL_FIELD_NUMBER: _ClassVar[int]
+    steps: _containers.RepeatedCompositeFieldContainer[RecordedStep]
+    total: int
+    def __init__(self, steps: _Optional[_Iterable[_Union[RecordedStep, _Mapping]]] = ..., total: _Optional[int] = ...) -> None: ...
+
 class VerifyRecordingRequest(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...

@@ -5,46 +5,117 @@ is any function from a drive to a response. The service (`python -m iterator --c
 """
 
 from iterator.adaptive_modelling import corrected, estimate_correction
+from iterator.applied_model import apply_inverse, predict
 from iterator.control_band import ControlBand, control_band
-from iterator.drive_limits import DriveLimitError, DriveLimits, LimitViolation, require_within_limits
-from iterator.drive_update import CorrectionSettings, NextDrive, Update, UpdateKind, UpdateSettings
+from iterator.convergence_prediction import ConvergencePrediction, predict_convergence
+from iterator.drive_limits import (
+    DriveLimitError,
+    DriveLimits,
+    LimitPolicy,
+    LimitQuantity,
+    LimitViolation,
+    require_within_limits,
+)
+from iterator.drive_projection import DriveProjection, LimitPassing, project_drive
+from iterator.drive_update import (
+    CorrectionSettings,
+    CorrectionShape,
+    NextDrive,
+    Prediction,
+    SecantSettings,
+    Update,
+    UpdateKind,
+    UpdateSettings,
+)
+from iterator.gains import GainCurve
 from iterator.iteration_history import IterationHistory, Playback
-from iterator.iteration_loop import UPDATES, CampaignResult, CampaignSettings, Iteration, Play, iterate, run_campaign
+from iterator.iteration_loop import (
+    UPDATES,
+    CampaignResult,
+    CampaignSettings,
+    Iteration,
+    Play,
+    RecordedPlayback,
+    iterate,
+    run_campaign,
+)
 from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
-from iterator.rig_model import RigModel, apply_inverse, predict, rig_model
-from iterator.stop_criteria import Outcome, StopCriteria, judge_end
+from iterator.load_cycles import DAMAGE_EXPONENTS, LoadCycles, count_load_cycles, damage_ratio, pseudo_damage
+from iterator.outside_band import OutsideBand, energy_outside_band
+from iterator.playback_report import PlaybackReport, SpectrumOverlay, overlay_spectra, report_playback
+from iterator.repeatability import Repeatability, judge_repeatability
+from iterator.rig_model import ModelUncertainty, RigModel, rig_model
+from iterator.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
+from iterator.stop_criteria import DamageBounds, Outcome, StopCriteria, damage_spent, judge_end
+from iterator.time_segments import Segment, segments_of
+from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
 
 __all__ = [
+    "DAMAGE_EXPONENTS",
     "UPDATES",
+    "AcceptanceSettings",
+    "AcceptedIterate",
     "CampaignResult",
     "CampaignSettings",
     "ControlBand",
+    "ConvergencePrediction",
     "CorrectionSettings",
+    "CorrectionShape",
+    "DamageBounds",
     "DriveLimitError",
     "DriveLimits",
+    "DriveProjection",
+    "GainCurve",
     "Iteration",
     "IterationHistory",
     "IterationMetrics",
+    "LimitPassing",
+    "LimitPolicy",
+    "LimitQuantity",
     "LimitViolation",
+    "LoadCycles",
+    "ModelUncertainty",
     "NextDrive",
     "Outcome",
+    "OutsideBand",
     "Play",
     "Playback",
+    "PlaybackReport",
+    "Prediction",
+    "RecordedPlayback",
+    "Repeatability",
     "RigModel",
+    "SecantSettings",
+    "Segment",
+    "SpectrumOverlay",
     "StopCriteria",
+    "UnreachableSegment",
     "Update",
     "UpdateKind",
     "UpdateSettings",
+    "accept_segments",
     "apply_inverse",
     "best_iteration",
     "control_band",
     "corrected",
+    "count_load_cycles",
+    "damage_ratio",
+    "damage_spent",
+    "energy_outside_band",
     "estimate_correction",
     "iterate",
     "judge_end",
+    "judge_repeatability",
     "judge_response",
+    "overlay_spectra",
     "predict",
+    "predict_convergence",
+    "project_drive",
+    "pseudo_damage",
+    "report_playback",
     "require_within_limits",
     "rig_model",
     "run_campaign",
+    "segments_of",
+    "unreachable_segments",
 ]

@@ -1,23 +1,35 @@
-"""Basic Time Waveform Replication: the update with a fixed inverse model."""
+"""Basic Time Waveform Replication: the update with a given inverse model, from the last drive or the best so far."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.applied_model import apply_inverse, stepped_drive
 from iterator.drive_update import NextDrive, UpdateSettings
+from iterator.gains import gain_at
 from iterator.iteration_history import IterationHistory
-from iterator.rig_model import RigModel, apply_inverse
+from iterator.rig_model import RigModel
+from iterator.segment_acceptance import accept_segments
+from spectra import rms
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Return `U_{k+1} = U_k + Ĥ† Q E_k` (Eq. 2), or `U_1 = Ĥ† Q Y_d` before the first playback.
 
+    With segment acceptance, `U_k` and `E_k` are those of the best drive so far, and the step is smaller where the last
+    one made it worse.
+
     Parameters
     ----------
     history : IterationHistory
-        The last playback is the one corrected.
+        The last playback is the one corrected, or all of them with segment acceptance.
     model : RigModel
         Stays as it is.
     settings : UpdateSettings
-        Its control band and iteration gain are used.
+        Its control band, gains and acceptance are used.
 
     Returns
     -------
@@ -39,9 +51,65 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
             f"The model has {responses} responses, the target {history.target.shape[0]} and the iteration gain "
             f"{settings.iteration_gain.size}; all must be equal."
         )
-    gain = settings.iteration_gain[:, None]
+    gain = gain_at(
+        model.frequency,
+        iteration_gain=settings.iteration_gain,
+        curve=settings.gain_curve,
+        schedule=settings.gain_schedule,
+        playbacks=len(history.playbacks),
+    )
+    weighted = replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
     if not history.playbacks:
-        return NextDrive(drive=apply_inverse(model, gain * history.target, band=settings.band), model=model)
-    last = history.playbacks[-1]
-    step = apply_inverse(model, gain * (history.target - last.response), band=settings.band)
-    return NextDrive(drive=last.drive + step, model=model)
+        return NextDrive(drive=apply_inverse(weighted, history.target, band=settings.band), model=model)
+    if settings.acceptance is None:
+        last = history.playbacks[-1]
+        drive = stepped_drive(
+            weighted, history.target, response=last.response, band=settings.band, stepped_from=last.drive
+        )
+        return NextDrive(drive=drive, model=model, stepped_from=last.drive)
+    best = accept_segments(
+        history,
+        response_scale=response_scale(history, model),
+        sample_rate=settings.band.sample_rate,
+        settings=settings.acceptance,
+    )
+    drive = stepped_drive(
+        weighted,
+        history.target,
+        response=best.response,
+        band=settings.band,
+        stepped_from=best.drive,
+        step_gain=best.step_gain,
+    )
+    return NextDrive(drive=drive, model=model, stepped_from=best.drive)
+
+
+def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:
+    """Weight with which a response's error is added to that of others.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        Holds the target.
+    model : RigModel
+        Its weights count where they were given.
+
+    Returns
+    -------
+    ndarray, shape (n_y,)
+        Per response unit: the model's weights, or one over the target's RMS where it has none; 0 for a response that is
+        watched.
+
+    Raises
+    ------
+    ValueError
+        The target of a controlled response does not move.
+    """
+    level = rms(history.target)
+    controlled = np.ones(level.size, dtype=bool) if model.response_weight is None else model.response_weight > 0.0
+    silent = np.flatnonzero(controlled & (level <= 0.0))
+    if silent.size:
+        raise ValueError(
+            f"The target of response {silent[0]} does not move in the control band; give it a target, or the weight 0."
+        )
+    return 1.0 / level if model.response_weight is None else model.response_weight

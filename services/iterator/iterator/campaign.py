@@ -10,21 +10,32 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import to_array, to_record
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
 from iterator import seeds
-from iterator.campaign_messages import OUTCOMES, checked_model, checked_response, metrics_message, step_message
+from iterator.campaign_messages import (
+    OUTCOMES,
+    checked_model,
+    metrics_message,
+    recorded_playback,
+    remarks_of,
+    step_message,
+)
 from iterator.campaign_plan import CampaignPlan
+from iterator.campaign_resumption import Resumption
+from iterator.confirmation import confirmation_message, confirmed
 from iterator.drive_limits import DriveLimitError
 from iterator.identification import identification_request, identification_run
 from iterator.iteration_loop import Iteration, iterate
-from iterator.iteration_metrics import IterationMetrics, best_iteration
+from iterator.iteration_metrics import IterationMetrics
+from iterator.playback_levels import best_at_full_level
 from iterator.progress_estimate import ProgressEstimate
 from iterator.recording_log import RecordingLog
 from iterator.rig_halt import bring_to_rest
+from iterator.rig_playback import RigPlayback
 from iterator.status_board import StatusBoard
+from iterator.stop_criteria import Outcome
 from labbus import Bus, FaultError
-from spectra import rms
 
 
 class Campaign:
@@ -40,28 +51,38 @@ class Campaign:
         Shows the others how it goes.
     on_end : callable
         Called on the campaign's thread when the rig is free again, before the final status shows.
+    resumption : Resumption, optional
+        What was done before; nothing where not given.
     """
 
-    def __init__(self, plan: CampaignPlan, *, bus: Bus, board: StatusBoard, on_end: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        plan: CampaignPlan,
+        *,
+        bus: Bus,
+        board: StatusBoard,
+        on_end: Callable[[], None],
+        resumption: Resumption | None = None,
+    ) -> None:
         self._plan = plan
         self._bus = bus
         self._board = board
         self._on_end = on_end
         self._id = plan.spec.id
         self._rig = plan.spec.rig
-        self._log = RecordingLog(bus, self._id)
+        self._before = resumption or Resumption()
+        self._log = RecordingLog(bus, self._id, next_step=self._before.steps)
         self._journal = structlog.get_logger("iterator").bind(campaign=self._id, rig=self._rig)
         self._stop = threading.Event()
         self._stop_reason = ""
         self._step = "starting"
-        self._moving_run = ""
+        self._playback = RigPlayback(plan, bus=bus, log=self._log, planned=self._before.planned, cancel=self._stop)
         self._estimate = ProgressEstimate(
             identification_seconds=plan.experiment.duration_seconds,
             playback_seconds=plan.target_in_band.shape[1] / plan.description.sample_rate,
-            iterations=plan.settings.stop.largest_iterations,
+            iterations=plan.settings.stop.largest_iterations + plan.spec.confirmations,
         )
         self._metrics: list[IterationMetrics] = []
-        self._played = rig_pb2.PlayResult()
 
     def start(self) -> None:
         """Begin; return at once."""
@@ -105,42 +126,75 @@ class Campaign:
         return self._finished(last)
 
     def _sequence(self) -> Iteration:
-        """Do all steps; return the last iteration."""
-        plan, spec = self._plan, self._plan.spec
+        """Do all steps that were not done before; return the last iteration."""
+        plan = self._plan
         with self._doing("storing the specification"):
-            self._log.commit(spec)
-            self._log.commit(plan.description)
-            self._log.commit(iterator_pb2.TargetInBand(samples=to_array(plan.target_in_band)))
-        model = self._identify()
-        self._estimate.step_done()
-        # Responses count by how large their targets are, whatever their units.
-        weight = 1.0 / rms(plan.target_in_band)
+            beginning = (plan.spec, plan.description, iterator_pb2.TargetInBand(samples=to_array(plan.target_in_band)))
+            for message in beginning[self._log.next_step :]:
+                self._log.commit(message)
+        if self._before.model is None:
+            model = self._identify()
+            self._estimate.step_done()
+        else:
+            model = self._before.model
+            self._go_on_after(model)
         with self._doing("inverting the model"):
-            start = checked_model(model, plan=plan, response_weight=weight)
-        iterations = iterate(self._play, plan.target_in_band, model=start, settings=plan.settings, limits=plan.limits)
+            start = checked_model(model, plan=plan)
+            recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
+        iterations = iterate(
+            self._play, plan.target_in_band, model=start, settings=plan.settings, limits=plan.limits, recorded=recorded
+        )
         last: Iteration | None = None
+        best: Iteration | None = None
         while last is None or last.outcome is None:
             computing = f"computing the drive of {self._iteration_name()}"
             with self._doing(computing, phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
                 last = self._next(iterations)
-            with self._doing(f"storing {self._iteration_name()}"):
-                self._log.commit(step_message(last, self._played, plan=plan))
+            if last.number > len(recorded):
+                with self._doing(f"storing {self._iteration_name()}", share=1.0):
+                    step = step_message(last, self._playback.played, plan=plan)
+                    self._log.commit(step)
+                    self._log.commit(self._played_message(step))
+                self._estimate.step_done()
+            else:
+                self._estimate.step_was_done()
             self._metrics.append(last.metrics)
-            self._estimate.step_done()
-            figures = metrics_message(last.number, last.metrics, plan=plan)
-            self._board.add_iteration(figures, best_iteration=best_iteration(tuple(self._metrics)))
+            best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels)
+            if best_number == last.number:
+                best = last
+            self._board.add_iteration(
+                metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks_of(last, plan=plan)
+            )
+        if best is not None:
+            self._confirm(last.outcome, best)
         return last
+
+    def _go_on_after(self, model: identifier_pb2.Model) -> None:
+        """Bring the recording to the end of the steps that were done before."""
+        before = self._before
+        with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
+            self._estimate.step_was_done()
+            self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
+            if before.copies:
+                for message in (model, *before.iterations):
+                    self._log.commit(message)
+                return
+            # A crash may have come between a result and the proof that its run was recorded.
+            if model.run not in before.played:
+                self._log.commit(self._identified_message(model))
+            for step in (*before.iterations, *before.confirmations):
+                if step.run not in before.played:
+                    self._log.commit(self._played_message(step))
 
     def _identify(self) -> identifier_pb2.Model:
         plan, spec = self._plan, self._plan.spec
-        run = identification_run(spec)
         activity = f"identifying {self._rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
-            self._log.commit(recorder_pb2.RunPlanned(run=run, rig=self._rig, purpose="identification"))
-            with self._motion(run):
+            run = self._playback.announce(identification_run(spec), purpose="identification")
+            with self._playback.motion(run):
                 model = self._bus.query(
                     self._bus.keys.identify(),
-                    identification_request(spec, check_only=False),
+                    identification_request(spec, run=run, check_only=False),
                     identifier_pb2.Model,
                     on_progress=self._follower(activity),
                     cancel=self._stop,
@@ -152,11 +206,19 @@ class Campaign:
                     "since; start the campaign again.",
                 )
         with self._doing("storing the model"):
-            self._log.commit(
-                recorder_pb2.RunPlayed(run=run, rig=self._rig, epoch=model.signal_epoch, blocks=model.signal_blocks)
-            )
             self._log.commit(model)
+            self._log.commit(self._identified_message(model))
         return model
+
+    def _identified_message(self, model: identifier_pb2.Model) -> recorder_pb2.RunPlayed:
+        return recorder_pb2.RunPlayed(
+            run=model.run, rig=self._rig, epoch=model.signal_epoch, blocks=model.signal_blocks
+        )
+
+    def _played_message(
+        self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep
+    ) -> recorder_pb2.RunPlayed:
+        return recorder_pb2.RunPlayed(run=step.run, rig=self._rig, epoch=step.signal_epoch, blocks=step.signal_blocks)
 
     def _next(self, iterations: Iterator[Iteration]) -> Iteration:
         try:
@@ -172,28 +234,50 @@ class Campaign:
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig: what the iteration calls."""
         number = len(self._metrics) + 1
-        run = f"{self._id}.i{number:02d}"
         activity = f"playing {self._iteration_name()} on {self._rig}"
         with self._doing(activity):
-            self._log.commit(recorder_pb2.RunPlanned(run=run, rig=self._rig, purpose=self._iteration_name()))
-            with self._motion(run):
-                self._played = self._bus.query(
-                    self._bus.keys.rig_play(self._rig),
-                    rig_pb2.PlayRequest(
-                        run=run,
-                        drive=to_record(self._plan.description.drives, self._plan.description.sample_rate, drive),
-                        seed=seeds.derived_seed(self._plan.spec.seed, seeds.playback(number)),
-                    ),
-                    rig_pb2.PlayResult,
-                    on_progress=self._follower(activity),
-                    cancel=self._stop,
-                )
-            response = checked_response(self._played, run=run, samples=drive.shape[1], plan=self._plan)
-        with self._doing(f"storing the playback of {self._iteration_name()}", share=1.0):
-            self._log.commit(
-                recorder_pb2.RunPlayed(run=run, rig=self._rig, epoch=self._played.epoch, blocks=self._played.blocks)
+            return self._playback.play(
+                drive,
+                stem=f"{self._id}.i{number:02d}",
+                purpose=self._iteration_name(),
+                seed_index=seeds.playback(number),
+                on_progress=self._follower(activity),
             )
-        return response
+
+    def _confirm(self, outcome: Outcome | None, best: Iteration) -> None:
+        """Play the best drive again, as often as is asked, and show how far the rig repeats itself."""
+        if outcome is None:
+            raise AssertionError("The last iteration carries the outcome.")
+        recorded = self._before.confirmations
+        for _ in recorded:
+            self._estimate.step_was_done()
+        for told in confirmed(
+            best, plan=self._plan, outcome=outcome, metrics=self._metrics, recorded=recorded, play=self._again
+        ):
+            self._board.add_confirmation(told.repeatability, remarks=told.remarks)
+
+    def _again(self, best: Iteration, number: int) -> NDArray[np.float64]:
+        """Play the best drive once more and store it; return the response in the control band."""
+        plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
+        activity = f"playing {name} on {self._rig}"
+        with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
+            response = self._playback.play(
+                best.drive,
+                stem=f"{self._id}.confirm{number:02d}",
+                purpose=name,
+                seed_index=seeds.confirmation(number),
+                on_progress=self._follower(activity),
+            )
+        in_band = plan.settings.update.band.limit_response(response)
+        with self._doing(f"storing {name}", share=1.0):
+            played = self._playback.played
+            step = confirmation_message(
+                response, in_band, played=played, number=number, iteration=best.number, plan=plan
+            )
+            self._log.commit(step)
+            self._log.commit(self._played_message(step))
+        self._estimate.step_done()
+        return in_band
 
     def _iteration_name(self) -> str:
         return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.largest_iterations}"
@@ -209,13 +293,6 @@ class Campaign:
         self._board.show(activity, self._estimate.at(share), phase=phase)
         yield
         self._step = outer
-
-    @contextmanager
-    def _motion(self, run: str) -> Iterator[None]:
-        """Remember that the rig may play this run when what is done here fails."""
-        self._moving_run = run
-        yield
-        self._moving_run = ""
 
     def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
         def follow(progress: query_pb2.Progress) -> None:
@@ -243,9 +320,9 @@ class Campaign:
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
         """Bring the rig to rest, close the recording as far as that goes, and say why."""
         final = self._final_fault(fault)
-        if self._moving_run:
+        if self._playback.moving_run:
             sentence = final.fault.message
-            if not bring_to_rest(self._bus, self._rig, run=self._moving_run, reason=sentence):
+            if not bring_to_rest(self._bus, self._rig, run=self._playback.moving_run, reason=sentence):
                 final.fault.message = f"{sentence} It is not known whether the rig rests; look at it."
         if self._log.begun:
             try:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.campaign_plan import CampaignPlan
-from iterator.iteration_loop import Iteration
+from iterator.convergence_prediction import predict_convergence
+from iterator.iteration_loop import Iteration, RecordedPlayback
 from iterator.iteration_metrics import IterationMetrics
-from iterator.rig_model import RigModel, rig_model
+from iterator.rig_model import ModelUncertainty, RigModel, rig_model
 from iterator.stop_criteria import Outcome
 from labbus import FaultError
 
@@ -20,19 +21,48 @@ OUTCOMES: Final = {
     Outcome.REACHED: iterator_pb2.OUTCOME_REACHED,
     Outcome.ITERATIONS_USED: iterator_pb2.OUTCOME_ITERATIONS_USED,
     Outcome.DIVERGED: iterator_pb2.OUTCOME_DIVERGED,
+    Outcome.NO_IMPROVEMENT: iterator_pb2.OUTCOME_NO_IMPROVEMENT,
+    Outcome.DAMAGE_BUDGET_USED: iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED,
 }
 """Outcome of the core to that of the contract."""
 
 
-def metrics_message(iteration: int, metrics: IterationMetrics, *, plan: CampaignPlan) -> iterator_pb2.IterationMetrics:
+def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[iterator_pb2.ChannelMetrics]:
+    """Return the figures of one playback by channel.
+
+    Parameters
+    ----------
+    metrics : IterationMetrics
+        Of the playback.
+    plan : CampaignPlan
+        Names the channels, and tells which are watched.
+
+    Returns
+    -------
+    list of ChannelMetrics
+        One for each response.
+    """
+    return [
+        iterator_pb2.ChannelMetrics(
+            channel=channel.name,
+            relative_rms_error=float(metrics.relative_rms_error[i]),
+            rms_response=float(metrics.rms_response[i]),
+            peak_ratio=float(metrics.peak_ratio[i]),
+            crest_ratio=float(metrics.crest_ratio[i]),
+            damage_ratio=metrics.damage_ratio[i].tolist(),
+            watched=bool(plan.response_weight[i] == 0.0),
+        )
+        for i, channel in enumerate(plan.description.responses)
+    ]
+
+
+def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2.IterationMetrics:
     """Return the figures of one playback, with the names of the rig's responses.
 
     Parameters
     ----------
-    iteration : int
-        From 1.
-    metrics : IterationMetrics
-        Of that playback.
+    iteration : Iteration
+        What was made of it.
     plan : CampaignPlan
         Names the channels.
 
@@ -42,17 +72,10 @@ def metrics_message(iteration: int, metrics: IterationMetrics, *, plan: Campaign
         The message.
     """
     return iterator_pb2.IterationMetrics(
-        iteration=iteration,
-        channels=[
-            iterator_pb2.ChannelMetrics(
-                channel=channel.name,
-                relative_rms_error=float(metrics.relative_rms_error[i]),
-                rms_response=float(metrics.rms_response[i]),
-                peak_ratio=float(metrics.peak_ratio[i]),
-            )
-            for i, channel in enumerate(plan.description.responses)
-        ],
-        overall_relative_rms_error=metrics.overall_relative_rms_error,
+        iteration=iteration.number,
+        channels=channel_metrics(iteration.metrics, plan=plan),
+        overall_relative_rms_error=iteration.metrics.overall_relative_rms_error,
+        level=iteration.level,
     )
 
 
@@ -79,11 +102,103 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
         run=played.run,
         drive=to_record(description.drives, description.sample_rate, iteration.drive),
         response=to_record(description.responses, description.sample_rate, iteration.response),
-        metrics=metrics_message(iteration.number, iteration.metrics, plan=plan),
+        metrics=metrics_message(iteration, plan=plan),
         actuators=played.actuators,
         inverse_frf=to_array(iteration.model.inverse_frf),
         response_in_band=to_array(iteration.response_in_band),
+        level=iteration.level,
+        signal_epoch=played.epoch,
+        signal_blocks=played.blocks,
+        remarks=remarks_of(iteration, plan=plan),
     )
+
+
+def remarks_of(iteration: Iteration, *, plan: CampaignPlan) -> list[str]:
+    """Return what a person should know of a playback, one sentence each.
+
+    Parameters
+    ----------
+    iteration : Iteration
+        What was made of it.
+    plan : CampaignPlan
+        Names the channels.
+
+    Returns
+    -------
+    list of str
+        Limits that its drive would have passed, where the target was out of the rig's reach, and whether the next
+        playback is predicted to diverge.
+    """
+    passings = iteration.projection.passings if iteration.projection is not None else ()
+    return [
+        *(f"Playback {iteration.number}: {passing}" for passing in passings),
+        *(
+            f"Playback {iteration.number}: the target of {plan.description.responses[found.response].name} from "
+            f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
+            f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
+            for found in iteration.unreachable
+        ),
+        *(_growth(iteration, plan) if iteration.outcome is None else ()),
+    ]
+
+
+def _growth(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say where the error is predicted to grow in the next playback."""
+    found = predict_convergence(iteration.model, plan.settings.update, playbacks=iteration.number)
+    where = found.diverging()
+    if not where.size:
+        return []
+    return [
+        f"Before playback {iteration.number + 1}: by the model and its uncertainty the error may grow at {where.size} "
+        f"of {found.frequency.size} lines, from {where[0]:.1f} to {where[-1]:.1f} Hz."
+    ]
+
+
+def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:
+    """Check a playback that was committed, and return it as the iteration takes it.
+
+    Parameters
+    ----------
+    step : IterationStep
+        As read back; nothing in it is trusted.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    RecordedPlayback
+        Its drive and response.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS: other channels, another rate or length, or values that are not finite.
+    """
+    description, samples = plan.description, plan.target_in_band.shape[1]
+    records: list[NDArray[np.float64]] = []
+    for field, message, wanted in (
+        ("drive", step.drive, description.drives),
+        ("response", step.response, description.responses),
+    ):
+        try:
+            channels, sample_rate, record = from_record(message, field=field)
+        except ArrayError as error:
+            raise _damaged(f"Playback {step.iteration} was recorded damaged: {error}", field=error.field) from error
+        names = [channel.name for channel in channels]
+        if names != [channel.name for channel in wanted] or sample_rate != description.sample_rate:
+            raise _damaged(
+                f"The {field} of playback {step.iteration} was recorded with {len(names)} channels at {sample_rate:g} "
+                f"Hz, which are not those of rig {description.rig!r}.",
+                field=field,
+            )
+        if record.shape[1] != samples:
+            raise _damaged(
+                f"The {field} of playback {step.iteration} was recorded with {record.shape[1]} samples; the target "
+                f"has {samples}.",
+                field=field,
+            )
+        records.append(record)
+    return RecordedPlayback(drive=records[0], response=records[1])
 
 
 def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan: CampaignPlan) -> NDArray[np.float64]:
@@ -130,7 +245,7 @@ def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan
     return response
 
 
-def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan, response_weight: NDArray[np.float64]) -> RigModel:
+def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigModel:
     """Check what the identifier answered and make the model that the iteration starts from.
 
     Parameters
@@ -139,8 +254,6 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan, response_w
         As received; nothing in it is trusted.
     plan : CampaignPlan
         Of the campaign.
-    response_weight : ndarray, shape (n_y,)
-        See `rig_model`.
 
     Returns
     -------
@@ -167,14 +280,39 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan, response_w
         frequency = from_array(model.frequency, field="frequency", shape=(lines,), dtype=np.float64)
         shape = (lines, len(description.responses), len(description.drives))
         frf = from_array(model.frf, field="frf", shape=shape, dtype=np.complex128, finite=False)
+        uncertainty = _uncertainty(model, lines=lines, responses=shape[1], drives=shape[2])
     except ArrayError as error:
         raise _damaged(f"The identifier answered a damaged model: {error}", field=error.field) from error
     try:
-        return rig_model(frequency, frf, identified_band=plan.identified_band, response_weight=response_weight)
+        return rig_model(
+            frequency,
+            frf,
+            identified_band=plan.identified_band,
+            response_weight=plan.response_weight,
+            uncertainty=uncertainty,
+        )
     except ValueError as error:
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The identified model is of no use: {error}", field="frf"
         ) from error
+
+
+def _uncertainty(model: identifier_pb2.Model, *, lines: int, responses: int, drives: int) -> ModelUncertainty | None:
+    """Return the covariance of the model, or None where its estimator tells none; raises ArrayError."""
+    if not (model.HasField("residual_psd") and model.HasField("row_covariance")):
+        return None
+    return ModelUncertainty(
+        residual_psd=from_array(
+            model.residual_psd, field="residual_psd", shape=(lines, responses), dtype=np.float64, finite=False
+        ),
+        row_covariance=from_array(
+            model.row_covariance,
+            field="row_covariance",
+            shape=(lines, drives, drives),
+            dtype=np.complex128,
+            finite=False,
+        ),
+    )
 
 
 def _damaged(message: str, *, field: str) -> FaultError:

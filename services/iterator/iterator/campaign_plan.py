@@ -9,24 +9,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import from_array, from_record
+from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.adaptive_modelling import FEWEST_BLOCKS
 from iterator.control_band import ControlBand, control_band
 from iterator.drive_limits import DriveLimits
-from iterator.drive_update import CorrectionSettings, UpdateKind, UpdateSettings
+from iterator.drive_update import UpdateKind, UpdateSettings
 from iterator.iteration_loop import CampaignSettings
+from iterator.outside_band import energy_outside_band
 from iterator.rig_model import FEWEST_LINES
-from iterator.stop_criteria import StopCriteria
+from iterator.static_part import static_remarks
+from iterator.update_plan import checked_limit_policy, checked_stop, checked_update, checked_weight, invalid
 from labbus import FaultError
 from spectra import count_blocks, rms
 
-_UPDATE_KINDS: Final = {
-    iterator_pb2.UPDATE_KIND_BASIC_TWR: UpdateKind.BASIC_TWR,
-    iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING: UpdateKind.ADAPTIVE_MODELLING,
-}
 # What rounding leaves of a constant target in the control band, relative to the constant.
 _ROUNDING: Final = 1e-9
+# A smaller share of the target's energy outside the control band is no news.
+_TOLD_SHARE: Final = 0.01
+# More say no more of a rig than these, and a slip of the finger shall not wear a specimen out.
+_MOST_CONFIRMATIONS: Final = 100
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,11 @@ class CampaignPlan:
         Of the rig.
     experiment : ExperimentPlan
         Of the identification, as the identifier told it.
+    response_weight : ndarray, shape (n_y,)
+        The specification's over the target's RMS, so that responses count alike whatever their units; 0 for a response
+        that is watched.
+    remarks : tuple of str
+        What a person should know before it begins, one sentence each.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -55,16 +62,13 @@ class CampaignPlan:
     settings: CampaignSettings
     limits: DriveLimits
     experiment: identifier_pb2.ExperimentPlan
+    response_weight: NDArray[np.float64]
+    remarks: tuple[str, ...] = ()
 
     @property
     def identified_band(self) -> tuple[float, float]:
         """Lowest and highest frequency at which the model will be valid, Hz."""
         return self.experiment.lowest_frequency, self.experiment.highest_frequency
-
-
-def invalid(message: str, *, field: str) -> FaultError:
-    """Return the fault for a value of a specification that is not allowed."""
-    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, message, field=field)
 
 
 def plan_campaign(
@@ -105,25 +109,62 @@ def plan_campaign(
     target = _checked_target(spec, description)
     _check_experiment(spec, experiment)
     band = _checked_band(spec, description, experiment)
-    update = _checked_update(spec, band, responses=len(description.responses))
-    stop = _checked_stop(spec.stop)
+    update = checked_update(spec.update, band, responses=len(description.responses))
+    weight = checked_weight(spec.update, responses=len(description.responses), drives=len(description.drives))
+    stop = checked_stop(spec.stop)
     _check_target_length(spec, update, samples=target.shape[1])
     target_in_band = band.limit_target(target)
-    silent = np.flatnonzero(rms(target_in_band) <= _ROUNDING * np.max(np.abs(target), axis=1))
-    if silent.size:
-        names = ", ".join(description.responses[i].name for i in silent)
+    silent = rms(target_in_band) <= _ROUNDING * np.max(np.abs(target), axis=1)
+    # What rounding leaves of a silent target is no target; it can belong to a watched response only.
+    target_in_band[silent] = 0.0
+    if np.any(silent & (weight > 0.0)):
+        names = ", ".join(description.responses[i].name for i in np.flatnonzero(silent & (weight > 0.0)))
         raise invalid(
             f"The target of {names} does not move between {spec.lowest_frequency:g} and {spec.highest_frequency:g} Hz; "
-            "every response needs a target in the control band.",
+            "every response that is controlled needs a target in the control band: give it one, or the weight 0 to "
+            "watch it only.",
             field="target.samples",
         )
+    if spec.confirmations > _MOST_CONFIRMATIONS:
+        raise invalid(
+            f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
+            field="confirmations",
+        )
+    policy = checked_limit_policy(spec.limit_policy)
+    try:
+        settings = CampaignSettings(update=update, stop=stop, levels=tuple(spec.levels), limit_policy=policy)
+    except ValueError as error:
+        raise invalid(str(error), field="levels") from error
     return CampaignPlan(
         spec=spec,
         description=description,
         target_in_band=target_in_band,
-        settings=CampaignSettings(update=update, stop=stop),
+        settings=settings,
         limits=_limits(description),
         experiment=experiment,
+        response_weight=np.divide(weight, rms(target_in_band), out=np.zeros_like(weight), where=weight > 0.0),
+        remarks=(
+            *_outside_the_band(target, band, description),
+            *static_remarks(target, target_in_band, band=band, description=description),
+        ),
+    )
+
+
+def _outside_the_band(
+    target: NDArray[np.float64], band: ControlBand, description: rig_pb2.RigDescription
+) -> tuple[str, ...]:
+    """Say what of the target is not reproduced because it lies outside the control band."""
+    outside = energy_outside_band(target, band)
+    parts = [
+        f"{channel.name} {below:.1%} below and {above:.1%} above"
+        for channel, below, above in zip(description.responses, outside.below, outside.above, strict=True)
+        if below + above >= _TOLD_SHARE
+    ]
+    if not parts:
+        return ()
+    return (
+        f"Of the target's energy lies outside the control band of {band.lowest:g} to {band.highest:g} Hz, and is not "
+        f"reproduced: {'; '.join(parts)}.",
     )
 
 
@@ -205,46 +246,6 @@ def _checked_band(
                 field=field,
             )
     return band
-
-
-def _checked_update(spec: iterator_pb2.CampaignSpec, band: ControlBand, *, responses: int) -> UpdateSettings:
-    update = spec.update
-    kind = _UPDATE_KINDS.get(update.kind)
-    if kind is None:
-        offered = ", ".join(f"{known.name} ({number})" for number, known in _UPDATE_KINDS.items())
-        raise invalid(f"The kind of update is {update.kind}; offered are {offered}.", field="update.kind")
-    gain = from_array(update.iteration_gain, field="update.iteration_gain", shape=(None,), dtype=np.float64)
-    if gain.size != responses:
-        raise invalid(
-            f"The update has {gain.size} iteration gains; each of the {responses} responses needs one.",
-            field="update.iteration_gain",
-        )
-    try:
-        correction = CorrectionSettings()
-        if kind is UpdateKind.ADAPTIVE_MODELLING:
-            correction = CorrectionSettings(
-                smallest=update.smallest_correction,
-                largest=update.largest_correction,
-                weigh_by_coherence=update.weigh_by_coherence,
-                lowest_coherence=update.lowest_coherence,
-            )
-    except ValueError as error:
-        raise invalid(str(error), field="update.smallest_correction") from error
-    try:
-        return UpdateSettings(band=band, iteration_gain=gain, kind=kind, correction=correction)
-    except ValueError as error:
-        raise invalid(str(error), field="update.iteration_gain") from error
-
-
-def _checked_stop(stop: iterator_pb2.StopCriteria) -> StopCriteria:
-    try:
-        return StopCriteria(
-            largest_iterations=stop.largest_iterations,
-            relative_rms_error=stop.relative_rms_error,
-            divergence_ratio=stop.divergence_ratio,
-        )
-    except ValueError as error:
-        raise invalid(str(error), field="stop") from error
 
 
 def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings, *, samples: int) -> None:

@@ -155,13 +155,48 @@ class ControlBand:
         """
         return self._limit(response, self.drive_mask)
 
+    def dynamic_part(self, samples: np.ndarray) -> NDArray[np.float64]:
+        """Return a record without its static part, not limited to the band.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (channels, samples)
+            As measured; the static part is between its levels at start and end.
+
+        Returns
+        -------
+        ndarray, shape (channels, samples)
+            In the record's units.
+        """
+        values = as_record(samples)
+        return values - self._rest(values)
+
     def _limit(self, samples: np.ndarray, mask: Callable[[np.ndarray], NDArray[np.float64]]) -> NDArray[np.float64]:
         values = as_record(samples)
         count = values.shape[1]
         length = self.transform_samples(count)
-        spectrum = np.fft.rfft(values - self._rest(values), n=length, axis=1)
+        spectrum = np.fft.rfft(self.dynamic_part(values), n=length, axis=1)
         spectrum *= mask(line_frequencies(length, self.sample_rate))
         return np.ascontiguousarray(np.fft.irfft(spectrum, n=length, axis=1)[:, :count])
+
+    def static_levels(self, samples: np.ndarray) -> NDArray[np.float64]:
+        """Return the levels at start and end between which a record's static part lies.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (channels, samples)
+            As measured.
+
+        Returns
+        -------
+        ndarray, shape (channels, 2)
+            In the record's units.
+        """
+        values = as_record(samples)
+        count = values.shape[1]
+        ends = min(count, max(1, round(_END_PERIODS * self.sample_rate / self.lowest)))
+        parts = slice(0, ends), slice(count - ends, count)
+        return np.stack([values[:, part].mean(axis=1) for part in parts], axis=1)
 
     def _rest(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Straight line from the level at the start to that at the end: shape (channels, samples).
@@ -169,10 +204,8 @@ class ControlBand:
         The band holds no static part, but a level that jumps to the zeros around the record would ring into the band at
         both ends. The mean would do so too: a damper moves the mean of a rough ride away from the rest around it.
         """
-        count = values.shape[1]
-        ends = min(count, max(1, round(_END_PERIODS * self.sample_rate / self.lowest)))
-        start, end = (values[:, part].mean(axis=1) for part in (slice(0, ends), slice(count - ends, count)))
-        return np.linspace(start, end, count, axis=1)
+        start, end = self.static_levels(values).T
+        return np.linspace(start, end, values.shape[1], axis=1)
 
 
 def control_band(lowest: float, highest: float, *, sample_rate: float) -> ControlBand:

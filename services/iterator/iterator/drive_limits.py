@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class LimitQuantity(enum.Enum):
+    """What of a drive is limited."""
+
+    PEAK = "peak"
+    SLEW = "slew"
+
+
+class LimitPolicy(enum.Enum):
+    """What is done with a next drive that would pass a limit."""
+
+    REFUSE = "refuse it, and say which gain would fit"
+    PROJECT = "play a near drive that the rig can, and say where it differs"
 
 
 @dataclass(frozen=True)
@@ -40,15 +55,15 @@ class LimitViolation:
     ----------
     channel, unit : str
         Name of the drive and unit of the two values.
-    quantity : str
-        "peak" or "slew".
+    quantity : LimitQuantity
+        Peak or slew.
     value, limit : float
         What the drive would reach, and what is allowed.
     """
 
     channel: str
     unit: str
-    quantity: str
+    quantity: LimitQuantity
     value: float
     limit: float
 
@@ -78,7 +93,7 @@ class DriveLimitError(ValueError):
             else "no smaller iteration gain would fit, the last drive is at the limit already: ask for a smaller target"
         )
         super().__init__(
-            f"The next drive of {violation.channel} would reach a {violation.quantity} of {violation.value:.4g} "
+            f"The next drive of {violation.channel} would reach a {violation.quantity.value} of {violation.value:.4g} "
             f"{violation.unit}, past the rig's limit of {violation.limit:.4g} {violation.unit}; {advice}."
         )
 
@@ -97,7 +112,7 @@ def require_within_limits(
     drive : ndarray, shape (n_u, samples)
         The next drive.
     last_drive : ndarray, shape (n_u, samples), or None
-        The one before, which the update stepped from; None is `U_0 = 0`.
+        The one that the update stepped from, the best so far or the one before; None is `U_0 = 0`.
     limits : DriveLimits
         Of the rig.
     iteration_gain : ndarray, shape (n_y,)
@@ -117,10 +132,10 @@ def require_within_limits(
     share = 1.0
     for i, (name, unit) in enumerate(zip(limits.names, limits.units, strict=True)):
         slew_limit = float(limits.slew_limit[i])
-        checks = [("peak", unit, drive[i], start[i], float(limits.minimum[i]), float(limits.maximum[i]))]
+        checks = [(LimitQuantity.PEAK, unit, drive[i], start[i], float(limits.minimum[i]), float(limits.maximum[i]))]
         if slew_limit > 0.0:
-            slew, slew_before = (_slew(values[i], limits.sample_rate) for values in (drive, start))
-            checks.append(("slew", f"{unit}/s", slew, slew_before, -slew_limit, slew_limit))
+            slew, slew_before = (drive_slew(values[i], limits.sample_rate) for values in (drive, start))
+            checks.append((LimitQuantity.SLEW, f"{unit}/s", slew, slew_before, -slew_limit, slew_limit))
         for quantity, quantity_unit, values, before, lowest, highest in checks:
             worst = _worst(values, lowest=lowest, highest=highest)
             if worst is not None:
@@ -133,7 +148,21 @@ def require_within_limits(
         raise DriveLimitError(worst_of_all, fitting_share=share, iteration_gain=iteration_gain)
 
 
-def _slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
+def drive_slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
+    """Rate of change of one drive.
+
+    Parameters
+    ----------
+    values : ndarray, shape (samples,)
+        Drive units.
+    sample_rate : float
+        Hz.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Drive units per second; the first from 0 to the first sample.
+    """
     # A rig starts at rest with all drives zero, so the first sample is a step as well.
     return np.diff(values, prepend=0.0) * sample_rate
 

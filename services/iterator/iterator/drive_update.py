@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator.control_band import ControlBand
+from iterator.gains import GainCurve, require_shares
 from iterator.iteration_history import IterationHistory
 from iterator.rig_model import RigModel
+from iterator.segment_acceptance import AcceptanceSettings
 
 
 class UpdateKind(enum.Enum):
@@ -19,6 +21,21 @@ class UpdateKind(enum.Enum):
 
     BASIC_TWR = "basic TWR"
     ADAPTIVE_MODELLING = "Adaptive Modelling"
+    SECANT = "secant update"
+
+
+class Prediction(enum.Enum):
+    """What Adaptive Modelling compares."""
+
+    FORWARD = "predicted with measured response, Eqs. 12 and 13"
+    BACKWARD = "drive that the model predicts from the response with the one played"
+
+
+class CorrectionShape(enum.Enum):
+    """Which elements of a correction Adaptive Modelling estimates."""
+
+    DIAGONAL = "channel by channel"
+    FULL = "all channels with each other"
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,10 @@ class CorrectionSettings:
     energy_floor : float
         Lines at which target, measured or predicted response has less than this share of its largest spectral density
         in the control band are not corrected; greater than 0.
+    prediction : Prediction
+        Forward corrects the responses' side of the inverse, backward the drives' side.
+    shape : CorrectionShape
+        A full correction needs playbacks of many blocks; lines at which it is ill-conditioned are not corrected.
     """
 
     smallest: float = 0.5
@@ -50,6 +71,8 @@ class CorrectionSettings:
     smooth_lines: bool = True
     overlap: float = 0.75
     energy_floor: float = 1e-8
+    prediction: Prediction = Prediction.FORWARD
+    shape: CorrectionShape = CorrectionShape.DIAGONAL
 
     def __post_init__(self) -> None:
         if not (0.0 < self.smallest <= 1.0 <= self.largest < np.inf):
@@ -68,6 +91,44 @@ class CorrectionSettings:
 
 
 @dataclass(frozen=True)
+class SecantSettings:
+    """How the secant update learns from the steps between playbacks.
+
+    Parameters
+    ----------
+    forgetting : float
+        `φ`: weight of a step relative to the one after it, in (0, 1].
+    prior_strength : float
+        `κ`: weight of the identified model relative to the steps' energy, greater than 0.
+    caution : float
+        `c_w`: share of the fit's uncertainty that the inverse minds, 0 or more.
+    regularisation : float
+        `ρ`: relative to the median over lines of `tr(HᴴH) / n_u`, 0 or more.
+    overlap : float
+        Of the blocks averaged, 0 up to but not including 1.
+    """
+
+    forgetting: float = 0.7
+    prior_strength: float = 0.6
+    caution: float = 1.0
+    regularisation: float = 1e-5
+    overlap: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.forgetting <= 1.0:
+            raise ValueError(f"The forgetting is {self.forgetting:g}; it must be above 0 and at most 1.")
+        if not 0.0 < self.prior_strength < np.inf:
+            raise ValueError(f"The prior's strength is {self.prior_strength:g}; it must be finite and above 0.")
+        if not (0.0 <= self.caution < np.inf and 0.0 <= self.regularisation < np.inf):
+            raise ValueError(
+                f"The caution is {self.caution:g} and the regularisation {self.regularisation:g}; both must be finite "
+                "and 0 or more."
+            )
+        if not 0.0 <= self.overlap < 1.0:
+            raise ValueError(f"The overlap is {self.overlap:g}; it must be 0 or more and less than 1.")
+
+
+@dataclass(frozen=True)
 class UpdateSettings:
     """What an update needs besides history and model.
 
@@ -81,21 +142,37 @@ class UpdateSettings:
         Which update.
     correction : CorrectionSettings
         Used by Adaptive Modelling only.
+    secant : SecantSettings
+        Used by the secant update only.
+    acceptance : AcceptanceSettings, optional
+        Every kind then steps from the best drive so far, stretch by stretch; from the last one where not given.
+    gain_schedule : tuple of float
+        Shares of the iteration gain for the first drive, the second, and so on, each in (0, 1]; the last holds on.
+    gain_curve : GainCurve, optional
+        Shares of the iteration gain over frequency.
     """
 
     band: ControlBand
     iteration_gain: NDArray[np.float64]
-    kind: UpdateKind = UpdateKind.ADAPTIVE_MODELLING
+    kind: UpdateKind = UpdateKind.SECANT
     correction: CorrectionSettings = CorrectionSettings()
+    secant: SecantSettings = SecantSettings()
+    acceptance: AcceptanceSettings | None = None
+    gain_schedule: tuple[float, ...] = (1.0,)
+    gain_curve: GainCurve | None = None
 
     def __post_init__(self) -> None:
         gain = np.asarray(self.iteration_gain, dtype=np.float64)
         if gain.ndim != 1 or gain.size == 0:
             raise ValueError(f"The iteration gain has the shape {gain.shape}; it must be one value per response.")
-        wrong = np.flatnonzero(~((gain > 0.0) & (gain <= 1.0)))
-        if wrong.size:
+        require_shares(gain, what="iteration gain of response")
+        if not self.gain_schedule:
+            raise ValueError("The gain schedule is empty; it needs a share for the first drive.")
+        require_shares(np.asarray(self.gain_schedule, dtype=np.float64), what="share of the gain schedule")
+        if self.gain_curve is not None and self.gain_curve.share.shape[1] != gain.size:
             raise ValueError(
-                f"The iteration gain of response {wrong[0]} is {gain[wrong[0]]:g}; it must be above 0 and at most 1."
+                f"The gain curve is for {self.gain_curve.share.shape[1]} responses and the iteration gain for "
+                f"{gain.size}; both must be equal."
             )
         object.__setattr__(self, "iteration_gain", gain)
 
@@ -110,10 +187,13 @@ class NextDrive:
         To be played next, as long as the target.
     model : RigModel
         What it was made with; goes into the next update.
+    stepped_from : ndarray, shape (n_u, samples), or None
+        The drive that the step was added to; None for the first, which starts from zero.
     """
 
     drive: NDArray[np.float64]
     model: RigModel
+    stepped_from: NDArray[np.float64] | None = None
 
 
 Update = Callable[[IterationHistory, RigModel, UpdateSettings], NextDrive]

@@ -7,17 +7,21 @@ from iterator import seeds
 
 
 def identification_run(spec: iterator_pb2.CampaignSpec) -> str:
-    """Return the name of the identification's playback on the rig."""
+    """Return the name of the first attempt at the identification's playback on the rig."""
     return f"{spec.id}.identify"
 
 
-def identification_request(spec: iterator_pb2.CampaignSpec, *, check_only: bool) -> identifier_pb2.IdentifyRequest:
+def identification_request(
+    spec: iterator_pb2.CampaignSpec, *, run: str, check_only: bool
+) -> identifier_pb2.IdentifyRequest:
     """Return the request that identifies the rig of a campaign.
 
     Parameters
     ----------
     spec : CampaignSpec
         Checked; every seed is derived from its own.
+    run : str
+        Name of the playback on the rig.
     check_only : bool
         Only ask whether it could be played.
 
@@ -30,7 +34,7 @@ def identification_request(spec: iterator_pb2.CampaignSpec, *, check_only: bool)
         rig=spec.rig,
         excitation=spec.excitation,
         estimator=spec.estimator,
-        run=identification_run(spec),
+        run=run,
         rig_seed=seeds.derived_seed(spec.seed, seeds.IDENTIFICATION_PLAYBACK),
         check_only=check_only,
     )

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from iterator import adaptive_modelling, basic_twr
-from iterator.drive_limits import DriveLimits, require_within_limits
+from iterator import adaptive_modelling, basic_twr, secant_update
+from iterator.drive_limits import DriveLimits, LimitPolicy, require_within_limits
+from iterator.drive_projection import DriveProjection, project_drive
 from iterator.drive_update import Update, UpdateKind, UpdateSettings
 from iterator.iteration_history import IterationHistory, Playback
-from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
+from iterator.iteration_metrics import IterationMetrics, judge_response
+from iterator.playback_levels import (
+    best_at_full_level,
+    comparable_history,
+    level_of,
+    partial_playbacks,
+    require_levels,
+)
 from iterator.rig_model import RigModel
 from iterator.stop_criteria import Outcome, StopCriteria, judge_end
+from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
+from iterator.watched_responses import controlled_model, controlled_responses, controlled_settings, whole_model
 from spectra import as_record
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
@@ -26,6 +36,7 @@ UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
     {
         UpdateKind.BASIC_TWR: basic_twr.next_drive,
         UpdateKind.ADAPTIVE_MODELLING: adaptive_modelling.next_drive,
+        UpdateKind.SECANT: secant_update.next_drive,
     }
 )
 """The update of each kind."""
@@ -41,10 +52,41 @@ class CampaignSettings:
         Kind, control band, gains and safeguards.
     stop : StopCriteria
         When to end.
+    levels : tuple of float
+        Share of the target in each of the first playbacks, see `require_levels`; empty: all are at full level.
+    limit_policy : LimitPolicy
+        What is done with a next drive that would pass a limit of the rig.
     """
 
     update: UpdateSettings
     stop: StopCriteria
+    levels: tuple[float, ...] = ()
+    limit_policy: LimitPolicy = LimitPolicy.REFUSE
+
+    def __post_init__(self) -> None:
+        require_levels(self.levels)
+        partial = partial_playbacks(self.levels)
+        if partial >= self.stop.largest_iterations:
+            raise ValueError(
+                f"There are {partial} playbacks at partial level and {self.stop.largest_iterations} in all; one at "
+                "full level at least must follow."
+            )
+
+
+@dataclass(frozen=True)
+class RecordedPlayback:
+    """A playback that was made before, and is not to be made again.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        As played.
+    response : ndarray, shape (n_y, samples)
+        As measured.
+    """
+
+    drive: NDArray[np.float64]
+    response: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -60,13 +102,20 @@ class Iteration:
     response : ndarray, shape (n_y, samples)
         As measured.
     response_in_band : ndarray, shape (n_y, samples)
-        As judged.
+        As judged: divided by the level.
     metrics : IterationMetrics
         In the control band.
     model : RigModel
         What the drive was made with.
     outcome : Outcome or None
         Why this is the last one; None where it goes on.
+    level : float
+        Share of the target that was played for.
+    projection : DriveProjection or None
+        What was changed in the drive to hold the rig's limits, empty where it fitted; None where drives beyond them
+        are refused, and for a recorded playback.
+    unreachable : tuple of UnreachableSegment
+        Where responses missed the target because a drive was held at its limits.
     """
 
     number: int
@@ -76,6 +125,9 @@ class Iteration:
     metrics: IterationMetrics
     model: RigModel
     outcome: Outcome | None
+    level: float = 1.0
+    projection: DriveProjection | None = None
+    unreachable: tuple[UnreachableSegment, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -107,6 +159,7 @@ def iterate(
     model: RigModel,
     settings: CampaignSettings,
     limits: DriveLimits | None = None,
+    recorded: Sequence[RecordedPlayback] = (),
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
 
@@ -119,52 +172,110 @@ def iterate(
     target_in_band : array_like, shape (n_y, samples)
         From `ControlBand.limit_target`, any length.
     model : RigModel
-        As identified.
+        As identified. A response of weight 0 is watched: neither its target nor what is measured there matters.
     settings : CampaignSettings
         How and how long.
     limits : DriveLimits, optional
         Of the rig; not checked where not given.
+    recorded : sequence of RecordedPlayback
+        The first playbacks, where they were made before: they are gone through again and not played, so that what
+        follows is what would have followed then. Only after the last of them it may end.
 
     Yields
     ------
     Iteration
-        After each playback; the last one carries the outcome.
+        After each playback, also the recorded ones; the last one carries the outcome.
 
     Raises
     ------
     DriveLimitError
-        A next drive would pass a limit; it is not played.
+        A next drive would pass a limit and the policy is to refuse it; it is not played.
     ValueError
         The response played back is not as long as the drive, not finite or of other channels, or the update refuses.
     """
-    history = IterationHistory(target=as_record(target_in_band, name="target"))
+    target, identified = as_record(target_in_band, name="target"), model
+    controlled = controlled_responses(model)
+    own_settings, model = controlled_settings(settings.update, controlled), controlled_model(model, controlled)
+    history = IterationHistory(target=_rows(target, controlled))
     update = UPDATES[settings.update.kind]
     metrics: tuple[IterationMetrics, ...] = ()
     outcome = None
     while outcome is None:
-        step = update(history, model, settings.update)
+        number = len(metrics) + 1
+        level = level_of(number, settings.levels)
+        projection = None
+        step = update(comparable_history(history, settings.levels), model, own_settings)
         model = step.model
-        if limits is not None:
-            require_within_limits(
-                step.drive,
-                last_drive=history.playbacks[-1].drive if history.playbacks else None,
-                limits=limits,
-                iteration_gain=settings.update.iteration_gain,
-            )
-        response = as_record(play(step.drive), name="response")
-        response_in_band = settings.update.band.limit_response(response)
-        metrics = (*metrics, judge_response(history.target, response_in_band))
-        outcome = judge_end(metrics, settings.stop)
-        history = history.after(Playback(drive=step.drive, response=response_in_band))
+        if number <= len(recorded):
+            drive, response = recorded[number - 1].drive, recorded[number - 1].response
+        else:
+            drive = level * step.drive
+            if limits is not None and settings.limit_policy is LimitPolicy.PROJECT:
+                projection = project_drive(drive, limits=limits, band=settings.update.band)
+                drive = projection.drive
+            elif limits is not None:
+                require_within_limits(
+                    drive,
+                    last_drive=None if step.stepped_from is None else level * step.stepped_from,
+                    limits=limits,
+                    iteration_gain=own_settings.iteration_gain,
+                )
+            # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
+            response = as_record(play(drive.copy()), name="response").copy()
+        response_in_band = settings.update.band.limit_response(response) / level
+        judged = judge_response(target, response_in_band, level=level, controlled=controlled)
+        metrics = (*metrics, judged)
+        if number >= len(recorded):
+            outcome = _outcome(metrics, settings)
+        history = history.after(Playback(drive=drive / level, response=_rows(response_in_band, controlled)))
         yield Iteration(
-            number=len(metrics),
-            drive=step.drive,
+            number=number,
+            drive=drive,
             response=response,
             response_in_band=response_in_band,
             metrics=metrics[-1],
-            model=model,
+            model=whole_model(model, identified=identified, controlled=controlled),
             outcome=outcome,
+            level=level,
+            projection=projection,
+            unreachable=_unreachable(history, projection, settings=settings, controlled=controlled),
         )
+
+
+def _rows(samples: NDArray[np.float64], controlled: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return samples if controlled.all() else np.ascontiguousarray(samples[controlled])
+
+
+def _unreachable(
+    history: IterationHistory,
+    projection: DriveProjection | None,
+    *,
+    settings: CampaignSettings,
+    controlled: NDArray[np.bool_],
+) -> tuple[UnreachableSegment, ...]:
+    """Find where the last playback missed the target because of a limit, among the controlled responses."""
+    if projection is None:
+        return ()
+    found = unreachable_segments(
+        history.target,
+        history.playbacks[-1].response,
+        saturated=projection.saturated,
+        sample_rate=settings.update.band.sample_rate,
+    )
+    numbers = np.flatnonzero(controlled)
+    return tuple(replace(segment, response=int(numbers[segment.response])) for segment in found)
+
+
+def _outcome(metrics: tuple[IterationMetrics, ...], settings: CampaignSettings) -> Outcome | None:
+    partial = partial_playbacks(settings.levels)
+    if len(metrics) <= partial:
+        # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
+        ended = judge_end(
+            metrics, replace(settings.stop, relative_rms_error=0.0, damage=None, smallest_improvement=0.0)
+        )
+        return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
+    left = replace(settings.stop, largest_iterations=settings.stop.largest_iterations - partial)
+    return judge_end(metrics[partial:], left, earlier=metrics[:partial])
 
 
 def run_campaign(
@@ -209,5 +320,5 @@ def run_campaign(
         target_in_band=target_in_band,
         iterations=iterations,
         outcome=outcome,
-        best_iteration=best_iteration(tuple(iteration.metrics for iteration in iterations)),
+        best_iteration=best_at_full_level(tuple(iteration.metrics for iteration in iterations), settings.levels),
     )

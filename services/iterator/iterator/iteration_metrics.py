@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spectra import overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
+from iterator.load_cycles import DAMAGE_EXPONENTS, damage_ratio
+from spectra import crest_factor, overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
 
 
 @dataclass(frozen=True)
@@ -23,38 +24,99 @@ class IterationMetrics:
     peak_ratio : ndarray, shape (n_y,)
         Largest magnitude of the response over that of the target, towards 1.
     overall_relative_rms_error : float
-        Root mean square of `relative_rms_error` over the responses.
+        Root mean square of `relative_rms_error` over the controlled responses.
+    crest_ratio : ndarray, shape (n_y,)
+        Crest factor of the response over that of the target, towards 1; 0 for a response at rest.
+    damage_ratio : ndarray, shape (n_y, exponents)
+        Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
+    specimen_damage : ndarray, shape (n_y, exponents)
+        What this playback put into the specimen, in multiples of the whole target's pseudo-damage: `damage_ratio` but
+        for a playback at partial level, of which it is less.
+    controlled : ndarray of bool, shape (n_y,), optional
+        False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
     """
 
     relative_rms_error: NDArray[np.float64]
     rms_response: NDArray[np.float64]
     peak_ratio: NDArray[np.float64]
     overall_relative_rms_error: float
+    crest_ratio: NDArray[np.float64]
+    damage_ratio: NDArray[np.float64]
+    specimen_damage: NDArray[np.float64]
+    controlled: NDArray[np.bool_] | None = None
+
+    def judged(self, figures: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the part of some figures, one row for each response, by which a playback is judged."""
+        return figures if self.controlled is None else figures[self.controlled]
 
 
-def judge_response(target: NDArray[np.float64], response: NDArray[np.float64]) -> IterationMetrics:
+def judge_response(
+    target: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    level: float = 1.0,
+    controlled: NDArray[np.bool_] | None = None,
+) -> IterationMetrics:
     """Compare a response with the target.
 
     Parameters
     ----------
     target, response : ndarray, shape (n_y, samples)
-        Both in the control band, response units; no channel of the target zero throughout.
+        Both in the control band, response units; no controlled channel of the target zero throughout.
+    level : float
+        Share of the target that was played for and by which the response was divided, above 0 to 1.
+    controlled : ndarray of bool, shape (n_y,), optional
+        False for a response that is watched; all are controlled where not given.
 
     Returns
     -------
     IterationMetrics
-        Of this playback.
+        Of this playback. The figures of a watched response whose target is silent are not a number: there is nothing
+        that they could be relative to.
 
     Raises
     ------
     ValueError
-        Shapes that differ, values that are not finite, or a silent target channel.
+        Shapes that differ, values that are not finite, or a silent target of a controlled response.
     """
+    if controlled is not None and not controlled.all():
+        return _judge_with_watched(target, response, level=level, controlled=controlled)
+    damage = damage_ratio(target, response)
+    moves = np.any(response != 0.0, axis=1)
+    crest = np.zeros(target.shape[0])
+    crest[moves] = crest_factor(response[moves]) / crest_factor(target[moves]) if moves.any() else 0.0
     return IterationMetrics(
         relative_rms_error=relative_rms_error(target, response),
         rms_response=rms_response(target, response),
         peak_ratio=peak_ratio(target, response),
         overall_relative_rms_error=overall_relative_rms_error(target, response),
+        crest_ratio=crest,
+        damage_ratio=damage,
+        specimen_damage=damage * level ** np.asarray(DAMAGE_EXPONENTS),
+    )
+
+
+def _judge_with_watched(
+    target: NDArray[np.float64], response: NDArray[np.float64], *, level: float, controlled: NDArray[np.bool_]
+) -> IterationMetrics:
+    # A silent target of a controlled response goes in all the same, and is refused there.
+    told = controlled | np.any(target != 0.0, axis=1)
+    found = judge_response(target[told], response[told], level=level)
+
+    def of_all(figures: NDArray[np.float64]) -> NDArray[np.float64]:
+        result = np.full((told.size, *figures.shape[1:]), np.nan)
+        result[told] = figures
+        return result
+
+    return IterationMetrics(
+        relative_rms_error=of_all(found.relative_rms_error),
+        rms_response=of_all(found.rms_response),
+        peak_ratio=of_all(found.peak_ratio),
+        overall_relative_rms_error=overall_relative_rms_error(target[controlled], response[controlled]),
+        crest_ratio=of_all(found.crest_ratio),
+        damage_ratio=of_all(found.damage_ratio),
+        specimen_damage=of_all(found.specimen_damage),
+        controlled=controlled,
     )
 
 

@@ -55,6 +55,8 @@ class ProgressEstimate:
         self._iterations = iterations
         self._clock = clock
         self._step_began = clock()
+        self._identified = False
+        self._done = 0
         self._identification_lasted: float | None = None
         self._iterations_lasted: list[float] = []
 
@@ -62,10 +64,19 @@ class ProgressEstimate:
         """Note that the identification, or after it an iteration, is done and the next begins."""
         now = self._clock()
         lasted, self._step_began = now - self._step_began, now
-        if self._identification_lasted is None:
-            self._identification_lasted = lasted
+        if not self._identified:
+            self._identified, self._identification_lasted = True, lasted
         else:
+            self._done += 1
             self._iterations_lasted.append(lasted)
+
+    def step_was_done(self) -> None:
+        """Note that the identification, or after it an iteration, was done before; how long it took is not known."""
+        self._step_began = self._clock()
+        if not self._identified:
+            self._identified = True
+        else:
+            self._done += 1
 
     def at(self, share: float) -> Progress:
         """Return where the campaign stands.
@@ -80,25 +91,27 @@ class ProgressEstimate:
         Progress
             Of the whole campaign.
         """
-        done = len(self._iterations_lasted)
         total = self._identification_seconds + self._iterations * self._playback_seconds
-        if self._identification_lasted is None:
+        if not self._identified:
             played = share * self._identification_seconds
         else:
-            played = self._identification_seconds + (done + share) * self._playback_seconds
+            played = self._identification_seconds + (self._done + share) * self._playback_seconds
         return Progress(fraction=min(1.0, played / total), remaining_seconds=self._remaining(share))
 
     def _remaining(self, share: float) -> float:
         elapsed = self._clock() - self._step_began
         by_share = elapsed / share if share >= _SMALLEST_SHARE else None
         ratio = self._playback_seconds / self._identification_seconds
-        done = len(self._iterations_lasted)
-        if self._identification_lasted is None:
+        if not self._identified:
             if by_share is None:
                 return -1.0
             return by_share - elapsed + self._iterations * by_share * ratio
         if self._iterations_lasted:
-            expected = sum(self._iterations_lasted) / done
+            expected = sum(self._iterations_lasted) / len(self._iterations_lasted)
+        elif by_share is not None:
+            expected = by_share
+        elif self._identification_lasted is not None:
+            expected = self._identification_lasted * ratio
         else:
-            expected = self._identification_lasted * ratio if by_share is None else by_share
-        return max(0.0, expected - elapsed) + max(0, self._iterations - done - 1) * expected
+            return -1.0
+        return max(0.0, expected - elapsed) + max(0, self._iterations - self._done - 1) * expected

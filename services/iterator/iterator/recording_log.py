@@ -19,12 +19,19 @@ class RecordingLog:
         Where the recorder is.
     recording : str
         Its id, which is the campaign's.
+    next_step : int
+        Number of the first step to store; more than 0 where the recorder holds some already.
     """
 
-    def __init__(self, bus: Bus, recording: str) -> None:
+    def __init__(self, bus: Bus, recording: str, *, next_step: int = 0) -> None:
         self._bus = bus
         self._recording = recording
-        self._next_step = 0
+        self._next_step = next_step
+
+    @property
+    def next_step(self) -> int:
+        """Number of the next step."""
+        return self._next_step
 
     @property
     def begun(self) -> bool:
@@ -44,25 +51,43 @@ class RecordingLog:
         FaultError
             The recorder refuses or is gone, or acknowledges something else than was sent.
         """
+        self._send(self._next_step, message)
+        self._next_step += 1
+
+    def confirm(self, last: Message) -> None:
+        """Have the recorder acknowledge the last step once more: proof that it goes on with this recording.
+
+        Parameters
+        ----------
+        last : Message
+            As it was stored.
+
+        Raises
+        ------
+        FaultError
+            The recorder does not write it any more.
+        """
+        self._send(self._next_step - 1, last)
+
+    def _send(self, step: int, message: Message) -> None:
         # The same message must be the same bytes: a step that is sent again is told from another by its hash.
         payload = message.SerializeToString(deterministic=True)
         acknowledged = self._bus.query(
             self._bus.keys.commit(),
             recorder_pb2.CommitRequest(
                 recording=self._recording,
-                step=self._next_step,
+                step=step,
                 message_type=message.DESCRIPTOR.full_name,
                 payload=payload,
             ),
             recorder_pb2.CommitAck,
         )
-        if acknowledged.step != self._next_step or acknowledged.payload_hash != hashlib.sha256(payload).hexdigest():
+        if acknowledged.step != step or acknowledged.payload_hash != hashlib.sha256(payload).hexdigest():
             raise FaultError(
                 query_pb2.FAULT_CODE_DATA_LOSS,
                 f"The recorder acknowledged step {acknowledged.step} of recording {self._recording!r} with a content "
-                f"that differs from step {self._next_step} as it was sent.",
+                f"that differs from step {step} as it was sent.",
             )
-        self._next_step += 1
 
     def close(self, last: Message, *, reason: str) -> None:
         """Store the last message and close the recording.

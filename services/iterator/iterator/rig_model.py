@@ -1,4 +1,4 @@
-"""The identified rig as the iteration uses it: FRF matrix and inverse, applied to whole records."""
+"""The identified rig as the iteration uses it: FRF matrix and inverse."""
 
 from __future__ import annotations
 
@@ -7,13 +7,30 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from iterator.control_band import ControlBand
-from spectra import as_frf, as_record, band_mask, inverse_frf, line_frequencies
+from iterator.inversion import cautious_inverse, weighted_inverse
+from iterator.step_spectra import SeenStep
+from spectra import as_frf, band_mask
 
 FEWEST_LINES: Final = 4
 """Lines that the identified band must hold: a cubic is laid through them."""
+
+
+@dataclass(frozen=True)
+class ModelUncertainty:
+    """Covariance of the identified FRF matrix: `E[δ_ij conj(δ_ik)] = residual_psd_i row_covariance_jk` at each line.
+
+    Parameters
+    ----------
+    residual_psd : ndarray, shape (lines, n_y)
+        What the drives did not explain, response unit²/Hz.
+    row_covariance : ndarray, shape (lines, n_u, n_u)
+        Hermitian, Hz per drive unit²; positive definite at the identified lines.
+    """
+
+    residual_psd: NDArray[np.float64]
+    row_covariance: NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -30,12 +47,24 @@ class RigModel:
         Drive unit per response unit; 0 outside the identified lines.
     identified : slice
         Lines at which the experiment's drives had energy.
+    response_weight : ndarray, shape (n_y,), optional
+        Weights of the pseudo-inverse; 0 for a response that is watched but not controlled. None: all count alike.
+    uncertainty : ModelUncertainty, optional
+        Of the identification.
+    identified_frf : ndarray, shape (lines, n_y, n_u), optional
+        `H_0`, where an update bent `frf` away from it.
+    seen_steps : tuple of SeenStep
+        Of which an update bent it: the next one need not form their spectra again.
     """
 
     frequency: NDArray[np.float64]
     frf: NDArray[np.complex128]
     inverse_frf: NDArray[np.complex128]
     identified: slice
+    response_weight: NDArray[np.float64] | None = None
+    uncertainty: ModelUncertainty | None = None
+    identified_frf: NDArray[np.complex128] | None = None
+    seen_steps: tuple[SeenStep, ...] = ()
 
     @property
     def block_samples(self) -> int:
@@ -49,6 +78,9 @@ def rig_model(
     *,
     identified_band: tuple[float, float],
     response_weight: ArrayLike | None = None,
+    uncertainty: ModelUncertainty | None = None,
+    caution: float = 0.0,
+    regularisation: float = 0.0,
 ) -> RigModel:
     """Make the model that a campaign starts from, with the (weighted) pseudo-inverse at each identified line.
 
@@ -61,8 +93,15 @@ def rig_model(
     identified_band : tuple of float
         Lowest and highest frequency with drive energy in the experiment, Hz.
     response_weight : array_like, shape (n_y,), optional
-        Weight of each response in the least squares of a model with more responses than drives, greater than 0,
-        usually 1 over the target's RMS. Without effect where `n_y == n_u`.
+        Weight of each response in the least squares of a model with more responses than drives, usually 1 over the
+        target's RMS. Of the responses above 0 there must be as many as drives; those of 0 are watched, not controlled.
+    uncertainty : ModelUncertainty, optional
+        Of the identification; what the secant update and a cautious inverse need.
+    caution : float, optional
+        Share of the uncertainty that the first inverse minds, 0 or more: it asks less of the drives where the FRF is
+        doubtful. 0 is the plain pseudo-inverse.
+    regularisation : float, optional
+        Of the first inverse, relative to the median of `tr(ĤᴴĤ) / n_u`, 0 or more.
 
     Returns
     -------
@@ -93,90 +132,66 @@ def rig_model(
     # Outside the band the estimate means nothing and may be anything, also not a number.
     known = inside.reshape(-1, *(1,) * (estimate.ndim - 1)) > 0.0
     matrix = as_frf(np.where(known, estimate, 0.0))
+    weight = np.ones(matrix.shape[1]) if response_weight is None else np.asarray(response_weight, dtype=np.float64)
+    if matrix.shape[1] < matrix.shape[2]:
+        raise ValueError(
+            f"The FRF has {matrix.shape[1]} responses and {matrix.shape[2]} drives; it needs at least as many "
+            "responses as drives."
+        )
+    inverse = weighted_inverse(matrix, mask=inside, frequency=lines, response_weight=weight)
+    if caution != 0.0 or regularisation != 0.0:
+        inverse[held] = _first_cautious_inverse(
+            matrix[held], held, weight=weight, uncertainty=uncertainty, caution=caution, regularisation=regularisation
+        )
     return RigModel(
         frequency=lines,
         frf=matrix,
-        inverse_frf=inverse_frf(matrix, mask=inside, frequency=lines, row_weight=response_weight),
+        inverse_frf=inverse,
         identified=slice(int(held[0]), int(held[-1]) + 1),
+        response_weight=None if response_weight is None else weight,
+        uncertainty=uncertainty,
     )
 
 
-def apply_inverse(model: RigModel, error: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
-    """Return the drive that makes `error` by the model: `Ĥ†` on the whole record, acausal, in the control band.
+def _first_cautious_inverse(
+    frf: NDArray[np.complex128],
+    lines: NDArray[np.intp],
+    *,
+    weight: NDArray[np.float64],
+    uncertainty: ModelUncertainty | None,
+    caution: float,
+    regularisation: float,
+) -> NDArray[np.complex128]:
+    if caution != 0.0 and uncertainty is None:
+        raise ValueError(f"The caution is {caution:g} and the model's uncertainty is not given; give it or ask for 0.")
+    if not 0.0 <= caution < np.inf:
+        raise ValueError(f"The caution is {caution:g}; it must be finite and 0 or more.")
+    # A drive counts by what it moves, so that units do not count.
+    scale = 1.0 / np.sqrt(np.mean(np.sum(np.abs(frf * weight[:, None]) ** 2, axis=1), axis=0))
+    doubt = np.zeros((lines.size, scale.size, scale.size), dtype=np.complex128)
+    if uncertainty is not None:
+        spread = uncertainty.row_covariance[lines].conj() * scale[:, None] * scale
+        doubt = caution * (uncertainty.residual_psd[lines] @ weight**2)[:, None, None] * spread
+    return cautious_inverse(
+        frf, uncertainty=doubt, regularisation=regularisation, response_weight=weight, drive_scale=scale
+    )
+
+
+def driven_lines(model: RigModel, band: ControlBand) -> NDArray[np.intp]:
+    """Return the identified lines at which drives get energy.
 
     Parameters
     ----------
     model : RigModel
-        Its identified band holds the control band.
-    error : array_like, shape (n_y, samples)
-        Response units.
+        Its lines.
     band : ControlBand
         Drives get energy in it only.
 
     Returns
     -------
-    ndarray, shape (n_u, samples)
-        Drive units.
-
-    Raises
-    ------
-    ValueError
-        The record does not fit the model, or the control band passes the identified lines.
+    ndarray, shape (driven,)
+        Indices of lines, rising.
     """
-    return _apply(model, model.inverse_frf, error, band=band)
-
-
-def predict(model: RigModel, drive: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
-    """Return the response in the control band that the model expects of a drive, `Ŷ = Ĥ U`.
-
-    Parameters
-    ----------
-    model : RigModel
-        Its identified band holds the control band.
-    drive : array_like, shape (n_u, samples)
-        Drive units.
-    band : ControlBand
-        The response is predicted in it.
-
-    Returns
-    -------
-    ndarray, shape (n_y, samples)
-        Response units.
-
-    Raises
-    ------
-    ValueError
-        The record does not fit the model, or the control band passes the identified lines.
-    """
-    return _apply(model, model.frf, drive, band=band)
-
-
-def _apply(
-    model: RigModel, matrix: NDArray[np.complex128], samples: ArrayLike, *, band: ControlBand
-) -> NDArray[np.float64]:
-    # The flanks of a control band are narrower than the lines of a block, so the matrix is interpolated to the record's
-    # own fine lines, from identified lines only. Nothing from outside the band can enter, no impulse response is cut
-    # off, and the mask acts on the very lines that are played.
-    record = as_record(samples)
-    if record.shape[0] != matrix.shape[2]:
-        raise ValueError(f"The record has {record.shape[0]} channels; the model takes {matrix.shape[2]}.")
-    known = model.frequency[model.identified]
-    spacing = model.frequency[1] - model.frequency[0]
-    if band.lowest < known[0] - spacing or band.highest > known[-1] + spacing:
-        raise ValueError(
-            f"The control band of {band.lowest:g} to {band.highest:g} Hz passes the model's identified lines, "
-            f"{known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
-        )
-    count = record.shape[1]
-    length = band.transform_samples(count)
-    fine = line_frequencies(length, band.sample_rate)
-    mask = band.drive_mask(fine)
-    driven = np.flatnonzero(mask)
-    # Less than one line may lie between the band's edge and the nearest identified line: its value stands in there,
-    # where the mask is low; a cubic would extrapolate.
-    at = np.clip(fine[driven], known[0], known[-1])
-    weights = CubicSpline(known, matrix[model.identified], axis=0)(at) * mask[driven, None, None]
-    spectrum = np.ascontiguousarray(np.fft.rfft(record, n=length, axis=1)[:, driven].T)
-    result = np.zeros((matrix.shape[1], fine.size), dtype=np.complex128)
-    result[:, driven] = np.matmul(weights, spectrum[:, :, None])[:, :, 0].T
-    return np.ascontiguousarray(np.fft.irfft(result, n=length, axis=1)[:, :count])
+    inside = np.zeros(model.frequency.size, dtype=bool)
+    inside[model.identified] = True
+    return np.flatnonzero(inside & (band.drive_mask(model.frequency) > 0.0))

@@ -13,6 +13,25 @@ IDENTIFICATION_PLAYBACK: Final = 1
 """Index of what is random in the rig while the identification plays."""
 
 
+_CONFIRMATIONS: Final = 1 << 32
+
+
+def confirmation(number: int) -> int:
+    """Return the index of what is random in the rig in a playback that confirms the result: 2^32 + its number.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+
+    Returns
+    -------
+    int
+        Index for `derived_seed`; that of no iteration.
+    """
+    return _CONFIRMATIONS + number
+
+
 def playback(iteration: int) -> int:
     """Return the index of what is random in the rig in an iteration's playback: 2 for the first, 3 for the second.
 
@@ -37,7 +56,7 @@ def derived_seed(campaign_seed: int, index: int) -> int:
     campaign_seed : int
         From the specification, 0 to 2^64 - 1.
     index : int
-        `EXCITATION`, `IDENTIFICATION_PLAYBACK` or `playback(iteration)`.
+        `EXCITATION`, `IDENTIFICATION_PLAYBACK`, `playback(iteration)` or `confirmation(number)`.
 
     Returns
     -------

@@ -4,25 +4,35 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Final, Self
 
 import structlog
 
-from duralab_proto.keys import ANY, MAIN_INSTANCE, check_id, check_rig, id_of
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.keys import ANY, check_id, check_rig, id_of
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
+from iterator.admission import (
+    already_exists,
+    described_rig,
+    expect_free_id,
+    go_on_recording,
+    require_name,
+    require_same_rig,
+)
 from iterator.campaign import Campaign
 from iterator.campaign_plan import plan_campaign
-from iterator.identification import identification_request
+from iterator.campaign_resumption import Resumption, new_campaign, require_no_settings, same_campaign
+from iterator.identification import identification_request, identification_run
+from iterator.recorded_campaign import read_campaign
 from iterator.status_board import StatusBoard, is_final
 from labbus import Bus, BusError, Call, FaultError, ServiceConfig
 
 SERVICE: Final = "iterator"
 """Name of the service, as in its liveliness key."""
 
-_DISCOVERY_SECONDS: Final = 1.5
 # A stop waits so long for the campaign to end before it answers how far it got.
 _STOP_SECONDS: Final = 8.0
 # Ended campaigns whose status can still be asked for; the recorder knows the older ones.
@@ -100,29 +110,46 @@ class IteratorService:
         FaultError
             INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS or BUSY with the field, UNAVAILABLE for a missing service.
         """
-        for check, name, field in ((check_id, spec.id, "id"), (check_rig, spec.rig, "rig")):
-            try:
-                check(name)
-            except ValueError as error:
-                raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=field) from error
-        self._take(spec)
-        try:
+        require_name(check_id, spec.id, field="id")
+        require_name(check_rig, spec.rig, field="rig")
+        if spec.parent or spec.parent_iteration:
+            raise FaultError(
+                query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+                f"parent is {spec.parent!r}; it is set by the iterator alone, ask it to resume that campaign.",
+                field="parent",
+            )
+        with self._admitting(spec):
             call.progress("checking", 0.0, detail=f"campaign {spec.id}")
-            description = self._described_rig(spec.rig)
-            self._expect_free(spec)
-            # The identifier makes the very drive and checks it, before anything is stored or moves.
-            request = identification_request(spec, check_only=True)
-            experiment = self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model).plan
-            plan = plan_campaign(spec, description, experiment)
-            board = StatusBoard(spec.id, publish=self._publishing(spec.id))
-            campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._ended(spec))
+            expect_free_id(self._bus, spec.id)
+            return self._begin(spec)
+
+    @contextmanager
+    def _admitting(self, spec: iterator_pb2.CampaignSpec, *, again: bool = False) -> Iterator[None]:
+        """Keep id and rig for a campaign that is being checked; let go of them where it is refused."""
+        self._take(spec, again=again)
+        try:
+            yield
         except BaseException:
             self._release(spec.rig)
             raise
+
+    def _begin(
+        self, spec: iterator_pb2.CampaignSpec, resumption: Resumption | None = None
+    ) -> iterator_pb2.CampaignStatus:
+        """Check a campaign against its rig and start it."""
+        description = described_rig(self._bus, spec.rig)
+        if resumption is not None and resumption.model is not None:
+            require_same_rig(resumption.model, description)
+        # The identifier makes the very drive and checks it, before anything is stored or moves.
+        request = identification_request(spec, run=identification_run(spec), check_only=True)
+        experiment = self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model).plan
+        plan = plan_campaign(spec, description, experiment)
+        board = StatusBoard(spec.id, publish=self._publishing(spec.id), remarks=plan.remarks)
+        campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._ended(spec), resumption=resumption)
         with self._lock:
             self._entries[spec.id] = _Entry(campaign=campaign, board=board)
         accepted = board.snapshot()
-        structlog.get_logger(SERVICE).info("campaign accepted", campaign=spec.id, rig=spec.rig)
+        structlog.get_logger(SERVICE).info("campaign accepted", campaign=spec.id, rig=spec.rig, parent=spec.parent)
         campaign.start()
         return accepted
 
@@ -178,25 +205,53 @@ class IteratorService:
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Refuse: campaigns cannot be resumed yet.
+        """Go on with a campaign that a crash broke off, or take one up again as a new campaign; answer at once.
 
         Parameters
         ----------
         request : ResumeCampaignRequest
-            Empty.
+            Empty to go on; with the id of the new campaign to take up again.
         call : Call
             Its key names the campaign.
+
+        Returns
+        -------
+        CampaignStatus
+            In the phase CHECKING; the rest is published. The final one where only the recording's end was missing.
 
         Raises
         ------
         FaultError
-            UNIMPLEMENTED, always.
+            As `start`; NOT_FOUND without a recording, FAILED_PRECONDITION where the campaign runs, has ended or the
+            rig is not the one that was identified.
         """
-        del request
-        raise FaultError(
-            query_pb2.FAULT_CODE_UNIMPLEMENTED,
-            f"Campaign {id_of(call.key)!r} cannot be resumed, this iterator does not offer it; start a new campaign.",
-        )
+        id = id_of(call.key)
+        with self._lock:
+            entry = self._entries.get(id)
+        if entry is not None and not entry.board.ended:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Campaign {id!r} runs; wait for its end or stop it first."
+            )
+        call.progress("reading back", 0.0, detail=f"campaign {id}")
+        if request.new_id:
+            require_name(check_id, request.new_id, field="new_id")
+            expect_free_id(self._bus, request.new_id, field="new_id")
+            spec, resumption = new_campaign(read_campaign(self._bus, id), request)
+            with self._admitting(spec):
+                return self._begin(spec, resumption)
+        require_no_settings(request)
+        recorded = read_campaign(self._bus, id)
+        resumption = same_campaign(recorded)
+        with self._admitting(recorded.spec, again=True):
+            go_on_recording(self._bus, recorded)
+            if recorded.final is None:
+                return self._begin(recorded.spec, resumption)
+            board = StatusBoard(id, publish=self._publishing(id))
+            board.end(recorded.final)
+            with self._lock:
+                self._entries[id] = _Entry(campaign=None, board=board)
+            self._release(recorded.spec.rig)
+            return recorded.final
 
     def _entry(self, campaign: str) -> _Entry:
         with self._lock:
@@ -209,10 +264,10 @@ class IteratorService:
             )
         return entry
 
-    def _take(self, spec: iterator_pb2.CampaignSpec) -> None:
+    def _take(self, spec: iterator_pb2.CampaignSpec, *, again: bool) -> None:
         with self._lock:
-            if spec.id in self._entries or spec.id in self._taken_rigs.values():
-                raise _already_exists(spec.id)
+            if (spec.id in self._entries and not again) or spec.id in self._taken_rigs.values():
+                raise already_exists(spec.id)
             if (holder := self._taken_rigs.get(spec.rig)) is not None:
                 raise FaultError(
                     query_pb2.FAULT_CODE_BUSY,
@@ -234,42 +289,6 @@ class IteratorService:
         with self._lock:
             del self._taken_rigs[rig]
 
-    def _described_rig(self, rig: str) -> rig_pb2.RigDescription:
-        """Ask a rig what it is and whether it can play now."""
-        keys = self._bus.keys
-        try:
-            key = keys.rig_description(rig)
-            description = self._bus.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
-        except FaultError as fault:
-            if fault.code != query_pb2.FAULT_CODE_UNAVAILABLE or self._bus.live("rig_sim", rig):
-                raise
-            raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, fault.message, field="rig") from fault
-        state = self._bus.query(keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
-        if state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
-            raise FaultError(
-                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-                f"Rig {rig!r} is interlocked ({state.reason}); see to the reason and reset it first.",
-                field="rig",
-            )
-        if state.mode != rig_pb2.RIG_MODE_IDLE:
-            raise FaultError(
-                query_pb2.FAULT_CODE_BUSY, f"Rig {rig!r} plays run {state.run!r}; wait for its end.", field="rig"
-            )
-        return description
-
-    def _expect_free(self, spec: iterator_pb2.CampaignSpec) -> None:
-        """Raise when the id has a recording, or a service that the campaign needs is not there."""
-        self._bus.wait_for_live({("identifier", MAIN_INSTANCE)}, _DISCOVERY_SECONDS)
-        try:
-            self._bus.query(
-                self._bus.keys.recording(spec.id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo
-            )
-        except FaultError as fault:
-            if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
-                return
-            raise
-        raise _already_exists(spec.id)
-
     def _publishing(self, campaign: str) -> Callable[[iterator_pb2.CampaignStatus], None]:
         publisher = self._bus.publisher(self._bus.keys.campaign_event(campaign))
 
@@ -282,11 +301,3 @@ class IteratorService:
                 structlog.get_logger(SERVICE).warning("An event was not published.", campaign=campaign, why=str(error))
 
         return publish
-
-
-def _already_exists(campaign: str) -> FaultError:
-    return FaultError(
-        query_pb2.FAULT_CODE_ALREADY_EXISTS,
-        f"A campaign {campaign!r} exists already; its recording is never overwritten, choose another id.",
-        field="id",
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from duralab_proto.v1 import iterator_pb2, query_pb2
@@ -34,9 +34,13 @@ class StatusBoard:
         Id of the campaign.
     publish : callable
         Called with each CampaignStatus, one at a time, in order, until the final phase; it is not to be changed.
+    remarks : sequence of str
+        What a person should know from the start, one sentence each.
     """
 
-    def __init__(self, campaign: str, *, publish: Callable[[iterator_pb2.CampaignStatus], None]) -> None:
+    def __init__(
+        self, campaign: str, *, publish: Callable[[iterator_pb2.CampaignStatus], None], remarks: Sequence[str] = ()
+    ) -> None:
         self._publish = publish
         self._lock = threading.Lock()
         self._ended = threading.Event()
@@ -47,6 +51,7 @@ class StatusBoard:
             phase=iterator_pb2.CAMPAIGN_PHASE_CHECKING,
             activity="checking the specification",
             remaining_seconds=-1.0,
+            remarks=remarks,
         )
 
     def snapshot(self) -> iterator_pb2.CampaignStatus:
@@ -88,12 +93,26 @@ class StatusBoard:
                 status.phase = phase
             self._replace(status)
 
-    def add_iteration(self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int) -> None:
-        """Add the figures of a playback that is stored."""
+    def add_iteration(
+        self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int, remarks: Sequence[str] = ()
+    ) -> None:
+        """Add the figures of a playback that is stored, and what is to be said of it."""
         with self._lock:
             status = self._copy()
+            status.remarks.extend(remarks)
             status.iterations.append(metrics)
             status.best_iteration = best_iteration
+            self._replace(status)
+
+    def add_confirmation(
+        self, repeatability: iterator_pb2.Repeatability | None = None, *, remarks: Sequence[str] = ()
+    ) -> None:
+        """Show how far the rig repeats itself, as far as that is known, and what is to be said of it."""
+        with self._lock:
+            status = self._copy()
+            status.remarks.extend(remarks)
+            if repeatability is not None:
+                status.repeatability.CopyFrom(repeatability)
             self._replace(status)
 
     def final_status(

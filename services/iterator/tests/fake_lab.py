@@ -21,17 +21,26 @@ class Recorder:
     def __init__(self, bus):
         self.steps = {}
         self.refused = {}
+        # Called with recording, step number and whether it is stored; may raise.
+        self.watch = lambda recording, step, stored: None
         bus.serve(bus.keys.commit(), recorder_pb2.CommitRequest, self.commit)
         bus.serve(bus.keys.recording("*"), recorder_pb2.RecordingRequest, self.recording)
+        bus.serve(bus.keys.recording_steps("*"), recorder_pb2.ReadStepsRequest, self.read_steps)
         bus.declare_live("recorder", "main")
 
     def commit(self, request, _call):
         kind = request.message_type.removeprefix("duralab.v1.")
         if self.refused.get(request.recording) == kind:
             raise FaultError(query_pb2.FAULT_CODE_INTERNAL, "The disk is full.")
+        self.watch(request.recording, request.step, False)
         steps = self.steps.setdefault(request.recording, [])
-        assert request.step == len(steps)
-        steps.append((kind, request.payload))
+        if request.step < len(steps):
+            assert steps[request.step] == (kind, request.payload)
+        else:
+            assert request.step == len(steps)
+            assert not steps or steps[-1][0] != "RecordingClosed"
+            steps.append((kind, request.payload))
+        self.watch(request.recording, request.step, True)
         return recorder_pb2.CommitAck(
             recording=request.recording, step=request.step, payload_hash=hashlib.sha256(request.payload).hexdigest()
         )
@@ -41,6 +50,20 @@ class Recorder:
         if name not in self.steps and name != "old":
             raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, f"No recording {name!r}.")
         return recorder_pb2.RecordingInfo(recording=name)
+
+    def read_steps(self, request, call):
+        name = call.key.split("/")[-2]
+        if name not in self.steps:
+            raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, f"No recording {name!r}.")
+        steps = list(enumerate(self.steps[name]))
+        return recorder_pb2.RecordedSteps(
+            # Two at a time, as a long recording comes.
+            steps=[
+                recorder_pb2.RecordedStep(step=number, message_type=f"duralab.v1.{kind}", payload=payload)
+                for number, (kind, payload) in steps[request.first : request.first + 2]
+            ],
+            total=len(steps),
+        )
 
     def kinds(self, recording):
         return [kind for kind, _ in self.steps[recording]]
@@ -91,14 +114,26 @@ class Lab:
             iterator_pb2.CampaignStatus,
         )
 
+    def resume(self, id, **settings):
+        return self.bus.query(
+            self.bus.keys.campaign_resume(id),
+            iterator_pb2.ResumeCampaignRequest(**settings),
+            iterator_pb2.CampaignStatus,
+        )
+
     def rig_mode(self, rig):
         return self.bus.query(self.bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState).mode
 
     def wait(self, id, done, *, seconds=20.0):
-        until = time.monotonic() + seconds
+        until, status = time.monotonic() + seconds, None
         while time.monotonic() < until:
-            status = self.status(id)
-            if done(status):
+            try:
+                status = self.status(id)
+            except FaultError as fault:
+                # On a busy machine all workers may be taken for a moment.
+                if fault.code != query_pb2.FAULT_CODE_BUSY:
+                    raise
+            if status is not None and done(status):
                 return status
             time.sleep(0.02)
         raise AssertionError(f"not reached: {status}")

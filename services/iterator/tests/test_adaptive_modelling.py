@@ -16,7 +16,10 @@ from iterator import (
     predict,
     rig_model,
 )
-from iterator.adaptive_modelling import PredictionSpectra, correction_from_spectra
+from iterator.model_correction import (
+    PredictionSpectra,
+    correction_from_spectra,
+)
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target
 

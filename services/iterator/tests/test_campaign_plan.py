@@ -1,10 +1,14 @@
+import re
+
 import numpy as np
 import pytest
 
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
-from iterator import UpdateKind
+from iterator import AcceptanceSettings, SecantSettings, StopCriteria, UpdateKind
 from iterator.campaign_plan import plan_campaign
+from iterator.drive_limits import LimitPolicy
+from iterator.stop_criteria import DamageBounds
 from labbus import FaultError
 
 from .linear_plants import BLOCK
@@ -29,6 +33,16 @@ def poisoned(samples):
 def swap_channels(spec):
     first, second = spec.target.channels
     first.name, second.name = second.name, first.name
+
+
+def secant_that_forgets_nothing_or_more(spec):
+    spec.update.kind = iterator_pb2.UPDATE_KIND_SECANT
+    spec.update.secant.forgetting = 1.5
+
+
+def with_curve(spec, frequency, share):
+    spec.update.gain_curve_frequency.CopyFrom(to_array(np.array(frequency)))
+    spec.update.gain_curve_share.CopyFrom(to_array(np.array(share)))
 
 
 MISTAKES = {
@@ -65,11 +79,23 @@ MISTAKES = {
         lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.5]))),
         lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([np.nan, 0.5]))),
     ],
+    "update.prediction": [lambda s: setattr(s.update, "prediction", 9)],
+    "update.shape": [lambda s: setattr(s.update, "shape", 9)],
+    "update.secant": [secant_that_forgets_nothing_or_more],
+    "update.gain_schedule": [lambda s: s.update.gain_schedule.extend([0.5, 0.0])],
+    "update.gain_curve_frequency": [lambda s: s.update.gain_curve_frequency.CopyFrom(to_array(np.array([5.0])))],
+    "update.gain_curve_share": [lambda s: with_curve(s, [5.0, 50.0], [[0.5, 0.5], [0.5, 1.5]])],
+    "levels": [lambda s: s.levels.append(0.5), lambda s: s.levels.extend([0.2, 0.4, 0.6, 1.0])],
+    "limit_policy": [lambda s: setattr(s, "limit_policy", 9)],
     "update.smallest_correction": [lambda s: setattr(s.update, "smallest_correction", 0.0)],
     "stop": [
         lambda s: setattr(s.stop, "largest_iterations", 0),
         lambda s: setattr(s.stop, "relative_rms_error", -0.1),
         lambda s: setattr(s.stop, "divergence_ratio", 0.5),
+        lambda s: setattr(s.stop, "smallest_damage_ratio", 0.8),
+        lambda s: setattr(s.stop, "smallest_improvement", 1.0),
+        lambda s: setattr(s.stop, "damage_budget", -1.0),
+        lambda s: setattr(s.stop, "damage_exponent", 4.0),
     ],
 }
 
@@ -94,6 +120,67 @@ def test_a_sound_specification_becomes_a_plan():
     # The static part of the target is no matter of the iteration.
     assert np.max(np.abs(plan.target_in_band[:, :200])) < 1e-2 * np.max(np.abs(plan.target_in_band))
     assert plan.identified_band == (1.0, 70.0)
+
+
+def test_all_settings_of_update_and_end_reach_the_core():
+    spec = specification()
+    update, stop = spec.update, spec.stop
+    update.kind, update.accept_segments = iterator_pb2.UPDATE_KIND_SECANT, True
+    update.secant.forgetting, update.secant.prior_strength = 0.6, 0.4
+    update.secant.caution, update.secant.regularisation = 0.2, 1e-4
+    update.gain_schedule.extend([0.7, 1.0])
+    with_curve(spec, [5.0, 50.0], [[1.0, 0.5], [0.5, 0.5]])
+    stop.smallest_damage_ratio, stop.largest_damage_ratio, stop.damage_exponent = 0.8, 1.25, 8.0
+    stop.damage_budget, stop.smallest_improvement, stop.improvement_playbacks = 5.0, 0.02, 3
+    spec.levels.extend([0.5, 1.0])
+    spec.limit_policy = iterator_pb2.LIMIT_POLICY_PROJECT
+    plan = plan_campaign(spec, description(), experiment_plan(spec))
+    made = plan.settings.update
+    assert (made.kind, made.acceptance, made.gain_schedule) == (UpdateKind.SECANT, AcceptanceSettings(), (0.7, 1.0))
+    assert made.secant == SecantSettings(forgetting=0.6, prior_strength=0.4, caution=0.2, regularisation=1e-4)
+    assert made.gain_curve is not None
+    np.testing.assert_array_equal(made.gain_curve.share, [[1.0, 0.5], [0.5, 0.5]])
+    assert plan.settings.stop == StopCriteria(
+        3,
+        damage=DamageBounds(0.8, 1.25, exponent=8.0),
+        smallest_improvement=0.02,
+        improvement_playbacks=3,
+        damage_budget=5.0,
+        damage_budget_exponent=8.0,
+    )
+    assert (plan.settings.levels, plan.settings.limit_policy) == ((0.5, 1.0), LimitPolicy.PROJECT)
+
+
+def test_what_is_left_out_is_what_older_specifications_meant():
+    plan = plan_campaign(specification(), description(), experiment_plan(specification()))
+    update, stop = plan.settings.update, plan.settings.stop
+    assert (update.acceptance, update.gain_schedule, update.gain_curve) == (None, (1.0,), None)
+    assert stop == StopCriteria(3)
+    assert (plan.settings.levels, plan.settings.limit_policy) == ((), LimitPolicy.REFUSE)
+
+
+def test_the_share_of_the_target_outside_the_band_is_told():
+    spec = specification()
+    # White noise up to 100 Hz against a band of 2 to 60 Hz: four tenths lie above.
+    remark = plan_campaign(spec, description(), experiment_plan(spec)).remarks[0]
+    told = [float(share) for share in re.findall(r"([\d.]+)% above", remark)]
+    assert told == pytest.approx([42.0, 42.0], abs=4.0)
+
+
+def test_a_static_part_and_a_drift_that_are_not_reproduced_are_told_with_their_size():
+    spec = specification()
+    # At rest the rig carries 3600 N and 20 N; the target rests at 500 N.
+    remarks = plan_campaign(spec, description(), experiment_plan(spec)).remarks
+    assert [remark for remark in remarks if "static" in remark] == [
+        "The static part of the target is not reproduced, the rig keeps what it carries at rest; it differs by "
+        "-3.1e+03 N in left_vertical, +480 N in right_vertical."
+    ]
+    with_target(spec, lambda t: t - 500.0 + np.array([[3600.0], [20.0]]) + np.linspace([0, -150.0], [0, 150.0], 8000).T)
+    (drift,) = (r for r in plan_campaign(spec, description(), experiment_plan(spec)).remarks if "static" in r)
+    # Both levels are means over 1.5 s of 40 s each, which the line between them is shorter by.
+    assert "drifts by +" in drift
+    assert "left_vertical" not in drift
+    assert float(re.findall(r"\+([\d.]+) N in right_vertical", drift)[0]) == pytest.approx(300.0, rel=0.1)
 
 
 def test_the_bounds_of_a_correction_do_not_matter_to_basic_twr():

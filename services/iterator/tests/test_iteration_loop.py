@@ -44,6 +44,39 @@ def test_with_an_exact_model_of_a_linear_plant_the_error_shrinks_by_one_minus_q(
     assert result.best_iteration == playbacks
 
 
+@pytest.mark.parametrize("samples", [200, 1001, 120_001])
+def test_a_target_of_one_second_and_one_of_ten_minutes_come_down_alike(samples):
+    h = impulse_responses()
+    result = run_campaign(
+        lambda drive: play(h, drive),
+        noise_target(samples),
+        model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0)),
+        settings=settings(UpdateKind.SECANT, 0.9, 1),
+    )
+    assert result.iterations[0].drive.shape == (2, samples)
+    # What the inverse asks for beyond the ends of a record cannot be played: of one second that is felt.
+    np.testing.assert_allclose(result.iterations[0].metrics.relative_rms_error, 0.1, rtol=0.03)
+
+
+@pytest.mark.parametrize("kind", list(UpdateKind))
+def test_three_responses_of_two_drives_come_down_alike_where_the_target_can_be_reached(kind):
+    h = impulse_responses()
+    h = np.concatenate([h, 5e-4 * h[:1] + 0.3 * h[1:]])
+    target = BAND.limit_target(play(h, BAND.limit_target(noise_target(4001, level=(0.01, 0.02)))))
+    weight = 1.0 / np.sqrt(np.mean(target**2, axis=1))
+    result = run_campaign(
+        lambda drive: play(h, drive),
+        target,
+        model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0), response_weight=weight),
+        settings=CampaignSettings(
+            update=UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.9), kind=kind),
+            stop=StopCriteria(largest_iterations=4),
+        ),
+    )
+    for iteration in result.iterations:
+        np.testing.assert_allclose(iteration.metrics.overall_relative_rms_error, 0.1**iteration.number, rtol=0.03)
+
+
 def test_channels_with_different_gains_converge_each_at_its_own_rate():
     h = impulse_responses()
     result = run_campaign(
@@ -132,6 +165,26 @@ def test_a_response_that_is_not_finite_or_too_short_is_refused():
     for broken in (lambda drive: np.full_like(drive, np.nan), lambda drive: play(h, drive)[:, :-1]):
         with pytest.raises(ValueError, match="response"):
             run_campaign(broken, noise_target(3000), model=model, settings=settings(UpdateKind.BASIC_TWR, 0.5, 2))
+
+
+def test_a_rig_that_works_in_the_memory_of_its_drive_and_answers_from_its_own_changes_nothing():
+    h = impulse_responses()
+    target = noise_target(3000)
+    model = rig_model(*frequency_response(h), identified_band=(1.0, 70.0))
+    memory = np.empty((2, 3000))
+
+    def careless(drive):
+        memory[...] = play(h, drive)
+        drive[...] = 0.0
+        return memory
+
+    kept, spoiled = (
+        run_campaign(rig, target, model=model, settings=settings(UpdateKind.SECANT, 0.5, 3))
+        for rig in (lambda drive: play(h, drive), careless)
+    )
+    for one, other in zip(kept.iterations, spoiled.iterations, strict=True):
+        np.testing.assert_array_equal(one.drive, other.drive)
+        np.testing.assert_array_equal(one.response, other.response)
 
 
 def test_the_same_campaign_gives_the_same_bytes():

@@ -63,6 +63,14 @@ def test_more_responses_than_drives_are_fitted_in_the_weighted_least_squares_sen
         np.testing.assert_allclose(model.inverse_frf[line], expected, rtol=1e-10)
 
 
+def test_a_square_model_is_inverted_whatever_its_units():
+    frequency, frf = frequency_response(impulse_responses())
+    responses, drives = np.array([1e7, 1e-9])[:, None], np.array([1e-6, 1e6])
+    plain = rig_model(frequency, frf, identified_band=(1.0, 70.0))
+    scaled = rig_model(frequency, responses * frf / drives, identified_band=(1.0, 70.0))
+    np.testing.assert_allclose(scaled.inverse_frf, drives[:, None] * plain.inverse_frf / responses.T, rtol=1e-9)
+
+
 def test_a_singular_line_is_refused_with_its_frequency():
     frequency, frf = frequency_response(impulse_responses())
     frf[40, 1] = frf[40, 0]
@@ -75,3 +83,9 @@ def test_a_control_band_beyond_the_identified_one_is_refused():
     model = rig_model(*frequency_response(h), identified_band=(5.0, 50.0))
     with pytest.raises(ValueError, match="control band of 2 to 60 Hz"):
         predict(model, np.zeros((2, 100)), band=BAND)
+
+
+def test_a_control_band_of_another_sample_rate_is_refused():
+    band = control_band(2.0, 60.0, sample_rate=2.5 * SAMPLE_RATE)
+    with pytest.raises(ValueError, match="one sample rate"):
+        predict(model_of(impulse_responses()), np.zeros((2, 100)), band=band)

@@ -1,16 +1,29 @@
 import numpy as np
 import pytest
 
-from iterator import IterationMetrics, Outcome, StopCriteria, best_iteration, judge_end, judge_response
+from iterator import (
+    DamageBounds,
+    IterationMetrics,
+    Outcome,
+    StopCriteria,
+    best_iteration,
+    damage_spent,
+    judge_end,
+    judge_response,
+)
 
 
-def after(*errors):
+def after(*errors, damage=1.0):
+    """Metrics of playbacks with these errors per channel; every channel does this damage at every slope."""
     return tuple(
         IterationMetrics(
             relative_rms_error=np.array(channels),
             rms_response=np.ones(len(channels)),
             peak_ratio=np.ones(len(channels)),
             overall_relative_rms_error=float(np.sqrt(np.mean(np.square(channels)))),
+            crest_ratio=np.ones(len(channels)),
+            damage_ratio=np.full((len(channels), 3), damage),
+            specimen_damage=np.full((len(channels), 3), damage),
         )
         for channels in errors
     )
@@ -40,12 +53,85 @@ def test_zero_switches_reaching_and_diverging_off():
     assert judge_end(after((0.5,), (50.0,)), criteria) is None
 
 
+def test_the_asked_error_counts_only_with_the_damage_within_its_bounds():
+    criteria = StopCriteria(largest_iterations=5, relative_rms_error=0.1, damage=DamageBounds(0.8, 1.25))
+    assert judge_end(after((0.1, 0.1)), criteria) is Outcome.REACHED
+    assert judge_end(after((0.1, 0.1), damage=0.79), criteria) is None
+    assert judge_end(after((0.1, 0.1), damage=1.26), criteria) is None
+    assert judge_end(after((0.1, 0.2)), criteria) is None
+
+
+def test_one_channel_beyond_the_damage_bounds_is_enough_and_only_the_asked_slope_counts():
+    bounds = DamageBounds(0.8, 1.25, exponent=3.0)
+    (figures,) = after((0.5, 0.5))
+    figures.damage_ratio[1] = [1.2, 5.0, 50.0]
+    assert bounds.hold(figures)
+    assert not DamageBounds(0.8, 1.25, exponent=8.0).hold(figures)
+    assert judge_end((figures,), StopCriteria(largest_iterations=5, damage=bounds)) is Outcome.REACHED
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        ([0.5, 0.4], None),
+        ([0.5, 0.4, 0.39], None),
+        ([0.5, 0.4, 0.395, 0.392], Outcome.NO_IMPROVEMENT),
+        ([0.5, 0.4, 0.45, 0.37], None),
+        ([0.5, 0.4, 0.45, 0.5], Outcome.NO_IMPROVEMENT),
+    ],
+)
+def test_it_ends_when_the_last_playbacks_did_not_improve_the_best_by_the_asked_share(errors, expected):
+    criteria = StopCriteria(largest_iterations=10, smallest_improvement=0.05, improvement_playbacks=2)
+    assert judge_end(after(*((error, error) for error in errors)), criteria) is expected
+
+
+def test_the_damage_budget_leaves_room_for_the_next_playback():
+    criteria = StopCriteria(largest_iterations=10, damage_budget=3.0)
+    assert judge_end(after((0.5,)), criteria) is None
+    assert judge_end(after((0.5,), (0.4,)), criteria) is None
+    assert judge_end(after((0.5,), (0.4,), (0.3,)), criteria) is Outcome.DAMAGE_BUDGET_USED
+    # A small playback may be followed by one that does the whole target's damage; a large one by another such.
+    assert judge_end(after((0.5,), damage=0.1), criteria) is None
+    assert judge_end(after((0.5,), damage=1.6), criteria) is Outcome.DAMAGE_BUDGET_USED
+    # Earlier playbacks count for the budget and for nothing else.
+    assert judge_end(after((0.5,)), criteria, earlier=after((0.01,), (0.01,))) is Outcome.DAMAGE_BUDGET_USED
+
+
+def test_damage_spent_adds_up_and_a_playback_at_half_level_spends_its_power():
+    target = np.random.default_rng(0).standard_normal((2, 2000))
+    half = judge_response(target, target, level=0.5)
+    whole = judge_response(target, target)
+    np.testing.assert_allclose(half.damage_ratio, 1.0)
+    np.testing.assert_allclose(damage_spent((half, whole), exponent=5.0), 1.0 + 0.5**5.0)
+
+
+@pytest.mark.parametrize("wrong", [(1.1, 1.2), (-0.1, 2.0), (0.5, 1.0), (0.5, np.inf)])
+def test_damage_bounds_that_do_not_hold_the_target_itself_are_refused(wrong):
+    with pytest.raises(ValueError, match="must be finite"):
+        DamageBounds(*wrong)
+
+
+def test_a_slope_that_is_not_judged_is_refused_with_those_that_are():
+    with pytest.raises(ValueError, match="4; damage is judged at 3, 5, 8"):
+        DamageBounds(0.5, 2.0, exponent=4.0)
+
+
 def test_the_best_playback_is_the_one_with_the_smallest_overall_error():
     assert best_iteration(after((0.5, 0.5), (0.1, 0.3), (0.2, 0.4))) == 2
     assert best_iteration(()) == 0
 
 
-@pytest.mark.parametrize("wrong", [{"largest_iterations": 0}, {"relative_rms_error": -0.1}, {"divergence_ratio": 0.9}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"largest_iterations": 0},
+        {"relative_rms_error": -0.1},
+        {"divergence_ratio": 0.9},
+        {"smallest_improvement": 1.0},
+        {"improvement_playbacks": 0},
+        {"damage_budget": np.inf},
+    ],
+)
 def test_impossible_criteria_are_refused(wrong):
     with pytest.raises(ValueError, match="must be"):
         StopCriteria(**{"largest_iterations": 3, **wrong})
@@ -57,4 +143,14 @@ def test_metrics_of_a_scaled_response_are_analytic():
     np.testing.assert_allclose(figures.relative_rms_error, [0.2, 0.5])
     np.testing.assert_allclose(figures.rms_response, [0.8, 1.5])
     np.testing.assert_allclose(figures.peak_ratio, [0.8, 1.5])
+    np.testing.assert_allclose(figures.crest_ratio, 1.0)
+    np.testing.assert_allclose(figures.damage_ratio[:, 1], [0.8**5, 1.5**5])
     assert figures.overall_relative_rms_error == pytest.approx(np.sqrt((0.2**2 + 0.5**2) / 2.0))
+
+
+def test_a_response_at_rest_has_no_crest_and_does_no_damage():
+    target = np.random.default_rng(1).standard_normal((1, 100))
+    figures = judge_response(target, np.zeros((1, 100)))
+    np.testing.assert_array_equal(figures.crest_ratio, 0.0)
+    np.testing.assert_array_equal(figures.damage_ratio, 0.0)
+    np.testing.assert_allclose(figures.relative_rms_error, 1.0)

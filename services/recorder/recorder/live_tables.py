@@ -10,6 +10,7 @@ _PHASES = {
     iterator_pb2.CAMPAIGN_PHASE_CHECKING: "checking",
     iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING: "identifying",
     iterator_pb2.CAMPAIGN_PHASE_ITERATING: "iterating",
+    iterator_pb2.CAMPAIGN_PHASE_CONFIRMING: "confirming",
     iterator_pb2.CAMPAIGN_PHASE_FINISHED: "finished",
     iterator_pb2.CAMPAIGN_PHASE_FAULTED: "ended by a fault",
     iterator_pb2.CAMPAIGN_PHASE_STOPPED: "stopped",

@@ -18,8 +18,10 @@ from recorder.archive import Archive
 from recorder.catalogue import checked_name, describe, existing_file, read_part, recordings_in, verify
 from recorder.config import RecorderConfig
 from recorder.live_views import LiveViews
+from recorder.mcap_audit import read_summary
 from recorder.refused import RefusedError
 from recorder.step_order import Placement
+from recorder.step_reading import read_steps
 from recorder.step_types import Step, decode_step
 from recorder.work_thread import WorkThread
 
@@ -68,6 +70,7 @@ class RecorderService:
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
         bus.serve(keys.recording_read(ANY), recorder_pb2.ReadRecordingRequest, _granting(self.read))
+        bus.serve(keys.recording_steps(ANY), recorder_pb2.ReadStepsRequest, _granting(self.steps))
         bus.serve(keys.recording_verify(ANY), recorder_pb2.VerifyRecordingRequest, _granting(self.verify))
 
     def close(self) -> None:
@@ -105,6 +108,14 @@ class RecorderService:
         name = _name_in(call.key)
         self._refuse_open(name)
         return read_part(self._folder, name, request)
+
+    def steps(self, request: recorder_pb2.ReadStepsRequest, call: Call) -> recorder_pb2.RecordedSteps:
+        """Read the steps that were committed to a recording, also while it is written."""
+        name = _name_in(call.key)
+        information = self._on_writer(lambda: self._archive.information(name))
+        path = existing_file(self._folder, name)
+        known = information or read_summary(path)
+        return read_steps(path, request, written=None if known is None else known.steps)
 
     def verify(self, request: recorder_pb2.VerifyRecordingRequest, call: Call) -> recorder_pb2.VerifyResult:
         """Read a closed recording from end to end and say what is wrong with it."""

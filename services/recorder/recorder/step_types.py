@@ -91,6 +91,13 @@ def _check_iteration(message: iterator_pb2.IterationStep) -> None:
     from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
 
 
+def _check_confirmation(message: iterator_pb2.ConfirmationStep) -> None:
+    if message.number == 0:
+        raise ArrayError("number is 0; playbacks that confirm a result are numbered from 1.", field="number")
+    _, _, response = from_record(message.response, field="response")
+    from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
+
+
 def _nothing_to_check(message: Message) -> None:
     del message
 
@@ -103,6 +110,7 @@ _CHECKS: Final[dict[type[Message], Callable[[Any], None]]] = {
     recorder_pb2.RunPlayed: _check_played,
     identifier_pb2.Model: _check_model,
     iterator_pb2.IterationStep: _check_iteration,
+    iterator_pb2.ConfirmationStep: _check_confirmation,
     iterator_pb2.CampaignStatus: _nothing_to_check,
     recorder_pb2.RecordingClosed: _nothing_to_check,
 }

@@ -1,0 +1,89 @@
+"""A campaign as the SDK drives it: a free name, followed to its end, stopped, collected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from duralab._asking import Asking
+from duralab._fetching import fetch_result
+from duralab._following import RunProgress, follow_campaign, progress_of
+from duralab.campaign_result import CampaignResult
+from duralab.errors import CampaignFaultError, LabError
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from labbus import BusError, FaultError
+
+OnProgress = Callable[[RunProgress], None]
+
+SILENCE_SECONDS: Final = 10.0
+_STOP_SILENCE_SECONDS: Final = 2.0
+
+
+def free_id(ask: Asking, name: str) -> str:
+    """Return the campaign's name, with a number where the lab's recorder holds one of that name already."""
+    taken = {
+        information.recording
+        for information in ask.query(
+            ask.bus.keys.recordings(), recorder_pb2.ListRecordingsRequest(), recorder_pb2.RecordingList
+        ).recordings
+    }
+    numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
+    return next(candidate for candidate in numbered if candidate not in taken)
+
+
+def followed(
+    ask: Asking, id: str, *, begin: Callable[[], iterator_pb2.CampaignStatus], tell: OnProgress
+) -> iterator_pb2.CampaignStatus:
+    """Begin a campaign and follow it to its end; an interrupt stops it."""
+
+    def on_status(status: iterator_pb2.CampaignStatus) -> None:
+        if (ended := ask.failure()) is not None:
+            raise ended
+        tell(progress_of(status))
+
+    try:
+        return follow_campaign(ask.bus, id, begin=begin, on_status=on_status)
+    except FaultError as fault:
+        raise ask.explained(fault) from fault
+    except KeyboardInterrupt:
+        # Best effort: whoever interrupts does not want to wait for a service that is gone.
+        with suppress(FaultError, BusError):
+            stop_campaign(ask, id, reason="interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
+        raise
+
+
+def stop_campaign(
+    ask: Asking, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
+) -> iterator_pb2.CampaignStatus:
+    """Stop a campaign; raises FaultError where the iterator does not know it."""
+    return ask.bus.query(
+        ask.key("id", ask.bus.keys.campaign_stop, id),
+        iterator_pb2.StopCampaignRequest(reason=reason),
+        iterator_pb2.CampaignStatus,
+        silence_seconds=silence_seconds,
+    )
+
+
+def collect(
+    ask: Asking, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
+) -> CampaignResult:
+    """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is."""
+    if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+        if (ended := ask.failure()) is not None:
+            raise ended
+        sentence = status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}."
+        if status.iterations:
+            with suppress(FaultError, LabError):
+                kept = fetch_result(ask.bus, specification, status, folder=folder).recording_path
+                sentence += f" What was played until then is in {kept}; `duralab report` shows it."
+        raise CampaignFaultError(
+            sentence,
+            field=status.fault.field,
+            service=status.fault.service,
+        )
+    try:
+        return fetch_result(ask.bus, specification, status, folder=folder)
+    except FaultError as fault:
+        raise ask.explained(fault) from fault

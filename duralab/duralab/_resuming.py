@@ -1,0 +1,133 @@
+"""What the SDK asks of the iterator to take a campaign up again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from duralab._asking import Asking
+from duralab._campaigns import OnProgress, collect, followed, free_id
+from duralab._outputs import OUTPUTS, require_free
+from duralab._specification import stop_message, update_message
+from duralab.campaign_file import Campaign
+from duralab.campaign_result import CampaignResult
+from duralab.errors import InputError, LabError
+from duralab.rig import Rig
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from labbus import Bus, FaultError
+
+
+def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
+    """Return what a campaign was asked to do, from the first step of its recording.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    key : str
+        Of the recording's steps.
+
+    Raises
+    ------
+    FaultError
+        There is no such recording, or it is damaged.
+    LabError
+        It is no campaign's.
+    """
+    answer = bus.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+    first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
+    if first.message_type != iterator_pb2.CampaignSpec.DESCRIPTOR.full_name:
+        raise LabError(f"The first step is a {first.message_type!r}; the recording is not that of a campaign.")
+    return iterator_pb2.CampaignSpec.FromString(first.payload)
+
+
+def _put_settings(request: iterator_pb2.ResumeCampaignRequest, settings: Campaign, *, rig: Rig) -> None:
+    """Put the update and the stop criteria of a campaign file into a request."""
+    request.update.CopyFrom(update_message(settings.update, rig=rig))
+    request.stop.CopyFrom(stop_message(settings.stop))
+    request.scenario = settings.text
+
+
+def _stem_of(id: str) -> str:
+    """Return a campaign's name without the number that the lab gave it: demo of demo-3."""
+    return re.sub(r"-\d+$", "", id)
+
+
+def resume_campaign(
+    ask: Asking,
+    id: str,
+    *,
+    settings: Campaign | None,
+    from_iteration: int,
+    describe: Callable[[str], Rig],
+    folder: Callable[[str], Path],
+    replace: bool,
+    tell: OnProgress,
+) -> CampaignResult:
+    """Resume a campaign and collect what it leaves; see `Lab.resume`.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    id : str
+        The campaign.
+    settings : Campaign or None
+        Whose update and stop criteria take the place of its own.
+    from_iteration : int
+        The last playback to build on; 0 is the last there is.
+    describe : callable
+        Returns what a rig is.
+    folder : callable
+        Returns where the outputs of a campaign go.
+    replace : bool
+        Whether outputs that are there are overwritten.
+    tell : callable
+        Told how far it is.
+    """
+    try:
+        parent = _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
+    except FaultError as fault:
+        raise ask.explained(fault) from fault
+    request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
+    if settings is not None:
+        _put_settings(request, settings, rig=describe(parent.rig))
+
+    def begin() -> iterator_pb2.CampaignStatus:
+        return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
+
+    def resumed(name: str) -> iterator_pb2.CampaignStatus:
+        require_free([folder(name) / file for file in OUTPUTS], replace=replace)
+        request.new_id = name if name != id else ""
+        return followed(ask, name, begin=begin, tell=tell)
+
+    name, status = id, None
+    if settings is None and from_iteration == 0:
+        try:
+            status = resumed(name)
+        except LabError as error:
+            # A recording that is closed for good can be taken up by a new campaign only.
+            if error.field != "new_id":
+                raise
+    if status is None:
+        name = free_id(ask, _stem_of(id))
+        try:
+            status = resumed(name)
+        except LabError as error:
+            if error.field != "stop.largest_iterations":
+                raise
+            raise InputError(
+                f"Campaign {id} has made as many playbacks as its `stop.iterations` allows; give a campaign file as "
+                "settings that allows more, or an earlier playback to build on.",
+                field=error.field,
+                service=error.service,
+            ) from error
+    specification = iterator_pb2.CampaignSpec()
+    specification.CopyFrom(parent)
+    specification.id = name
+    if settings is not None:
+        specification.update.CopyFrom(request.update)
+        specification.stop.CopyFrom(request.stop)
+        specification.scenario = request.scenario
+    return collect(ask, specification, status, folder=folder(name))

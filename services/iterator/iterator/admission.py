@@ -1,0 +1,108 @@
+"""What must hold before a campaign begins: a free id, the services it needs, a rig that can play now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from duralab_proto.keys import MAIN_INSTANCE
+from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
+from iterator.recorded_campaign import RecordedCampaign
+from iterator.recording_log import RecordingLog
+from labbus import Bus, FaultError
+
+_DISCOVERY_SECONDS: Final = 1.5
+
+
+def already_exists(campaign: str, *, field: str = "id") -> FaultError:
+    """Return the fault for an id that is taken."""
+    return FaultError(
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        f"A campaign {campaign!r} exists already; its recording is never overwritten, choose another id.",
+        field=field,
+    )
+
+
+def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
+    """Refuse a name that the contract does not allow."""
+    try:
+        check(name)
+    except ValueError as error:
+        raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=field) from error
+
+
+def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
+    """Raise when the id has a recording, or a service that the campaign needs is not there."""
+    bus.wait_for_live({("identifier", MAIN_INSTANCE)}, _DISCOVERY_SECONDS)
+    try:
+        bus.query(bus.keys.recording(campaign), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
+    except FaultError as fault:
+        if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
+            return
+        raise
+    raise already_exists(campaign, field=field)
+
+
+def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
+    """Ask a rig what it is, and raise where it cannot play now."""
+    keys = bus.keys
+    try:
+        description = bus.query(keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
+    except FaultError as fault:
+        if fault.code != query_pb2.FAULT_CODE_UNAVAILABLE or bus.live("rig_sim", rig):
+            raise
+        raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, fault.message, field="rig") from fault
+    state = bus.query(keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
+    if state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Rig {rig!r} is interlocked ({state.reason}); see to the reason and reset it first.",
+            field="rig",
+        )
+    if state.mode != rig_pb2.RIG_MODE_IDLE:
+        raise FaultError(
+            query_pb2.FAULT_CODE_BUSY, f"Rig {rig!r} plays run {state.run!r}; wait for its end.", field="rig"
+        )
+    return description
+
+
+def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescription) -> None:
+    """Raise where a rig would answer otherwise than when it was identified."""
+    if model.rig_content_hash != description.content_hash:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"The rig {description.rig!r} is not the one that was identified: it was changed since; start a new "
+            "campaign.",
+            field="rig",
+        )
+
+
+def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
+    """Make sure that the recorder goes on with a recording; close it where only that is missing.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recorded : RecordedCampaign
+        Not closed.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where the recorder that wrote it has ended: a file that is finished is not changed.
+    """
+    log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)
+    try:
+        log.confirm(recorded.last)
+    except FaultError as fault:
+        if fault.code not in (query_pb2.FAULT_CODE_ALREADY_EXISTS, query_pb2.FAULT_CODE_FAILED_PRECONDITION):
+            raise
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"The recording of campaign {recorded.spec.id!r} is not written any more, its recorder ended; name a "
+            "new_id to take the campaign up again.",
+            field="new_id",
+        ) from fault
+    if recorded.final is not None:
+        log.commit(recorder_pb2.RecordingClosed(reason=recorded.final.activity))

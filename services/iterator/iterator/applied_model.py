@@ -1,0 +1,176 @@
+"""FRF matrix and inverse applied to whole records: acausal, zero-padded, in the control band."""
+
+from __future__ import annotations
+
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+
+from iterator.control_band import ControlBand
+from iterator.interpolated_product import interpolated_product
+from iterator.rig_model import RigModel
+from spectra import as_record, line_frequencies
+
+# The transform takes channels in pairs; more of them at a time only fill the caches.
+_ROWS_TOGETHER: Final = 2
+# Two sample rates that differ by less are the same one, rounded.
+_SAME_RATE: Final = 1e-9
+
+
+def apply_inverse(model: RigModel, error: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
+    """Return the drive that makes `error` by the model: `Ĥ†` on the whole record, acausal, in the control band.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    error : array_like, shape (n_y, samples)
+        Response units.
+    band : ControlBand
+        Drives get energy in it only.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        The record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(model, model.inverse_frf, error, band=band)
+
+
+def stepped_drive(
+    model: RigModel,
+    target: ArrayLike,
+    *,
+    response: ArrayLike,
+    band: ControlBand,
+    stepped_from: NDArray[np.float64],
+    step_gain: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return a drive and the step from it that makes by the model what is missing of the target, in one go.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    target : array_like, shape (n_y, samples)
+        Response units.
+    response : array_like, shape (n_y, samples)
+        What the drive makes already, response units.
+    band : ControlBand
+        The step has energy in it only.
+    stepped_from : ndarray, shape (n_u, samples)
+        The drive, drive units.
+    step_gain : ndarray, shape (samples,), optional
+        Share of the step that is made at each instant; all of it where not given.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        A record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(
+        model,
+        model.inverse_frf,
+        target,
+        without=np.asarray(response),
+        band=band,
+        gain=step_gain,
+        stepped_from=stepped_from,
+    )
+
+
+def predict(model: RigModel, drive: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
+    """Return the response in the control band that the model expects of a drive, `Ŷ = Ĥ U`.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    drive : array_like, shape (n_u, samples)
+        Drive units.
+    band : ControlBand
+        The response is predicted in it.
+
+    Returns
+    -------
+    ndarray, shape (n_y, samples)
+        Response units.
+
+    Raises
+    ------
+    ValueError
+        The record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(model, model.frf, drive, band=band)
+
+
+def _apply(
+    model: RigModel,
+    matrix: NDArray[np.complex128],
+    samples: ArrayLike,
+    *,
+    band: ControlBand,
+    without: NDArray[np.float64] | None = None,
+    gain: NDArray[np.float64] | None = None,
+    stepped_from: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    # The flanks of a control band are narrower than the lines of a block, so the matrix is interpolated to the record's
+    # own fine lines, from identified lines only. Nothing from outside the band can enter, no impulse response is cut
+    # off, and the mask acts on the very lines that are played.
+    record = as_record(samples)
+    if record.shape[0] != matrix.shape[2]:
+        raise ValueError(f"The record has {record.shape[0]} channels; the model takes {matrix.shape[2]}.")
+    known = model.frequency[model.identified]
+    spacing = model.frequency[1] - model.frequency[0]
+    if abs(2.0 * model.frequency[-1] - band.sample_rate) > _SAME_RATE * band.sample_rate:
+        raise ValueError(
+            f"The model is for records of {2.0 * model.frequency[-1]:g} Hz and the control band for those of "
+            f"{band.sample_rate:g} Hz; take both of one sample rate."
+        )
+    if band.lowest < known[0] - spacing or band.highest > known[-1] + spacing:
+        raise ValueError(
+            f"The control band of {band.lowest:g} to {band.highest:g} Hz passes the model's identified lines, "
+            f"{known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
+        )
+    count, length = record.shape[1], band.transform_samples(record.shape[1])
+    fine = line_frequencies(length, band.sample_rate)
+    inside = slice(*np.searchsorted(fine, (band.lowest, band.highest)))
+    mask = band.drive_mask(fine[inside])
+    # Less than one line may lie between the band's edge and the nearest identified line: its value stands in there,
+    # where the mask is low; a cubic would extrapolate.
+    at = np.clip(fine[inside], known[0], known[-1])
+    spectrum = np.empty((record.shape[0], at.size), dtype=np.complex128)
+    padded = np.zeros((min(_ROWS_TOGETHER, record.shape[0]), length))
+    for rows in _row_groups(record.shape[0]):
+        some = padded[: rows.stop - rows.start]
+        np.subtract(record[rows], 0.0 if without is None else without[rows], out=some[:, :count])
+        lines = cast(NDArray[np.complex128], fft.rfft(some, axis=1))
+        np.multiply(lines[:, inside], mask, out=spectrum[rows])
+    made = np.empty((matrix.shape[1], at.size), dtype=np.complex128)
+    interpolated_product(known, matrix[model.identified], at=at, spectrum=spectrum, out=made)
+    result = np.empty((matrix.shape[1], count))
+    whole = np.zeros((min(_ROWS_TOGETHER, result.shape[0]), fine.size), dtype=np.complex128)
+    for rows in _row_groups(result.shape[0]):
+        some = whole[: rows.stop - rows.start]
+        some[:, inside] = made[rows]
+        step = cast(NDArray[np.float64], fft.irfft(some, length, axis=1))[:, :count]
+        if gain is not None:
+            step *= gain
+        np.add(step, 0.0 if stepped_from is None else stepped_from[rows], out=result[rows])
+    return result
+
+
+def _row_groups(rows: int) -> list[slice]:
+    return [slice(start, min(start + _ROWS_TOGETHER, rows)) for start in range(0, rows, _ROWS_TOGETHER)]

@@ -1,0 +1,179 @@
+"""What a campaign goes on from: its own recording after a crash, or that of its parent with other settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
+from iterator.recorded_campaign import RecordedCampaign
+from labbus import FaultError
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """The committed steps that a campaign begins with.
+
+    Parameters
+    ----------
+    steps : int
+        Those that its own recording holds: the number of the next one.
+    model : Model or None
+        As identified.
+    iterations : tuple of IterationStep
+        The playbacks that are not made again.
+    confirmations : tuple of ConfirmationStep
+        Nor are these, of the best drive.
+    planned : tuple of str
+        Runs on the rig that its own recording has announced.
+    played : frozenset of str
+        Those of which it is stored that they were played.
+    """
+
+    steps: int = 0
+    model: identifier_pb2.Model | None = None
+    iterations: tuple[iterator_pb2.IterationStep, ...] = ()
+    confirmations: tuple[iterator_pb2.ConfirmationStep, ...] = ()
+    planned: tuple[str, ...] = ()
+    played: frozenset[str] = frozenset()
+
+    @property
+    def copies(self) -> bool:
+        """Whether the steps are those of another recording, and are to be stored in its own."""
+        return self.steps == 0
+
+
+def run_name(stem: str, planned: tuple[str, ...]) -> str:
+    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt has a number.
+
+    Parameters
+    ----------
+    stem : str
+        Name of the first attempt.
+    planned : tuple of str
+        All names that were announced before.
+
+    Returns
+    -------
+    str
+        `stem`, or `stem-2` and so on.
+    """
+    attempts = sum(1 for run in planned if run == stem or run.removeprefix(f"{stem}-").isdecimal())
+    return f"{stem}-{attempts + 1}" if attempts else stem
+
+
+def same_campaign(recorded: RecordedCampaign) -> Resumption:
+    """Return what a campaign that was broken off by a crash goes on from.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        Not closed.
+
+    Returns
+    -------
+    Resumption
+        All that it holds.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where it has ended.
+    """
+    if recorded.closed:
+        how = recorded.final.activity if recorded.final is not None else "closed"
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {recorded.spec.id!r} has ended ({how}) and its recording is closed; name a new_id to take it "
+            "up again.",
+            field="new_id",
+        )
+    return Resumption(
+        steps=recorded.steps,
+        model=recorded.model,
+        iterations=tuple(recorded.iterations),
+        confirmations=tuple(recorded.confirmations),
+        planned=tuple(recorded.planned),
+        played=frozenset(recorded.played),
+    )
+
+
+def new_campaign(
+    recorded: RecordedCampaign, request: iterator_pb2.ResumeCampaignRequest
+) -> tuple[iterator_pb2.CampaignSpec, Resumption]:
+    """Return the campaign that takes another one up again, and what it begins with.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        The parent.
+    request : ResumeCampaignRequest
+        With `new_id`; nothing in it is trusted.
+
+    Returns
+    -------
+    CampaignSpec, Resumption
+        The parent's with other settings, and its model and first playbacks.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to take up.
+    """
+    parent, there = recorded.spec.id, len(recorded.iterations)
+    if recorded.model is None:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {parent!r} ended before its rig was identified; there is nothing to take up, start a new one.",
+            field="new_id",
+        )
+    if request.from_iteration > there:
+        raise _invalid(
+            f"from_iteration is {request.from_iteration}; campaign {parent!r} has {there} playbacks.", "from_iteration"
+        )
+    kept = request.from_iteration or there
+    spec = iterator_pb2.CampaignSpec()
+    spec.CopyFrom(recorded.spec)
+    spec.id, spec.parent, spec.parent_iteration = request.new_id, parent, kept
+    if request.HasField("update"):
+        spec.update.CopyFrom(request.update)
+    if request.HasField("stop"):
+        spec.stop.CopyFrom(request.stop)
+    spec.scenario = request.scenario or spec.scenario
+    # With all playbacks made, what is left to do is to confirm the result.
+    if kept + (spec.confirmations == 0) > spec.stop.largest_iterations:
+        raise _invalid(
+            f"stop.largest_iterations is {spec.stop.largest_iterations} and counts the {kept} playbacks that are taken "
+            f"over from {parent!r}; give more, or an earlier from_iteration.",
+            "stop.largest_iterations",
+        )
+    return spec, Resumption(model=recorded.model, iterations=tuple(recorded.iterations[:kept]))
+
+
+def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
+    """Refuse other settings for a campaign that goes on in its own recording.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT naming the setting.
+    """
+    given = [
+        name
+        for name, there in (
+            ("from_iteration", request.from_iteration > 0),
+            ("update", request.HasField("update")),
+            ("stop", request.HasField("stop")),
+            ("scenario", bool(request.scenario)),
+        )
+        if there
+    ]
+    if given:
+        raise _invalid(
+            f"{given[0]} is given without a new_id; a campaign goes on as it was specified, other settings make a new "
+            "one: name it.",
+            "new_id",
+        )
+
+
+def _invalid(message: str, field: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, message, field=field)

@@ -1,0 +1,63 @@
+"""A matrix that is known at a few lines, applied to the spectrum of a record at its many lines between them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+_TERMS: Final = 4
+# Their powers and products stay in the second cache together.
+_LINES_TOGETHER: Final = 2048
+
+
+def interpolated_product(
+    known: NDArray[np.float64],
+    matrix: NDArray[np.complex128],
+    *,
+    at: NDArray[np.float64],
+    spectrum: NDArray[np.complex128],
+    out: NDArray[np.complex128],
+) -> None:
+    """Multiply each line of a spectrum with the matrix that a cubic spline lays there.
+
+    Between two known lines the matrix is `M_0 s³ + M_1 s² + M_2 s + M_3`, so its product with a line `x` is
+    `[M_0 M_1 M_2 M_3]` times the stack of `s³ x`, `s² x`, `s x` and `x`: one product for all lines between two known
+    ones is several times faster than to lay out a matrix for every line.
+
+    Parameters
+    ----------
+    known : ndarray, shape (known lines,)
+        Hz, rising; four or more.
+    matrix : ndarray, shape (known lines, n_out, n_in)
+        At those lines.
+    at : ndarray, shape (lines,)
+        Hz, rising, none below the first known line or above the last.
+    spectrum : ndarray, shape (n_in, lines)
+        At the lines `at`.
+    out : ndarray, shape (n_out, lines)
+        Takes the products.
+    """
+    spline = CubicSpline(known, matrix, axis=0)
+    pieces, n_out, n_in = spline.c.shape[1:]
+    coefficients = np.ascontiguousarray(spline.c.transpose(1, 2, 0, 3)).reshape(pieces, n_out, _TERMS * n_in)
+    bounds = np.concatenate([[0], np.searchsorted(at, known[1:-1]), [at.size]])
+    # Twice each: for the real and the imaginary part, which are multiplied alike.
+    offset = np.repeat(at - np.repeat(known[:-1], np.diff(bounds)), 2)
+    powers = np.empty((_TERMS, n_in, _LINES_TOGETHER), dtype=np.complex128)
+    parts = powers.view(np.float64)
+    stack = powers.reshape(_TERMS * n_in, _LINES_TOGETHER)
+    for start in range(0, at.size, _LINES_TOGETHER):
+        end = min(start + _LINES_TOGETHER, at.size)
+        powers[-1, :, : end - start] = spectrum[:, start:end]
+        filled = slice(2 * (end - start))
+        for term in reversed(range(_TERMS - 1)):
+            np.multiply(parts[term + 1, :, filled], offset[2 * start : 2 * end], out=parts[term, :, filled])
+        for piece in range(int(np.searchsorted(bounds, start, side="right")) - 1, pieces):
+            first, last = max(start, int(bounds[piece])), min(end, int(bounds[piece + 1]))
+            if first >= end:
+                break
+            if first < last:
+                np.matmul(coefficients[piece], stack[:, first - start : last - start], out=out[:, first:last])

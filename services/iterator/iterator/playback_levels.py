@@ -1,0 +1,107 @@
+"""Partial playback levels: a target is approached at a share of its size first, to protect the specimen.
+
+A playback at level `l` plays `l` times a drive and divides the response by `l`: in these units a linear rig answers the
+same at every level, so update, acceptance and errors need not know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from iterator.iteration_history import IterationHistory
+from iterator.iteration_metrics import IterationMetrics, best_iteration
+
+
+def require_levels(levels: Sequence[float]) -> None:
+    """Check the levels of the first playbacks.
+
+    Parameters
+    ----------
+    levels : sequence of float
+        Share of the target, one for each of the first playbacks; empty where all are at full level.
+
+    Raises
+    ------
+    ValueError
+        A level outside (0, 1], one below the level before, or a last one that is not 1.
+    """
+    wrong = [level for level in levels if not 0.0 < level <= 1.0]
+    if wrong:
+        raise ValueError(f"A playback level is {wrong[0]:g}; each must be above 0 and at most 1.")
+    falls = [after for before, after in pairwise(levels) if after < before]
+    if falls:
+        raise ValueError(f"The playback levels fall to {falls[0]:g}; they must never fall.")
+    if levels and levels[-1] != 1.0:
+        raise ValueError(f"The last playback level is {levels[-1]:g}; it must be 1, the whole target.")
+
+
+def partial_playbacks(levels: Sequence[float]) -> int:
+    """Return how many playbacks come before the first at full level."""
+    return int(np.count_nonzero(np.asarray(levels) < 1.0))
+
+
+def level_of(number: int, levels: Sequence[float]) -> float:
+    """Return the level of a playback.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    float
+        Share of the target, above 0 to 1.
+    """
+    return float(levels[number - 1]) if number <= len(levels) else 1.0
+
+
+def comparable_history(history: IterationHistory, levels: Sequence[float]) -> IterationHistory:
+    """Return the playbacks that the next one is compared with: those at its level, or else the last one.
+
+    Where friction sticks at half level, errors of two levels say nothing about each other.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        All playbacks so far, each divided by its level.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    IterationHistory
+        With the target and one playback at least, unless there is none yet.
+    """
+    count = len(history.playbacks)
+    level = level_of(count + 1, levels)
+    same = sum(1 for number in range(1, count + 1) if level_of(number, levels) == level)
+    kept = max(same, 1)
+    if kept >= count:
+        return history
+    return IterationHistory(target=history.target, playbacks=history.playbacks[-kept:])
+
+
+def best_at_full_level(metrics: tuple[IterationMetrics, ...], levels: Sequence[float]) -> int:
+    """Return the number of the best playback of the whole target.
+
+    Parameters
+    ----------
+    metrics : tuple of IterationMetrics
+        From the first playback to the last.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    int
+        From 1; 0 where none was at full level yet.
+    """
+    partial = partial_playbacks(levels)
+    full = metrics[partial:]
+    return partial + best_iteration(full) if full else 0

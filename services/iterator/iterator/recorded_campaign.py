@@ -1,0 +1,137 @@
+"""A campaign as its recording holds it: what was committed, read back from the recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from google.protobuf.message import DecodeError, Message
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from labbus import Bus, FaultError
+
+_KINDS: Final = {
+    kind.DESCRIPTOR.full_name: kind
+    for kind in (
+        iterator_pb2.CampaignSpec,
+        rig_pb2.RigDescription,
+        iterator_pb2.TargetInBand,
+        recorder_pb2.RunPlanned,
+        recorder_pb2.RunPlayed,
+        identifier_pb2.Model,
+        iterator_pb2.IterationStep,
+        iterator_pb2.ConfirmationStep,
+        iterator_pb2.CampaignStatus,
+        recorder_pb2.RecordingClosed,
+    )
+}
+
+
+@dataclass
+class RecordedCampaign:
+    """What a recording holds, in the order of a campaign.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        What was asked for.
+    steps : int
+        How many were committed; the number of the next one.
+    """
+
+    spec: iterator_pb2.CampaignSpec
+    steps: int = 1
+    last: Message = field(default_factory=iterator_pb2.CampaignSpec)
+    description: rig_pb2.RigDescription | None = None
+    planned: list[str] = field(default_factory=list)
+    played: set[str] = field(default_factory=set)
+    model: identifier_pb2.Model | None = None
+    iterations: list[iterator_pb2.IterationStep] = field(default_factory=list)
+    confirmations: list[iterator_pb2.ConfirmationStep] = field(default_factory=list)
+    final: iterator_pb2.CampaignStatus | None = None
+    closed: bool = False
+
+    def take(self, message: Message) -> None:
+        """Add the next step."""
+        self.steps += 1
+        self.last = message
+        match message:
+            case rig_pb2.RigDescription():
+                self.description = message
+            case recorder_pb2.RunPlanned():
+                self.planned.append(message.run)
+            case recorder_pb2.RunPlayed():
+                self.played.add(message.run)
+            case identifier_pb2.Model():
+                self.model = message
+            case iterator_pb2.IterationStep():
+                self.iterations.append(message)
+            case iterator_pb2.ConfirmationStep():
+                self.confirmations.append(message)
+            case iterator_pb2.CampaignStatus():
+                self.final = message
+            case recorder_pb2.RecordingClosed():
+                self.closed = True
+
+
+def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
+    """Read back everything that was committed to a campaign's recording.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    id : str
+        Of the campaign and its recording.
+
+    Returns
+    -------
+    RecordedCampaign
+        As far as it came.
+
+    Raises
+    ------
+    FaultError
+        NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no campaign's.
+    """
+    messages = _messages(bus, id)
+    spec = next(messages, None)
+    if not isinstance(spec, iterator_pb2.CampaignSpec) or spec.id != id:
+        raise _damaged(id, "its first step is not the specification of that campaign")
+    recorded = RecordedCampaign(spec=spec, last=spec)
+    for message in messages:
+        recorded.take(message)
+    for numbers in ([step.iteration for step in recorded.iterations], [step.number for step in recorded.confirmations]):
+        if numbers != list(range(1, len(numbers) + 1)):
+            raise _damaged(id, f"its playbacks are numbered {numbers}")
+    return recorded
+
+
+def _messages(bus: Bus, id: str) -> Iterator[Message]:
+    first, total = 0, 1
+    while first < total:
+        request = recorder_pb2.ReadStepsRequest(first=first)
+        answer = bus.query(bus.keys.recording_steps(id), request, recorder_pb2.RecordedSteps)
+        total = answer.total
+        if first < total and not answer.steps:
+            raise _damaged(id, f"the recorder answered {first} of {total} steps and then nothing")
+        for step in answer.steps:
+            if step.step != first:
+                raise _damaged(id, f"the recorder answered step {step.step} in place of step {first}")
+            first += 1
+            yield _decoded(id, step)
+
+
+def _decoded(id: str, step: recorder_pb2.RecordedStep) -> Message:
+    kind = _KINDS.get(step.message_type)
+    if kind is None:
+        raise _damaged(id, f"its step {step.step} is a {step.message_type!r}, which no campaign commits")
+    try:
+        return kind.FromString(step.payload)
+    except DecodeError as error:
+        raise _damaged(id, f"its step {step.step} is not a {step.message_type}: {error}") from error
+
+
+def _damaged(id: str, why: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} cannot be read back: {why}.", field="id")

@@ -1,0 +1,309 @@
+"""A campaign whose iterator is killed goes on as if nothing had happened; an ended one is taken up by a new one."""
+
+import multiprocessing
+import os
+import runpy
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from duralab_proto.arrays import from_array, to_array
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from labbus import BusConfig, FaultError, open_bus
+
+from .fake_lab import Identifier, Lab, Recorder
+from .linear_rig import specification
+
+LAB = "iterator_resume_test"
+RIG_PROCESS = Path(__file__).with_name("rig_process.py")
+ITERATIONS = 3
+# Specification, rig, target, and for each of identification and playbacks: planned, result, played; status, end.
+STEPS = 3 + 3 * (1 + ITERATIONS) + 2
+
+
+class Iterator:
+    """The iterator as a process that is killed and started again, forked where its imports are done already."""
+
+    def __init__(self, bus, folder):
+        self._bus = bus
+        self._file = folder / "iterator.yaml"
+        self._file.write_text(yaml.safe_dump({"bus": {"lab": LAB, "connect": list(bus.listening)}}))
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["iterator.service"])
+        self._process = None
+
+    def start(self):
+        module = {"run_name": "__main__", "alter_sys": True}
+        self._process = self._context.Process(target=runpy.run_module, args=("iterator",), kwargs=module, daemon=True)
+        with pytest.MonkeyPatch.context() as patch:
+            # What the new process takes its own arguments from.
+            patch.setattr(sys, "argv", ["iterator", "--config", str(self._file)])
+            self._process.start()
+
+    def wait(self):
+        self._bus.wait_for_live({("iterator", "main")}, 120.0)
+
+    def kill(self):
+        os.kill(self._process.pid, signal.SIGKILL)
+
+    def end(self):
+        self._process.kill()
+        self._process.join(10.0)
+        until = time.monotonic() + 10.0
+        while self._bus.live("iterator") and time.monotonic() < until:
+            time.sleep(0.01)
+
+
+@contextmanager
+def rigs_of_their_own(bus, folder):
+    file = folder / "rigs.yaml"
+    settings = {"bus": {"lab": LAB, "connect": list(bus.listening)}, "exit_with_parent": True}
+    file.write_text(yaml.safe_dump({**settings, "rigs": {"front": 0.1, "rear": 0.1}}))
+    command = [sys.executable, str(RIG_PROCESS), "--config", str(file)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as running:
+        try:
+            yield
+        finally:
+            running.kill()
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab")
+    with open_bus(BusConfig(lab=LAB), service="test") as hub:
+        joined = BusConfig(lab=LAB, connect=hub.listening)
+        with open_bus(joined, service="recorder") as recorder, open_bus(joined, service="identifier") as identifier:
+            iterator = Iterator(hub, folder)
+            with rigs_of_their_own(hub, folder):
+                try:
+                    iterator.start()
+                    lab = Lab(hub, Recorder(recorder), Identifier(identifier))
+                    lab.iterator = iterator
+                    iterator.wait()
+                    hub.wait_for_live({("rig_sim", "front"), ("rig_sim", "rear")}, 120.0)
+                    yield lab
+                finally:
+                    iterator.end()
+
+
+@contextmanager
+def killed_at(lab, recording, step, *, stored, later):
+    """Kill the iterator when it commits a step: before it is stored or after, at once or a moment later."""
+    killed = threading.Event()
+
+    def kill():
+        lab.iterator.kill()
+        killed.set()
+
+    def watch(name, number, is_stored):
+        if (name, number, is_stored) != (recording, step, stored) or killed.is_set():
+            return
+        if later:
+            threading.Timer(later, kill).start()
+            return
+        kill()
+        if not stored:
+            raise FaultError(query_pb2.FAULT_CODE_UNAVAILABLE, "Too late.")
+
+    lab.recorder.watch = watch
+    try:
+        yield killed
+    finally:
+        lab.recorder.watch = lambda *_: None
+
+
+def resumed(lab, id):
+    """Ask for it as soon as the rig has come to rest from what was cut off."""
+    until = time.monotonic() + 10.0
+    while True:
+        try:
+            return lab.resume(id)
+        except FaultError as fault:
+            if fault.code != query_pb2.FAULT_CODE_BUSY or time.monotonic() > until:
+                raise
+            time.sleep(0.05)
+
+
+def playbacks(lab, id):
+    """What makes a campaign's result: drive and response of every playback, byte for byte, and its figures."""
+    return [
+        (step.iteration, step.drive.samples.data, step.response.samples.data, step.metrics.SerializeToString())
+        for step in lab.recorder.read(id, iterator_pb2.IterationStep)
+    ]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(lab):
+    lab.start(specification("undisturbed", iterations=ITERATIONS))
+    assert lab.end_of("undisturbed").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    return playbacks(lab, "undisturbed")
+
+
+def random_moments(count=10):
+    """Steps of all kinds, before they are stored, after, and up to a playback's length later."""
+    generator = np.random.default_rng(20261121)
+    # Not the very last step: then the campaign is over.
+    steps = generator.choice(np.arange(STEPS - 1), size=count, replace=False)
+    return [(int(step), bool(generator.integers(2)), float(generator.choice([0.0, 0.03, 0.12]))) for step in steps]
+
+
+def test_a_campaign_killed_at_ten_random_moments_ends_with_the_same_bytes(lab, undisturbed):
+    for attempt, (step, stored, later) in enumerate(random_moments()):
+        id = f"killed-{attempt}"
+        with killed_at(lab, id, step, stored=stored, later=later) as killed:
+            # A kill at the first step may come before the answer.
+            with suppress(FaultError):
+                lab.start(specification(id, iterations=ITERATIONS))
+            assert killed.wait(20.0)
+        lab.iterator.end()
+        lab.iterator.start()
+        lab.iterator.wait()
+        committed = lab.recorder.kinds(id) if id in lab.recorder.steps else []
+        if not committed:
+            lab.start(specification(id, iterations=ITERATIONS))
+        elif committed[-1] != "RecordingClosed":
+            resumed(lab, id)
+        if not committed or committed[-1] != "RecordingClosed":
+            assert lab.end_of(id).phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED, (step, stored, later)
+        assert playbacks(lab, id) == undisturbed, (step, stored, later)
+        # What was committed stays as it was, and no motion that was committed is asked for again.
+        assert lab.recorder.kinds(id)[: len(committed)] == committed
+        runs = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlanned)]
+        done = [step.run for step in lab.recorder.read(id, iterator_pb2.IterationStep)]
+        played = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlayed)]
+        assert len(set(runs)) == len(runs) <= 2 + ITERATIONS
+        assert sorted(played[1:]) == sorted(done)
+        assert lab.recorder.kinds(id)[-2:] == ["CampaignStatus", "RecordingClosed"]
+
+
+@pytest.mark.parametrize(("step", "stored"), [(15, True), (16, False), (19, True)])
+def test_a_campaign_killed_while_its_result_is_confirmed_goes_on_there(lab, undisturbed, step, stored):
+    id = f"confirming-{step}"
+    spec = specification(id, iterations=ITERATIONS)
+    spec.confirmations = 2
+    # Announced, played and not yet stored, and the second one stored without its end.
+    with killed_at(lab, id, step, stored=stored, later=0.0) as killed:
+        lab.start(spec)
+        assert killed.wait(20.0)
+    lab.iterator.end()
+    lab.iterator.start()
+    lab.iterator.wait()
+    resumed(lab, id)
+    final = lab.end_of(id)
+    assert (final.phase, final.repeatability.playbacks) == (iterator_pb2.CAMPAIGN_PHASE_FINISHED, 3)
+    assert playbacks(lab, id) == undisturbed
+    confirmations = lab.recorder.read(id, iterator_pb2.ConfirmationStep)
+    assert [confirmation.number for confirmation in confirmations] == [1, 2]
+    # A linear rig without noise answers the same drive with the same bytes.
+    assert {confirmation.response.samples.data for confirmation in confirmations} == {undisturbed[-1][2]}
+    played = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlayed)]
+    assert played[-2:] == [confirmation.run for confirmation in confirmations]
+    planned = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlanned)]
+    assert len(set(planned)) == len(planned) == 1 + ITERATIONS + 2 + (step < 19)
+
+
+def test_a_stopped_campaign_is_taken_up_by_a_new_one_that_names_it(lab, undisturbed):
+    seen = threading.Event()
+    lab.recorder.watch = lambda name, step, stored: seen.set() if (name, step, stored) == ("halted", 9, False) else None
+    lab.start(specification("halted", iterations=ITERATIONS))
+    assert seen.wait(20.0)
+    assert lab.stop("halted").phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
+    lab.recorder.watch = lambda *_: None
+    with pytest.raises(FaultError, match=r"has ended .* name a new_id") as caught:
+        lab.resume("halted")
+    assert (caught.value.code, caught.value.field) == (query_pb2.FAULT_CODE_FAILED_PRECONDITION, "new_id")
+    there = len(playbacks(lab, "halted"))
+    assert 1 <= there < ITERATIONS
+    lab.resume("halted", new_id="halted-2")
+    final = lab.end_of("halted-2")
+    assert (final.phase, final.outcome) == (iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.OUTCOME_ITERATIONS_USED)
+    assert [metrics.iteration for metrics in final.iterations] == [1, 2, 3]
+    assert playbacks(lab, "halted-2") == undisturbed
+    (spec,) = lab.recorder.read("halted-2", iterator_pb2.CampaignSpec)
+    assert (spec.parent, spec.parent_iteration) == ("halted", there)
+    assert [run.run for run in lab.recorder.read("halted-2", recorder_pb2.RunPlanned)] == [
+        f"halted-2.i{number:02d}" for number in range(there + 1, ITERATIONS + 1)
+    ]
+
+
+def test_a_campaign_is_taken_up_from_an_earlier_playback_with_other_settings(lab, undisturbed):
+    spec = specification("other")
+    update, stop = spec.update, spec.stop
+    update.kind = iterator_pb2.UPDATE_KIND_BASIC_TWR
+    update.iteration_gain.CopyFrom(to_array(np.array([0.8, 0.8])))
+    stop.largest_iterations = 4
+    lab.resume("undisturbed", new_id="other", from_iteration=1, update=update, stop=stop)
+    assert lab.end_of("other").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    steps = lab.recorder.read("other", iterator_pb2.IterationStep)
+    assert playbacks(lab, "other")[0] == undisturbed[0]
+    errors = [step.metrics.overall_relative_rms_error for step in steps]
+    # An exact model: what the first playback at gain 0.5 left shrinks by 1 - 0.8 each time.
+    assert errors == pytest.approx([0.5 * 0.2**k for k in range(4)], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("id", "settings", "code", "field"),
+    [
+        ("nobody", {}, query_pb2.FAULT_CODE_NOT_FOUND, None),
+        ("undisturbed", {"from_iteration": 1}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
+        ("undisturbed", {"new_id": "../up"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
+        ("undisturbed", {"new_id": "old"}, query_pb2.FAULT_CODE_ALREADY_EXISTS, "new_id"),
+        ("undisturbed", {"new_id": "x", "from_iteration": 9}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "from_iteration"),
+        ("undisturbed", {"new_id": "x"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "stop.largest_iterations"),
+    ],
+)
+def test_what_cannot_be_resumed_is_refused_with_its_field(lab, undisturbed, id, settings, code, field):
+    with pytest.raises(FaultError) as caught:
+        lab.resume(id, **settings)
+    assert caught.value.code == code
+    assert field is None or caught.value.field == field
+    assert "x" not in lab.recorder.steps
+
+
+def test_a_start_does_not_invent_a_parent(lab):
+    spec = specification("orphaned")
+    spec.parent = "undisturbed"
+    with pytest.raises(FaultError, match="ask it to resume") as caught:
+        lab.start(spec)
+    assert caught.value.field == "parent"
+
+
+def test_two_rigs_run_campaigns_at_once(lab, undisturbed):
+    both = threading.Barrier(2, timeout=20.0)
+
+    def watch(name, step, stored):
+        # Each waits at its first playback until the other is there: neither could finish alone.
+        if step == 6 and not stored and name in ("twin-front", "twin-rear"):
+            both.wait()
+
+    lab.recorder.watch = watch
+    lab.start(specification("twin-front", rig="front", iterations=ITERATIONS))
+    lab.start(specification("twin-rear", rig="rear", iterations=ITERATIONS))
+    for id in ("twin-front", "twin-rear"):
+        assert lab.end_of(id).phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+        assert playbacks(lab, id) == undisturbed
+    lab.recorder.watch = lambda *_: None
+
+
+def test_partial_levels_play_a_share_of_the_drive_first(lab, undisturbed):
+    spec = specification("levels", iterations=4)
+    spec.levels.extend([0.5, 0.75, 1.0])
+    lab.start(spec)
+    final = lab.end_of("levels")
+    assert final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    steps = lab.recorder.read("levels", iterator_pb2.IterationStep)
+    assert [step.level for step in steps] == [step.metrics.level for step in steps] == [0.5, 0.75, 1.0, 1.0]
+    first = from_array(lab.recorder.read("undisturbed", iterator_pb2.IterationStep)[0].drive.samples)
+    np.testing.assert_allclose(from_array(steps[0].drive.samples), 0.5 * first, rtol=1e-12, atol=0.0)
+    # A linear rig does not know of the level.
+    errors = [step.metrics.overall_relative_rms_error for step in steps]
+    assert errors == pytest.approx([0.5**k for k in (1, 2, 3, 4)], rel=0.01)
+    assert final.best_iteration == 4

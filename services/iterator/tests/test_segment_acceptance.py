@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from scipy.ndimage import convolve1d
+
+from iterator import AcceptanceSettings, IterationHistory, Playback, accept_segments
+
+RATE = 100.0
+SAMPLES = 2001
+SCALE = np.array([1.0])
+
+
+def history_of(*errors):
+    """Playbacks whose drive is constant and says which one it was; target zero plus a tone for the energy's scale."""
+    target = np.sin(np.arange(SAMPLES) / 3.0)[None, :]
+    history = IterationHistory(target=target)
+    for number, error in enumerate(errors, start=1):
+        history = history.after(Playback(drive=np.full((1, SAMPLES), float(number)), response=target - error))
+    return history
+
+
+def tone(level):
+    return level * np.sin(np.arange(SAMPLES) / 2.0)[None, :]
+
+
+def accept(history, settings=None):
+    return accept_segments(history, response_scale=SCALE, sample_rate=RATE, settings=settings or AcceptanceSettings())
+
+
+def test_an_improvement_everywhere_is_taken_as_it_is():
+    history = history_of(tone(0.5), tone(0.2))
+    found = accept(history)
+    np.testing.assert_array_equal(found.drive, history.playbacks[-1].drive)
+    np.testing.assert_array_equal(found.response, history.playbacks[-1].response)
+    assert np.all(found.step_gain == 1.0)
+    assert not found.rolled_back.any()
+
+
+def test_where_a_playback_is_worse_drive_and_error_go_back_and_the_step_is_halved():
+    worse_late = tone(0.2)
+    worse_late[:, SAMPLES // 2 :] *= 10.0
+    history = history_of(tone(0.5), worse_late)
+    found = accept(history)
+    early, late = slice(0, 700), slice(1300, SAMPLES)
+    assert np.all(found.drive[:, early] == 2.0)
+    np.testing.assert_allclose(found.drive[:, late], 1.0)
+    np.testing.assert_allclose((history.target - found.response)[:, late], tone(0.5)[:, late])
+    np.testing.assert_allclose(found.step_gain[late], 0.5)
+    assert np.all(found.step_gain[early] == 1.0)
+    assert found.rolled_back[late].all()
+    # No jump where the two meet: half a second of Hann.
+    assert np.max(np.abs(np.diff(found.drive))) < 2.1 / (0.5 * RATE)
+
+
+def test_the_step_shrinks_no_further_than_allowed_and_grows_back_the_slower_the_more_often_it_failed():
+    bad = [tone(2.0)] * 6
+    assert np.allclose(accept(history_of(tone(0.5), *bad)).step_gain, 0.1)
+    for failures, smallest in ((1, 0.5), (2, 0.25), (6, 0.1)):
+        grown = accept(history_of(tone(0.5), *bad[:failures], tone(0.4))).step_gain
+        np.testing.assert_allclose(grown, smallest * 1.25 ** (0.5**failures))
+
+
+def test_the_energy_of_the_accepted_error_never_grows_beyond_the_tolerance():
+    rng = np.random.default_rng(3)
+    errors = [rng.uniform(0.1, 1.0) * rng.standard_normal((1, SAMPLES)) for _ in range(12)]
+    best = np.inf
+    for count in range(1, len(errors) + 1):
+        history = history_of(*errors[:count])
+        energy = float(np.mean((history.target - accept(history).response) ** 2))
+        assert energy <= 1.1 * best
+        best = min(best, energy)
+
+
+def test_a_watched_channel_that_gets_worse_changes_nothing():
+    target = np.vstack([np.ones(SAMPLES), np.zeros(SAMPLES)])
+    history = IterationHistory(target=target)
+    for number, (error, watched) in enumerate(((0.5, 0.0), (0.2, 100.0)), start=1):
+        response = target - np.vstack([tone(error)[0], np.full(SAMPLES, watched)])
+        history = history.after(Playback(drive=np.full((1, SAMPLES), float(number)), response=response))
+    found = accept_segments(
+        history, response_scale=np.array([1.0, 0.0]), sample_rate=RATE, settings=AcceptanceSettings()
+    )
+    assert np.all(found.drive == 2.0)
+
+
+def test_a_record_shorter_than_the_windows_is_judged_too():
+    target = np.ones((1, 7))
+    history = IterationHistory(target=target)
+    for number, error in enumerate((0.5, 0.2, 0.9), start=1):
+        history = history.after(Playback(drive=np.full((1, 7), float(number)), response=target - error))
+    np.testing.assert_allclose(accept(history).drive, 2.0)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"tolerance": 0.9},
+        {"judged_seconds": 0.0},
+        {"cross_fade_seconds": np.nan},
+        {"smaller_step": 1.0},
+        {"smallest_step": 0.0},
+        {"larger_step": 0.5},
+        {"negligible": 1.0},
+    ],
+)
+def test_impossible_settings_are_refused(wrong):
+    with pytest.raises(ValueError, match=r"must|in \("):
+        AcceptanceSettings(**wrong)
+
+
+def test_nothing_can_be_accepted_before_the_first_playback():
+    with pytest.raises(ValueError, match="no playback"):
+        accept(history_of())
+
+
+def test_drives_are_blended_by_the_average_of_what_is_worse_over_a_hann_window():
+    rng = np.random.default_rng(5)
+    errors = [tone(0.5), tone(0.5) * np.repeat(rng.uniform(0.2, 2.0, 10), 201)[:SAMPLES]]
+    found = accept(history_of(*errors), AcceptanceSettings(judged_seconds=0.1))
+    window = np.hanning(round(0.5 * RATE) + 1)
+    expected = convolve1d(found.rolled_back.astype(float), window / window.sum(), mode="nearest")
+    assert 0.2 < np.mean(found.rolled_back) < 0.8
+    np.testing.assert_allclose(found.drive[0], 2.0 - expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.step_gain, 1.0 - 0.5 * expected, rtol=0.0, atol=1e-12)

@@ -1,0 +1,80 @@
+"""A campaign on a rig that knows nothing of this project but its contract."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import duralab
+
+SCRIPT = Path(__file__).with_name("foreign_rig.py")
+RATE = 200.0
+
+CAMPAIGN = """
+name: stranger
+rig: stranger
+seed: 7
+target: {file: target.csv}
+excitation:
+  kind: random_orthogonal
+  lowest_frequency: 0.5
+  highest_frequency: 40.0
+  corner_frequency: 40.0
+  decibels_per_octave: 0.0
+  rms: 0.002
+  duration: 60.0
+  fade: 1.0
+  delay_blocks: 1
+  capture_blocks: 2
+estimator: {kind: h1, block_samples: 512}
+control_band: {lowest_frequency: 1.0, highest_frequency: 30.0}
+update: {algorithm: adaptive_modelling, gain: 0.8}
+stop: {iterations: 4}
+accept: {relative_rms_error: 0.05}
+"""
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[duralab.Lab]:
+    with duralab.start(tmp_path_factory.mktemp("lab"), rigs=("predecessor",)) as lab:
+        command = [sys.executable, str(SCRIPT), lab.endpoints[0]]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as stranger:
+            assert stranger.stdout is not None
+            assert stranger.stdout.readline() == "ready stranger\n"
+            try:
+                lab._bus.wait_for_live({("rig_sim", "stranger")}, 30.0)
+                yield lab
+            finally:
+                stranger.kill()
+
+
+def write_target(path: Path) -> None:
+    """Forces between 2 and 20 Hz that begin and end at zero, far past where the beam is linear."""
+    time = np.arange(4000) / RATE
+    generator = np.random.default_rng(3)
+    frequency = np.arange(2.0, 20.0, 0.25)
+    phase = generator.uniform(0.0, 2.0 * np.pi, (2, frequency.size))
+    tones = np.cos(2.0 * np.pi * frequency[:, None] * time + phase[:, :, None]).sum(axis=1)
+    forces = 500.0 * tones * np.sin(np.pi * time / time[-1]) ** 2
+    rows = np.column_stack([time, *forces])
+    np.savetxt(path, rows, delimiter=",", header="time [s],a_force [N],b_force [N]", comments="")
+
+
+def test_the_iteration_converges_on_a_rig_of_a_stranger(lab: duralab.Lab, tmp_path: Path) -> None:
+    write_target(tmp_path / "target.csv")
+    file = tmp_path / "stranger.yaml"
+    file.write_text(CAMPAIGN)
+    result = lab.run(file, out=tmp_path / "out")
+    assert result.verdict.judgement is duralab.Judgement.REACHED
+    assert len(result.iterations) == 4
+    assert result.recording.rig.engine == "somebody's own"
+    # What the gateway published is in the recording, sample by sample, as it answered.
+    drive, response = result.recording.signal("stranger.i04")
+    playback = result.recording.playback(4)
+    np.testing.assert_array_equal(drive.samples, playback.drive.samples)
+    np.testing.assert_array_equal(response.samples, playback.response.samples)
