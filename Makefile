@@ -1,5 +1,5 @@
 # Everything runs in .venv, which `make setup` makes from requirements.lock. `make` lists the targets.
-# PYTHON=... chooses the Python, VIEW=1 opens the live viewer, ARGS=... is handed to pytest, UPGRADE=1 renews the lock.
+# PYTHON=... chooses the Python, VIEW=1 opens the live viewer, ARGS=... is handed to pytest or to the faults, UPGRADE=1 renews the lock.
 
 BIN := .venv/bin
 PYTHON ?=
@@ -13,7 +13,7 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 figure_7_8_9 \
 CHECKS := format lint types imports generated contract determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench studies test check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench faults studies test check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -26,6 +26,9 @@ demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
 
 bench: setup ## measure speed, error, start-up and memory of every rig into out/bench.json
 	@$(BIN)/python benchmarks/bench.py --out out/bench.json
+
+faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
+	@$(BIN)/python -m tests.faults $(ARGS)
 
 # One thread each: sums in one order, so the same bytes, and two studies at a time.
 studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)

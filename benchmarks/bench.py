@@ -8,14 +8,18 @@ Writes out/bench.json and a table.
 import argparse
 import json
 import sys
+import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from bus import measure_bus
 from drives import noise_drive, playable_share
 from identification import measure_identification
 from iteration import measure_iteration
+from live_view import measure_live_view
 from machine import machine
 from processes import memory, startup_seconds
+from recording import measure_recorder
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
 
 from rig_sim import shipped_specimens
@@ -117,9 +121,13 @@ def main() -> None:
     if not arguments.rig:
         document["identification"] = measure_identification(arguments.out.parent / "peers")
         document["iteration"] = measure_iteration()
+        document["live_view"] = measure_live_view()
+        document["bus"] = measure_bus()
+        with tempfile.TemporaryDirectory(dir=arguments.out.parent) as folder:
+            document["recorder"] = measure_recorder(Path(folder))
     arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     sys.stdout.write(f"{', '.join(f'{name}: {value}' for name, value in machine().items())}\n{table(figures)}\n")
-    for part in ("identification", "iteration"):
+    for part in ("identification", "iteration", "bus", "recorder"):
         if part in document:
             sys.stdout.write(f"{part}\n{json.dumps(document[part], indent=2)}\n")
 

@@ -49,6 +49,8 @@ class Stranger:
         self.session = session
         self.lock = threading.Lock()
         self.run, self.latched, self.played = "", "", set()
+        # Every block that was published, by (run, epoch): what a full link drops is asked for again.
+        self.kept: dict[tuple[str, int], list[bytes]] = {}
         handlers = {
             "description": lambda query: self.answer(query, self.description()),
             "state": lambda query: self.answer(query, self.state()),
@@ -60,6 +62,7 @@ class Stranger:
         self.served = [
             session.declare_queryable(f"{ROOT}/rig/{RIG}/{name}", handler) for name, handler in handlers.items()
         ]
+        self.served.append(session.declare_queryable(f"{ROOT}/rig/{RIG}/signal/*/@replay", self.replay))
         # Last: whoever sees the token may ask.
         self.token = session.liveliness().declare_token(f"{ROOT}/live/rig_sim/{RIG}")
 
@@ -140,6 +143,7 @@ class Stranger:
             priority=zenoh.Priority.INTERACTIVE_LOW,
         )
         firsts = range(0, drive.shape[1], BLOCK)
+        kept = self.kept[run, epoch] = []
         for number, first in enumerate(firsts):
             block = rig_pb2.SignalBlock(
                 run=run,
@@ -149,11 +153,25 @@ class Stranger:
                 response=array(response[:, first : first + BLOCK]),
                 last=first + BLOCK >= drive.shape[1],
             )
-            publisher.put(
-                block.SerializeToString(), encoding=encoding(block), attachment=struct.pack("<QQ", epoch, number)
-            )
+            kept.append(block.SerializeToString())
+            publisher.put(kept[-1], encoding=encoding(block), attachment=struct.pack("<QQ", epoch, number))
         publisher.undeclare()
         return len(firsts)
+
+    def replay(self, query: zenoh.Query) -> None:
+        """Send again the blocks that somebody missed."""
+        asked = {name: int(query.parameters.get(name)) for name in ("epoch", "first", "stop")}
+        run = str(query.key_expr).split("/")[-2]
+        key = str(query.key_expr).removesuffix("/@replay")
+        kept = self.kept.get((run, asked["epoch"]), [])
+        with query:
+            for number in range(asked["first"], min(asked["stop"], len(kept))):
+                query.reply(
+                    key,
+                    kept[number],
+                    encoding=encoding(rig_pb2.SignalBlock()),
+                    attachment=struct.pack("<QQ", asked["epoch"], number),
+                )
 
 
 def main() -> None:

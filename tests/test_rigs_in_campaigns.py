@@ -29,11 +29,11 @@ def test_a_car_is_replicated_by_displacement_and_force_control(tmp_path: Path):
 
 
 def test_another_suspension_takes_the_same_campaign(campaign, tmp_path: Path):
-    plan = duralab.load_campaign(campaign(rig="macpherson", update__gain=0.5))
+    plan = duralab.load_campaign(campaign(rig="macpherson", update__gain=0.5, stop__iterations=7))
     with duralab.start(tmp_path, rigs=plan.rigs) as lab:
         result = lab.run(plan)
     errors = result.iterations.relative_rms_error
     vertical_and_longitudinal = [0, 2, 3, 5]
-    assert np.all(errors[-1, vertical_and_longitudinal] <= 0.35)
-    # Lateral has to learn the arc of the wheel's path first: it learns, slowly.
-    assert np.all(errors[-1] < errors[0])
+    assert np.all(errors[-1, vertical_and_longitudinal] <= 0.1)
+    # Lateral has to learn the arc of the wheel's path first, and gets worse while the vertical forces still grow.
+    assert np.all(errors[-1] <= 0.25)

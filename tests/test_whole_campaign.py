@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import subprocess
 import sys
@@ -84,7 +85,7 @@ def test_the_target_is_another_vehicle_s_load(lab, finished):
 
 def test_the_report_carries_the_numbers_of_the_recording(finished):
     result = finished[0]
-    text = result.report(result.recording_path.with_name("report.html")).read_text()
+    text = html.unescape(result.report(result.recording_path.with_name("report.html")).read_text())
     assert result.verdict.sentence.split(";")[0] in text
     for value in result.iterations.relative_rms_error[-1]:
         assert f"{value:.3f}" in text

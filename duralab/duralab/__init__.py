@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from duralab.campaign_file import Campaign
     from duralab.campaign_loading import load_campaign, shipped_campaigns
     from duralab.campaign_result import CampaignResult
+    from duralab.catalogue import Catalogue, CatalogueEntry
     from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
     from duralab.identification import ExperimentPlan, Identifier, LevelSeries
     from duralab.identification_section import EstimatorSettings, ExcitationSettings
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from duralab.lab import Lab
     from duralab.lab_opening import connect, start
     from duralab.played import Played
+    from duralab.recorded_result import Result
     from duralab.recording import Recording, open_recording
     from duralab.recording_content import ActuatorUse, Model, Playback
     from duralab.report import write_report
@@ -32,6 +34,7 @@ _MODULES = {
     "duralab.campaign_file": ("Campaign",),
     "duralab.campaign_loading": ("load_campaign", "shipped_campaigns"),
     "duralab.campaign_result": ("CampaignResult",),
+    "duralab.catalogue": ("Catalogue", "CatalogueEntry"),
     "duralab.errors": ("CampaignFaultError", "InputError", "LabError", "ServiceEndedError"),
     "duralab.identification": ("ExperimentPlan", "Identifier", "LevelSeries"),
     "duralab.identification_section": ("EstimatorSettings", "ExcitationSettings"),
@@ -42,6 +45,7 @@ _MODULES = {
     "duralab.recording": ("Recording", "open_recording"),
     "duralab.recording_content": ("ActuatorUse", "Model", "Playback"),
     "duralab.report": ("write_report",),
+    "duralab.recorded_result": ("Result",),
     "duralab.rig": ("Rig",),
     "duralab.signals": ("Channel", "Signals"),
     "duralab.verdict": ("Judgement", "Verdict"),
@@ -53,6 +57,8 @@ __all__ = [
     "Campaign",
     "CampaignFaultError",
     "CampaignResult",
+    "Catalogue",
+    "CatalogueEntry",
     "Channel",
     "EstimatorSettings",
     "ExcitationSettings",
@@ -68,6 +74,7 @@ __all__ = [
     "Playback",
     "Played",
     "Recording",
+    "Result",
     "Rig",
     "RunProgress",
     "ServiceEndedError",
@@ -84,7 +91,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for."""
+    """Import what is asked for; `duralab.open` is `open_recording`, and not one of those that `import *` takes."""
+    if name == "open":
+        return __getattr__("open_recording")
     module = _MODULE_OF.get(name)
     if module is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,6 +12,7 @@ from typing import Final
 from duralab._outputs import replace_when_complete
 from duralab.campaign_result import CampaignResult
 from duralab.errors import LabError
+from duralab.mcap_reading import files_from
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Bus
 
@@ -51,6 +52,7 @@ def fetch(
     *,
     part: Part,
     path: Path,
+    number: int = 1,
     file_hash: str = "",
     on_fraction: Callable[[float], None] | None = None,
 ) -> None:
@@ -66,6 +68,8 @@ def fetch(
         Which file.
     path : Path
         Where it goes; replaced when the new one is complete.
+    number : int
+        Which of the recording's MCAP files, from 1.
     file_hash : str
         SHA-256 it must have; not checked where empty.
     on_fraction : callable, optional
@@ -81,7 +85,9 @@ def fetch(
     digest, offset = hashlib.sha256(), 0
     with replace_when_complete(path) as temporary, temporary.open("xb") as stream:
         while True:
-            request = recorder_pb2.ReadRecordingRequest(offset=offset, length=PART_BYTES, part=part.value)
+            request = recorder_pb2.ReadRecordingRequest(
+                offset=offset, length=PART_BYTES, part=part.value, number=number
+            )
             piece = bus.query(bus.keys.recording_read(id), request, recorder_pb2.RecordingPart)
             stream.write(piece.data)
             digest.update(piece.data)
@@ -98,6 +104,41 @@ def fetch(
             )
 
 
+def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: Path) -> None:
+    """Write all files of a closed recording: the first to `path`, those that follow beside it.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    information : RecordingInfo
+        What the recorder says about it.
+    path : Path
+        Of the first file.
+
+    Raises
+    ------
+    FaultError, LabError
+        As `fetch`.
+    """
+    # A recorder of before names the first file only, and knows no other.
+    files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
+    stale = files_from(path)[len(files) :]
+    for number, file in enumerate(files, start=1):
+        place = path if number == 1 else path.with_name(f"{path.stem}.part{number:02d}{path.suffix}")
+        fetch(
+            bus,
+            information.recording,
+            part=Part.RECORDING,
+            path=place,
+            number=number,
+            file_hash=file.file_hash,
+        )
+    # Of a longer recording that was there before: it would be read as part of this one.
+    for place in stale:
+        place.unlink()
+
+
 def fetch_result(
     bus: Bus, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
 ) -> CampaignResult:
@@ -112,7 +153,7 @@ def fetch_result(
     status : CampaignStatus
         How it ended.
     folder : Path
-        Where `recording.mcap` and `live.rrd` go.
+        Where `recording.mcap`, what it goes on with where it is long, and `live.rrd` go.
 
     Raises
     ------
@@ -133,6 +174,6 @@ def fetch_result(
         recording_path=folder / "recording.mcap",
         live_path=folder / "live.rrd",
     )
-    fetch(bus, specification.id, part=Part.RECORDING, path=result.recording_path, file_hash=information.file_hash)
+    fetch_recording(bus, information, path=result.recording_path)
     fetch(bus, specification.id, part=Part.LIVE, path=result.live_path)
     return result

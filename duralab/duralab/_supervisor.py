@@ -67,7 +67,12 @@ def lab_services(*, rigs: Sequence[str], recordings: Path, viewer: str | None) -
         Address of a Rerun viewer.
     """
     return (
-        ServicePlan("rig_sim", instances=tuple(rigs), settings={"rigs": list(rigs)}),
+        ServicePlan(
+            "rig_sim",
+            instances=tuple(rigs),
+            # Beside the recordings: what a killed rig had not brought to the recorder is fetched at the next start.
+            settings={"rigs": list(rigs), "spool_folder": str(recordings.resolve() / "spool")},
+        ),
         ServicePlan("identifier"),
         ServicePlan("iterator"),
         ServicePlan("recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer}),

@@ -23,6 +23,9 @@ GRPC_PORT: Final = 9876
 WEB_PORT: Final = 9090
 START_SECONDS: Final = 20.0
 END_SECONDS: Final = 5.0
+MEMORY_LIMIT: Final = "2GB"
+"""Most that the viewer keeps, and that what serves it to a browser keeps."""
+
 _HOST: Final = "127.0.0.1"
 
 
@@ -84,7 +87,9 @@ class Viewer:
 
     def _arguments(self, file: Path | None) -> list[str]:
         files = [str(file)] if file is not None else []
+        # Beyond its limit the viewer drops what is oldest; the log and the file keep it.
         common = ["--bind", _HOST, "--port", str(self._port), "--hide-welcome-screen", *files]
+        common = ["--memory-limit", MEMORY_LIMIT, "--server-memory-limit", MEMORY_LIMIT, *common]
         return common if self.native else ["--serve-web", "--web-viewer-port", str(self._web_port), *common]
 
     @property

@@ -118,10 +118,16 @@ class UpdateSection(Section):
     correction: CorrectionShape = Field(
         default=CorrectionShape.DIAGONAL, strict=False, description="Correct channel by channel or all with each other."
     )
-    forgetting: Gain = Field(default=0.7, description="Secant: weight of a step relative to the one after it.")
-    prior_strength: Positive = Field(default=0.6, description="Secant: weight of the identified model.")
-    caution: NotNegative = Field(default=1.0, description="Secant: share of the model's uncertainty that is minded.")
-    regularisation: NotNegative = Field(default=1e-5, description="Secant: of the inverse, relative to the model.")
+    forgetting: float = Field(
+        default=0.7, ge=1e-3, le=1, description="Secant: weight of a step relative to the one after it."
+    )
+    prior_strength: float = Field(default=1.0, ge=1e-6, le=1e6, description="Secant: weight of the identified model.")
+    caution: float = Field(
+        default=1.0, ge=0, le=1e6, description="Secant: share of the model's uncertainty that is minded."
+    )
+    regularisation: float = Field(
+        default=1e-5, ge=0, le=1e6, description="Secant: of the inverse, relative to the model."
+    )
 
     @property
     def accepts_segments(self) -> bool:

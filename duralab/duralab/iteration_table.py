@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from duralab_proto.v1 import iterator_pb2
+
+if TYPE_CHECKING:
+    import xarray
 
 DAMAGE_SLOPES: Final = (3, 5, 8)
 """Slopes of the S-N lines that damage ratios are told for, as the contract orders them."""
@@ -107,6 +110,22 @@ class IterationTable:
         """
         whole = self.level == 1.0
         return int(np.argmin(np.where(whole, self.overall, np.inf) if whole.any() else self.overall))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the figures over `iteration`, `channel` and `slope` (of the S-N line), ratios all."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "relative_rms_error": (("iteration", "channel"), self.relative_rms_error, {"units": "1"}),
+                "rms_response": (("iteration", "channel"), self.rms_response, {"units": "1"}),
+                "peak_ratio": (("iteration", "channel"), self.peak_ratio, {"units": "1"}),
+                "damage_ratio": (("iteration", "channel", "slope"), self.damage_ratio, {"units": "1"}),
+                "overall": (("iteration",), self.overall, {"units": "1"}),
+                "level": (("iteration",), self.level, {"units": "1"}),
+            },
+            coords={"iteration": list(self.numbers), "channel": list(self.channels), "slope": list(DAMAGE_SLOPES)},
+        )
 
     def __str__(self) -> str:
         """Return the table as text: relative RMS error (RMS response) for each playback and channel."""

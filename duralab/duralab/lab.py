@@ -19,6 +19,7 @@ from duralab._target import describe_target, make_target
 from duralab.campaign_file import Campaign
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
+from duralab.catalogue import Catalogue
 from duralab.errors import InputError, LabError
 from duralab.identification import Identifier
 from duralab.played import Played
@@ -73,6 +74,11 @@ class Lab:
     def identifier(self) -> Identifier:
         """Identifies rigs without a campaign around it."""
         return Identifier(query=self._ask.query, describe=self.describe, keys=self._bus.keys)
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """Finds and checks the recordings that the lab's recorder holds."""
+        return Catalogue(self._ask)
 
     def rigs(self) -> list[Rig]:
         """Return all rigs that are there, by name; raises `LabError` where one of them cannot be used."""

@@ -26,13 +26,21 @@ DAMAGE: Final = (McapError, DecodeError, struct.error, ValueError, LookupError, 
 """What reading a damaged file raises, in the container, its compression and its messages."""
 
 
+def files_from(path: Path) -> list[Path]:
+    """Return a recording's files: the one given, then `<name>.part02.mcap` and so on where there are any."""
+    files = [path]
+    while (following := path.with_name(f"{path.stem}.part{len(files) + 1:02d}{path.suffix}")).is_file():
+        files.append(following)
+    return files
+
+
 class McapFile:
-    """An MCAP file of protobuf messages.
+    """The MCAP files of protobuf messages that are one recording.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The first file; those that follow lie beside it.
 
     Raises
     ------
@@ -42,8 +50,43 @@ class McapFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._files = [_OneFile(file) for file in files_from(path)]
+
+    @property
+    def paths(self) -> list[Path]:
+        """Its files, in order."""
+        return [file.path for file in self._files]
+
+    @property
+    def whole(self) -> bool:
+        """False where a file has no index at its end: its writer was killed, what was written is read in order."""
+        return all(file.whole for file in self._files)
+
+    def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
+        """Yield the messages of one type in the order they were written, one in memory at a time.
+
+        Raises
+        ------
+        InputError
+            A file is damaged at a message that is read.
+        """
+        for file in self._files:
+            yield from file.messages(kind)
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Return the named sets of texts in the files, the last of each name; those of an unfinished one too."""
+        found: dict[str, dict[str, str]] = {}
+        for file in self._files:
+            found |= file.metadata()
+        return found
+
+
+class _OneFile:
+    """One MCAP file of protobuf messages; see `McapFile`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self.whole = True
-        """False where the file has no index at its end: its writer was killed, what was written is read in order."""
         with self._opened() as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path} does not start as an MCAP file and is no recording; give a recording.mcap.")
@@ -67,13 +110,7 @@ class McapFile:
             yield stream
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield the messages of one type in the order they were written, one in memory at a time.
-
-        Raises
-        ------
-        InputError
-            The file is damaged at a message that is read.
-        """
+        """Yield the messages of one type; see `McapFile.messages`."""
         name = kind.DESCRIPTOR.full_name
         with self._opened() as stream:
             try:
@@ -114,7 +151,7 @@ class McapFile:
             return
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named sets of texts in the file; those of an unfinished one too."""
+        """Return the named sets of texts; see `McapFile.metadata`."""
         with self._opened() as stream:
             try:
                 if self.whole:

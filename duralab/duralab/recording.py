@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from google.protobuf.message import Message
@@ -17,9 +17,15 @@ from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
 from duralab.mcap_reading import McapFile
 from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
+from duralab.signal_windows import SignalWindows
 from duralab.signals import Signals, channels_of
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+
+if TYPE_CHECKING:
+    import xarray
+
+    from duralab.recording_arrays import Direction
 
 MessageT = TypeVar("MessageT", bound=Message)
 
@@ -175,6 +181,61 @@ class Recording:
             Signals(channels_of(self.rig.responses), sample_rate, np.concatenate(responses, axis=1)),
         )
 
+    def drives(self, *runs: str) -> xarray.Dataset:
+        """Return what was commanded in runs; see `responses`."""
+        from duralab.recording_arrays import Direction
+
+        return self._signals(runs, Direction.DRIVE)
+
+    def responses(self, *runs: str) -> xarray.Dataset:
+        """Return what was measured in runs; samples are read when they are used, and only those that are.
+
+        Parameters
+        ----------
+        *runs : str
+            Names of runs of one length; the iterations where none is given. One run alone has no dimension `run`.
+
+        Returns
+        -------
+        xarray.Dataset
+            A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
+            coordinate `iteration` is 0 for a run that is none. `responses().sel(time=slice(20, 30))` reads ten seconds.
+
+        Raises
+        ------
+        InputError
+            No signals of such a run, runs of different lengths, or a file that is damaged or was never finished.
+        """
+        from duralab.recording_arrays import Direction
+
+        return self._signals(runs, Direction.RESPONSE)
+
+    def _signals(self, runs: Sequence[str], direction: Direction) -> xarray.Dataset:
+        from duralab.recording_arrays import Direction, signal_dataset
+
+        if not self.whole:
+            raise InputError(
+                f"{self.path} was never finished and has no index; start the recorder on its folder, which repairs it, "
+                "or read whole runs with `signal`."
+            )
+        channels = self.rig.drives if direction is Direction.DRIVE else self.rig.responses
+        return signal_dataset(
+            self._windows,
+            channels_of(channels),
+            runs or tuple(self._iteration_runs),
+            direction=direction,
+            iterations=self._iteration_runs,
+            flat=len(runs) == 1,
+        )
+
+    @cached_property
+    def _windows(self) -> SignalWindows:
+        return SignalWindows(self._file.paths)
+
+    @cached_property
+    def _iteration_runs(self) -> dict[str, int]:
+        return {step.run: step.iteration for step in self.messages(iterator_pb2.IterationStep)}
+
     @cached_property
     def runs(self) -> tuple[str, ...]:
         """Names of the playbacks on the rig that were planned, in order."""
@@ -193,5 +254,5 @@ class Recording:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording; see `Recording`."""
+    """Open a recording, as `duralab.open` too; see `Recording`."""
     return Recording(path)

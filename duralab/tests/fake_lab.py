@@ -25,6 +25,7 @@ class AnyConfig(ServiceConfig):
 
     rigs: tuple[str, ...] = ("front_axle", "predecessor")
     folder: str = ""
+    spool_folder: str = ""
     viewer: str | None = None
 
 

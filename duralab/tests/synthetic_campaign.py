@@ -283,6 +283,9 @@ def signal_blocks(drive: np.ndarray, response: np.ndarray, *, run: str, size: in
     ]
 
 
+SIGNALS = "duralab/v1/local/rig/front_axle/signal"
+
+
 def write(path: Path, messages: list[Message], *, finish: bool = True, chunk_size: int = 1 << 20) -> Path:
     """Write messages on the topics of the recorder, with the standard MCAP writer."""
     with path.open("wb") as stream:
@@ -291,15 +294,14 @@ def write(path: Path, messages: list[Message], *, finish: bool = True, chunk_siz
         channels: dict[str, int] = {}
         for number, message in enumerate(messages):
             descriptor = message.DESCRIPTOR
-            if descriptor.name not in channels:
+            is_signal = isinstance(message, rig_pb2.SignalBlock)
+            topic = f"{SIGNALS}/{message.run}" if is_signal else f"step/{descriptor.name}"
+            if topic not in channels:
                 files = FileDescriptorSet()
                 descriptor.file.CopyToProto(files.file.add())
                 schema = writer.register_schema(descriptor.full_name, "protobuf", files.SerializeToString())
-                topic = "signal" if descriptor.name == "SignalBlock" else f"step/{descriptor.name}"
-                channels[descriptor.name] = writer.register_channel(topic, "protobuf", schema)
-            writer.add_message(
-                channels[descriptor.name], log_time=number, publish_time=number, data=message.SerializeToString()
-            )
+                channels[topic] = writer.register_channel(topic, "protobuf", schema)
+            writer.add_message(channels[topic], log_time=number, publish_time=number, data=message.SerializeToString())
         if finish:
             writer.finish()
         else:

@@ -175,8 +175,10 @@ def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
 
 
 def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
-    wrong = recorder_pb2.RecordingInfo(closed=True, file_hash="0" * 64)
-    monkeypatch.setattr("duralab._fetching.wait_until_closed", lambda *_: wrong)
+    def with_a_wrong_hash(_bus, id):
+        return recorder_pb2.RecordingInfo(recording=id, closed=True, file_hash="0" * 64)
+
+    monkeypatch.setattr("duralab._fetching.wait_until_closed", with_a_wrong_hash)
     with pytest.raises(LabError, match="SHA-256"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []

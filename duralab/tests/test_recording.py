@@ -126,3 +126,17 @@ def test_messages_are_read_one_at_a_time(recording_path):
     assert next(steps).iteration == 1
     assert next(steps).iteration == 2
     steps.close()
+
+
+def test_a_recording_in_several_files_reads_as_one(tmp_path):
+    made = synthetic_campaign.make(seconds=4.0, iterations=3)
+    steps = synthetic_campaign.steps(made)
+    one = open_recording(synthetic_campaign.write(tmp_path / "one.mcap", steps))
+    for number, part in enumerate((steps[:3], steps[3:6], steps[6:]), start=1):
+        name = "several.mcap" if number == 1 else f"several.part{number:02d}.mcap"
+        synthetic_campaign.write(tmp_path / name, part)
+    several = open_recording(tmp_path / "several.mcap")
+    assert several.whole
+    assert several.iterations.numbers == one.iterations.numbers
+    np.testing.assert_array_equal(several.playback(3).response.samples, one.playback(3).response.samples)
+    assert several.closed == one.closed

@@ -38,11 +38,15 @@ MAIN_INSTANCE: Final = "main"
 _RESERVED_IDENTIFIERS: Final = frozenset({"start", "list"})
 
 
+class KeyNameError(ValueError):
+    """A name that no key may hold, or a key that names nothing of the kind; the message is one sentence."""
+
+
 def _check(name: str, pattern: re.Pattern[str], *, what: str, rule: str) -> str:
     if len(name) > LONGEST_NAME:
-        raise ValueError(f"The {what} {name[:20]!r}… has {len(name)} characters; at most {LONGEST_NAME} are allowed.")
+        raise KeyNameError(f"The {what} {name[:20]!r}… has {len(name)} characters; at most {LONGEST_NAME} are allowed.")
     if pattern.fullmatch(name) is None:
-        raise ValueError(f"The {what} {name!r} is not a name of {rule}.")
+        raise KeyNameError(f"The {what} {name!r} is not a name of {rule}.")
     return name
 
 
@@ -59,7 +63,7 @@ def check_run(name: str) -> str:
 def check_id(name: str) -> str:
     """Return `name` if it may name a campaign, recording or model, else raise ValueError with one sentence."""
     if name in _RESERVED_IDENTIFIERS:
-        raise ValueError(f"The id {name!r} is taken by the contract itself; choose another.")
+        raise KeyNameError(f"The id {name!r} is taken by the contract itself; choose another.")
     return _check(name, _IDENTIFIER, what="id", rule=_IDENTIFIER_RULE)
 
 
@@ -191,6 +195,10 @@ class Keys:
         """Query: ReadStepsRequest → RecordedSteps."""
         return self._key("recorder", "recording", _or_any(id, check_id), "steps")
 
+    def recording_signals(self, id: str) -> str:
+        """Query: SignalWindowRequest → SignalWindow."""
+        return self._key("recorder", "recording", _or_any(id, check_id), "signals")
+
     def recording_verify(self, id: str) -> str:
         """Query: VerifyRecordingRequest → VerifyResult."""
         return self._key("recorder", "recording", _or_any(id, check_id), "verify")
@@ -212,12 +220,12 @@ def _chunks(key: str) -> tuple[str, list[str]]:
     """Split a key into its lab and what follows it."""
     chunks = key.split("/")
     if "/".join(chunks[:2]) != PREFIX or len(chunks) < 4 or "" in chunks:
-        raise ValueError(f"The key {key!r} is not of the contract, whose keys are '{PREFIX}/<lab>/…'.")
+        raise KeyNameError(f"The key {key!r} is not of the contract, whose keys are '{PREFIX}/<lab>/…'.")
     return chunks[2], chunks[3:]
 
 
-def _lacks(key: str, what: str) -> ValueError:
-    return ValueError(f"The key {key!r} names no {what}.")
+def _lacks(key: str, what: str) -> KeyNameError:
+    return KeyNameError(f"The key {key!r} names no {what}.")
 
 
 def rig_of(key: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from duralab.cli.ending import ended_well
+from duralab.recorded_result import Result
 
 app = typer.Typer(
     name="duralab",
@@ -123,6 +125,47 @@ def report(
 
 
 @app.command()
+def catalogue(
+    *,
+    rig: Annotated[str, typer.Option("--rig", metavar="NAME", help="Only recordings on this rig.")] = "",
+    target: Annotated[
+        str, typer.Option("--target", metavar="TEXT", help="Only those whose target's source holds this text.")
+    ] = "",
+    begun_from: Annotated[datetime | None, typer.Option("--from", help="Only those begun then or later.")] = None,
+    begun_before: Annotated[datetime | None, typer.Option("--before", help="Only those begun before.")] = None,
+    result: Annotated[Result | None, typer.Option("--result", help="Only those that ended so.")] = None,
+    connect: Lab = "tcp/127.0.0.1:7474",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the recordings as JSON.")] = False,
+) -> None:
+    """List the recordings of a lab, all or those that are looked for."""
+    from duralab.cli.catalogue_command import list_recordings
+
+    with ended_well():
+        list_recordings(
+            endpoint=connect,
+            rig=rig,
+            target=target,
+            begun_from=begun_from,
+            begun_before=begun_before,
+            result=result,
+            as_json=as_json,
+        )
+
+
+@app.command()
+def verify(
+    recording: Annotated[str, typer.Argument(metavar="ID", help="The recording; it is not written any more.")],
+    connect: Lab = "tcp/127.0.0.1:7474",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Read a recording from end to end: checksums, hashes, steps, signal blocks and the chain of its files."""
+    from duralab.cli.catalogue_command import verify as check_recording
+
+    with ended_well():
+        check_recording(recording, endpoint=connect, as_json=as_json)
+
+
+@app.command()
 def rigs(connect: Connect = None) -> None:
     """List the rigs with their channels, limits and sample rates, and what else is shipped."""
     from duralab.cli.lab_commands import list_rigs
@@ -158,7 +201,7 @@ def check_rig(
 
 @app.command()
 def view(
-    file: Annotated[Path | None, typer.Argument(help="A live.rrd to open.")] = None,
+    file: Annotated[Path | None, typer.Argument(help="A live.rrd, or a recording.mcap to make one of.")] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where data are sent to it.")] = 9876,
     web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Where a browser finds it.")] = 9090,
     web: Annotated[bool, typer.Option("--web", help="A page for the browser, even where there is a display.")] = False,

@@ -6,11 +6,13 @@ import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from duralab._view_rebuilding import rebuilt_view
 from duralab._viewer import GRPC_PORT, WEB_PORT, Viewer
 from duralab.errors import InputError, LabError
 from duralab.lab import Lab
@@ -118,7 +120,12 @@ def _limits(channel: Channel) -> str:
 def run_viewer(file: Path | None, *, port: int, web_port: int, web: bool) -> None:
     """Run the viewer until it is closed or interrupted."""
     console = Console(soft_wrap=True)
-    with Viewer(port=port, web_port=web_port, native=False if web else None, file=file) as viewer:
+    with ExitStack() as stack:
+        if file is not None and file.suffix == ".mcap":
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
+            console.print("Making the live view again from the log …", highlight=False, markup=False)
+            file = rebuilt_view(file, folder / "live.rrd")
+        viewer = stack.enter_context(Viewer(port=port, web_port=web_port, native=False if web else None, file=file))
         _say_where(viewer, console)
         console.print(f"It listens at {viewer.address}. Ctrl-C ends it.", highlight=False, markup=False)
         while not viewer.wait(_WATCH_SECONDS):

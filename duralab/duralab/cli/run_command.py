@@ -82,7 +82,7 @@ def print_result(console: Console, result: CampaignResult, report: Path) -> None
     console.print()
     rows = (
         ("report", report, open_hint(report)),
-        ("recording", result.recording_path, f'in Python, duralab.open_recording("{result.recording_path}")'),
+        ("recording", result.recording_path, f'in Python, duralab.open("{result.recording_path}")'),
         ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
     )
     # No table: a long path must be whole, so that it can be copied.

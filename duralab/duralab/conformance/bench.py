@@ -39,7 +39,9 @@ class Bench:
         keys = bus.keys
         self._subscriptions = [
             bus.subscribe(keys.rig_state(rig), rig_pb2.RigState, self._keep(self.states), self._on_problem),
-            bus.subscribe(keys.rig_signal(rig, "*"), rig_pb2.SignalBlock, self._keep(self.blocks), self._on_problem),
+            bus.subscribe(
+                keys.rig_signal(rig, "*"), rig_pb2.SignalBlock, self._keep(self.blocks), self._on_problem, repair=True
+            ),
             bus.subscribe(keys.rig_pose(rig), rig_pb2.PoseBlock, self._keep(self.poses), self._on_problem),
         ]
 

@@ -9,8 +9,13 @@ from labbus._faults import BusError, FaultError
 from labbus._liveliness import LiveWatch
 from labbus._server import Served
 from labbus._service import ServiceConfig, run_service, service_main
+from labbus._spool import SpoolFullError
+from labbus._spool_folder import SpoolFolder
+from labbus._spool_space import SpoolSpace
 from labbus._stream_item import StreamItem
-from labbus._streams import StreamPublisher, Subscription
+from labbus._stream_order import StreamProof
+from labbus._streams import StreamPublisher
+from labbus._subscription import Subscription
 from labbus._yaml import ConfigError, explain_validation, load_config
 
 __all__ = [
@@ -26,7 +31,11 @@ __all__ = [
     "LiveWatch",
     "Served",
     "ServiceConfig",
+    "SpoolFolder",
+    "SpoolFullError",
+    "SpoolSpace",
     "StreamItem",
+    "StreamProof",
     "StreamPublisher",
     "Subscription",
     "encoding_of",

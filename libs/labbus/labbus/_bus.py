@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -11,7 +11,7 @@ import structlog
 import zenoh
 from google.protobuf.message import Message
 
-from duralab_proto.keys import ANY, Keys
+from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import query_pb2
 from labbus._call import Handler
 from labbus._client import QueryClient
@@ -19,14 +19,18 @@ from labbus._config import BusConfig
 from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
-from labbus._replay import ReplayClient, ReplayServer
+from labbus._replay import ReplayServer
+from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
 from labbus._session import open_session
-from labbus._spool import SPOOL_BYTES
+from labbus._spool_folder import SpoolFolder
+from labbus._spool_space import SPOOL_BYTES, SpoolSpace
 from labbus._stream_item import StreamItem
-from labbus._streams import StreamPublisher, Subscription
+from labbus._streams import StreamPublisher
+from labbus._subscription import Subscription
 
 _CLOSE_SECONDS: Final = 1.0
+_STORING: Final = ("recorder", MAIN_INSTANCE)
 
 
 class LiveToken:
@@ -67,6 +71,7 @@ class Bus:
         self._tokens: set[LiveToken] = set()
         self._subscriptions: set[Subscription[Any]] = set()
         self._watches: set[LiveWatch] = set()
+        self._spaces: set[SpoolSpace] = set()
         self._closing = threading.Lock()
         self._closed = False
 
@@ -88,8 +93,9 @@ class Bus:
             The message that is expected; anything else is refused before the handler is called.
         handler : callable
             Called with (request, call) on a worker thread, once per query and never again. Returns the response, or
-            raises FaultError, or lets the ArrayError of the request's arrays pass (it becomes INVALID_ARGUMENT);
-            anything else is logged and becomes INTERNAL. While it runs the client is told once a second.
+            raises FaultError, or lets the ArrayError of the request's arrays and the KeyNameError of a name pass
+            (they become INVALID_ARGUMENT); anything else is logged and becomes INTERNAL. While it runs the client is
+            told once a second.
         workers : int, optional
             Threads kept for this key alone: for what must be answered while all others are taken, such as a stop.
             Queries on it wait for one of them as long as it takes and are never refused as BUSY.
@@ -144,50 +150,45 @@ class Bus:
         except zenoh.ZError as error:
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
-    def publisher(self, key: str, *, spool_bytes: int = SPOOL_BYTES) -> StreamPublisher:
+    def publisher(
+        self,
+        key: str,
+        *,
+        spools: SpoolSpace | None = None,
+        durable: bool = False,
+    ) -> StreamPublisher:
         """Return a publisher on one key, with an epoch of its own.
 
         Parameters
         ----------
         key : str
             Without wildcards.
-        spool_bytes : int
-            How much of the stream it keeps in memory for replay, 64 MiB where not said; the oldest gives way.
+        spools : SpoolSpace, optional
+            Where it keeps the stream for replay; 64 MiB of memory of its own where not said. In a SpoolFolder it
+            survives this process.
+        durable : bool
+            Whether nothing may give way that the recorder has not marked as stored, wherever this session has met
+            one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
         """
+        if spools is not None:
+            self._spaces.add(spools)
         return StreamPublisher(
-            self._session, key, replays=self._replays, spool_bytes=spool_bytes, largest_bytes=self._limit
+            self._session,
+            key,
+            replays=self._replays,
+            # One stream that nobody marks takes an eighth of a space.
+            spools=spools or SpoolSpace(8 * SPOOL_BYTES),
+            held=durable and self._tracker.met(_STORING),
+            largest_bytes=self._limit,
         )
 
-    def replay(
-        self, key: str, message_type: type[MessageT], *, epoch: int, ranges: Iterable[range]
-    ) -> list[StreamItem[MessageT]]:
-        """Ask a publisher for messages of its stream again.
-
-        Parameters
-        ----------
-        key : str
-            Of the stream, without wildcards.
-        message_type : type
-            The message that is expected.
-        epoch : int
-            Of the publisher.
-        ranges : iterable of range
-            Sequence numbers wanted, as from `Continuity.missing`.
-
-        Returns
-        -------
-        list of StreamItem
-            Those it still has, in the order asked for; empty where it or its spool is gone. What is not among them
-            after a second question is lost.
-
-        Raises
-        ------
-        FaultError
-            The publisher answers something that is not the message expected.
-        BusError
-            This bus is closed.
-        """
-        return self._replay_client.replay(key, message_type, epoch=epoch, ranges=ranges)
+    def serve_left_spools(self, spools: SpoolFolder) -> int:
+        """Offer what publishers that are dead left in a folder, until it is marked; return how many streams."""
+        self._spaces.add(spools)
+        left = spools.take_over()
+        for key, epoch, spool in left:
+            self._replays.offer(key=key, epoch=epoch, spool=spool).retire()
+        return len(left)
 
     def subscribe(
         self,
@@ -207,17 +208,16 @@ class Bus:
         message_type : type
             The message that is expected.
         callback : callable
-            Called with each StreamItem, in order, on a thread of this subscription. The queue has no bound.
+            Called with each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
+            the oldest are dropped, and with `repair` fetched again when there is room.
         on_problem : callable, optional
             Called on the same thread with the FaultError of a message that is not what is expected; logged otherwise.
         repair : bool
-            Whether to ask the publisher for what is missing before each message, from number 0 on, and deliver that
-            first. Messages may be lost otherwise. The end of a stream is only proved by its count: see `replay`.
+            Whether to deliver whatever publishers of these keys still keep, also of streams that have ended, and all
+            that follows: each message once and in order. What is lost on the way is fetched from the publishers'
+            spools; what nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages
+            may be lost otherwise.
         """
-
-        def replay(key: str, epoch: int, ranges: list[range]) -> list[StreamItem[MessageT]]:
-            return self.replay(key, message_type, epoch=epoch, ranges=ranges)
-
         subscription = Subscription(
             self._session,
             key_expression,
@@ -225,7 +225,7 @@ class Bus:
             callback,
             on_problem=on_problem,
             largest_bytes=self._limit,
-            replay=replay if repair else None,
+            client=self._replay_client if repair else None,
             on_close=self._subscriptions.discard,
         )
         self._subscriptions.add(subscription)
@@ -292,6 +292,8 @@ class Bus:
         for subscription in list(self._subscriptions):
             subscription.close()
         self._replays.close()
+        for space in self._spaces:
+            space.close()
         self._tracker.close()
         # Closing waits for Zenoh's own threads; a stuck link must not keep the process from ending.
         closing = threading.Thread(target=self._session.close, name="labbus-close", daemon=True)

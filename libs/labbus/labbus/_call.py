@@ -13,6 +13,7 @@ import zenoh
 from google.protobuf.message import Message
 
 from duralab_proto.arrays import ArrayError
+from duralab_proto.keys import KeyNameError
 from duralab_proto.v1 import query_pb2
 from labbus._encoding import MessageT, decode, encode, encoding_of
 from labbus._faults import FaultError
@@ -118,6 +119,9 @@ class QueryJob(Generic[MessageT]):
         except ArrayError as error:
             # Handlers decode arrays of the request all the time; what is wrong with one is the client's to know.
             self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field))
+        except KeyNameError as error:
+            # Likewise names: those in the key that was asked, and those that handlers make keys of.
+            self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error)))
         except Exception as error:  # noqa: BLE001 - any defect of a handler must reach the client as a fault
             self._log.exception("A query failed by a defect of this service.")
             self.refuse(

@@ -202,7 +202,7 @@ class QueryClient:
     @staticmethod
     def _vanished(key: str, instance: Instance) -> FaultError:
         return _unavailable(
-            f"{_named(instance)} left the bus before it answered {key}; it was stopped or it crashed, see its log."
+            f"{_named(instance)} left the bus before it answered {key}; it ended, crashed or is frozen: see its log."
         )
 
 

@@ -29,7 +29,8 @@ class Continuity:
     @property
     def received(self) -> int:
         """How many different messages were received."""
-        return self._next - sum(len(gap) for gap in self._gaps)
+        # Not len(): a stranger's number may be beyond what it takes.
+        return self._next - sum(gap.stop - gap.start for gap in self._gaps)
 
     @property
     def doubled(self) -> int:
@@ -70,6 +71,26 @@ class Continuity:
         parts = (range(gap.start, seq), range(seq + 1, gap.stop))
         self._gaps[position : position + 1] = [part for part in parts if part]
         return []
+
+    def fill(self, seqs: range) -> None:
+        """Take note of all messages of a range, however long it is."""
+        if seqs.start > self._next:
+            self._gaps.append(range(self._next, seqs.start))
+        self._next = max(self._next, seqs.stop)
+        left: list[range] = []
+        for gap in self._gaps:
+            if gap.stop <= seqs.start or gap.start >= seqs.stop:
+                left.append(gap)
+            else:
+                left += [part for part in (range(gap.start, seqs.start), range(seqs.stop, gap.stop)) if part]
+        self._gaps = left
+
+    def first_missing(self, seq: int) -> int:
+        """Return the first number from `seq` on that was not received."""
+        if seq >= self._next or self._gap_around(seq) is not None:
+            return seq
+        following = bisect_right(self._gaps, seq, key=lambda gap: gap.start)
+        return self._gaps[following].start if following < len(self._gaps) else self._next
 
     def missing(self, count: int) -> list[range]:
         """Return the numbers below `count` that were not received, as ascending ranges that do not touch."""

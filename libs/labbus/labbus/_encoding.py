@@ -38,7 +38,7 @@ def encode(
 
 
 def decode(
-    payload: zenoh.ZBytes | None,
+    payload: zenoh.ZBytes | bytes | None,
     encoding: zenoh.Encoding | None,
     message_type: type[MessageT],
     *,
@@ -72,7 +72,7 @@ def decode(
     if payload is not None and len(payload) > largest_bytes:
         raise _too_large(name, len(payload), largest_bytes, code=code)
     try:
-        return message_type.FromString(b"" if payload is None else payload.to_bytes())
+        return message_type.FromString(payload.to_bytes() if isinstance(payload, zenoh.ZBytes) else payload or b"")
     except DecodeError as error:
         raise FaultError(code, f"The payload of {len(payload or b'')} bytes is not a {name}; send one.") from error
 

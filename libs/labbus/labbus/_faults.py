@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Final, Self
 
 from duralab_proto.v1 import query_pb2
+
+LONGEST_MESSAGE: Final = 1000
+"""Most characters of a fault's sentence as it goes over the bus."""
 
 
 class BusError(RuntimeError):
@@ -45,7 +48,10 @@ class FaultError(Exception):
 
     def to_message(self) -> query_pb2.Fault:
         """Return the fault as it goes over the bus."""
-        return query_pb2.Fault(code=self.code, message=self.message, field=self.field, service=self.service)
+        # A value that is quoted may hold line breaks and have any length.
+        line = " ".join(self.message.split())
+        sentence = line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 1]}…"
+        return query_pb2.Fault(code=self.code, message=sentence, field=self.field, service=self.service)
 
     @classmethod
     def from_message(cls, fault: query_pb2.Fault) -> Self:

@@ -52,6 +52,7 @@ class LivelinessTracker:
     def __init__(self, session: zenoh.Session, keys: Keys) -> None:
         self._changed = threading.Condition()
         self._live: set[Instance] = set()
+        self._met: set[Instance] = set()
         self._listeners: list[LiveCallback] = []
         self._events: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="labbus-liveliness", daemon=True)
@@ -64,6 +65,11 @@ class LivelinessTracker:
         """Return who is there now, of a service and an instance or of any."""
         with self._changed:
             return {(s, i) for s, i in self._live if service in (ANY, s) and instance in (ANY, i)}
+
+    def met(self, instance: Instance) -> bool:
+        """Return whether an instance was ever there."""
+        with self._changed:
+            return instance in self._met
 
     def wait_for(self, wanted: set[Instance], *, timeout_seconds: float) -> set[Instance]:
         """Wait until all are there; return those that are still missing after the timeout."""
@@ -123,6 +129,7 @@ class LivelinessTracker:
                 return
             if alive:
                 self._live.add(instance)
+                self._met.add(instance)
             else:
                 self._live.remove(instance)
             for listener in self._listeners:

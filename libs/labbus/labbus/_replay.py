@@ -1,39 +1,45 @@
-"""Replay: a publisher answers on `<key>/@replay` with what it published, for those who lost some of it.
+"""Serving spools: a publisher answers on `<key>/@replay` and `<key>/@head`, and hears of marks on `<key>/@mark`.
 
-A query carries the key parameters `epoch`, `first` and `stop`: which publisher, and which sequence numbers from `first`
-on and before `stop`. Each reply is one message with payload, encoding and attachment as it was published; at most 1000
-a query, the first ones there are. A publisher of another epoch, or one that has none of them any more, sends nothing.
+A replay query carries the key parameters `epoch`, `first` and `stop`: which publisher, and which sequence numbers from
+`first` on and before `stop`. Each reply is one message with payload, encoding and attachment as it was published; at
+most 1000 a query, the first ones there are. A publisher of another epoch, or one that has none of them any more, sends
+nothing. A head query is answered with one StreamHead for each epoch that is kept.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
-from collections.abc import Iterable
-from queue import Empty, SimpleQueue
+from collections.abc import Callable
 from typing import Final
 
 import structlog
 import zenoh
 
-from duralab_proto.v1 import query_pb2
+from duralab_proto.v1 import query_pb2, stream_pb2
 from labbus._delivery import Delivery
-from labbus._encoding import MessageT, encoding_of
+from labbus._encoding import decode, encoding_of
 from labbus._faults import BusError, FaultError
+from labbus._later import Later
 from labbus._spool import Spool
-from labbus._stream_item import POSITION, StreamItem, read_item
+from labbus._stream_item import POSITION
 
 MOST_REPLAYED: Final = 1000
 """Messages answered to one query, so that no answer keeps the others waiting for long."""
 
 KEPT_SPOOLS: Final = 4
 KEPT_SECONDS: Final = 60.0
-"""The spools of the last publishers that were closed are kept for so long: the tail of a run is asked for after it."""
+"""Spools that nobody marks: those of the last publishers that were closed are kept for so long, because the tail of a
+run is asked for after it."""
 
-_TIMEOUT_SECONDS: Final = 2.0
+LAST_HEAD_SECONDS: Final = 5.0
+"""How long it is still told how many messages a stream had, when it ended and all of it is marked."""
+
 _LARGEST_SEQ: Final = 2**64
-# Below the streams: neither a long replay nor an asker that is frozen in the middle of one holds them up.
-_PRIORITY: Final = zenoh.Priority.DATA_LOW
+_LARGEST_MARK: Final = 64
+# A recorder brings what it has to the disk four times a second.
+_LAST_MARKS_SECONDS: Final = 0.5
 
 
 def replay_key(key: str) -> str:
@@ -41,29 +47,49 @@ def replay_key(key: str) -> str:
     return f"{key}/@replay"
 
 
-class ReplayOffer:
-    """The spool of one publisher as it is offered on the bus."""
+def head_key(key: str) -> str:
+    """Return where it is asked how far a stream reaches."""
+    return f"{key}/@head"
+
+
+def mark_key(key: str) -> str:
+    """Return where it is published how far a stream is stored."""
+    return f"{key}/@mark"
+
+
+class SpoolOffer:
+    """The spool of one epoch as it is offered on the bus."""
 
     def __init__(self, server: ReplayServer, session: zenoh.Session, *, key: str, epoch: int, spool: Spool) -> None:
+        self.spool = spool
+        self.done = False
         self._server = server
-        self._key = replay_key(key)
+        self._key = key
         self._epoch = epoch
-        self._spool = spool
-        self._queryable = session.declare_queryable(self._key, zenoh.handlers.Callback(self._take, indirect=False))
+        self._declared = (
+            session.declare_queryable(replay_key(key), self._callback(self._answer_replay, bulk=True)),
+            session.declare_queryable(head_key(key), self._callback(self._answer_head, bulk=False)),
+            session.declare_subscriber(mark_key(key), zenoh.handlers.Callback(self._take_mark, indirect=False)),
+        )
 
     def retire(self) -> None:
-        """Nothing more will be published: offer it for a while, then no more."""
+        """Nothing more will be published: offer it until it is marked, or for a while where nobody marks."""
+        self.done = True
         self._server.retire(self)
 
     def withdraw(self) -> None:
         """Offer it no more."""
-        self._queryable.undeclare()
+        for declared in self._declared:
+            declared.undeclare()
 
-    def _take(self, query: zenoh.Query) -> None:
-        self._server.take(self, query)
+    def _callback(self, answer: Callable[[zenoh.Query], None], *, bulk: bool) -> zenoh.handlers.Callback[zenoh.Query]:
+        def take(query: zenoh.Query) -> None:
+            # On Zenoh's thread: nothing here may block.
+            self._server.do(lambda: _answered(query, answer), bulk=bulk)
 
-    def answer(self, query: zenoh.Query) -> None:
-        """Send what is asked for and is there."""
+        return zenoh.handlers.Callback(take, indirect=False)
+
+    def _answer_replay(self, query: zenoh.Query) -> None:
         try:
             epoch, first, stop = (_number(query, name) for name in ("epoch", "first", "stop"))
         except FaultError as fault:
@@ -72,13 +98,49 @@ class ReplayOffer:
             return
         if epoch != self._epoch:
             return
-        for spooled in self._spool.read(first, stop, most=MOST_REPLAYED):
+        for spooled in self.spool.read(first, stop, most=MOST_REPLAYED):
             query.reply(
-                self._key,
+                replay_key(self._key),
                 spooled.payload,
                 encoding=spooled.encoding,
                 attachment=POSITION.pack(epoch, spooled.seq),
             )
+
+    def _answer_head(self, query: zenoh.Query) -> None:
+        # Before the extent: what is done grows no more.
+        done, extent = self.done, self.spool.extent
+        head = stream_pb2.StreamHead(
+            epoch=self._epoch, first=extent.first, next=extent.next, marked=extent.marked, done=done
+        )
+        query.reply(head_key(self._key), head.SerializeToString(), encoding=encoding_of(head))
+
+    def _take_mark(self, sample: zenoh.Sample) -> None:
+        try:
+            mark = decode(sample.payload, sample.encoding, stream_pb2.StreamMark, largest_bytes=_LARGEST_MARK)
+        except FaultError as fault:
+            structlog.get_logger("labbus").warning("A mark is refused.", key=self._key, reason=fault.message)
+            return
+        if mark.epoch != self._epoch:
+            return
+        if mark.next > self.spool.extent.next:
+            # Nobody stores what was never published: this is not the recorder.
+            structlog.get_logger("labbus").warning("A mark is refused.", key=self._key, next=mark.next)
+        else:
+            self._server.do(lambda: self._mark(mark.next), bulk=False)
+
+    def _mark(self, marked: int) -> None:
+        self.spool.mark(marked)
+        if self.done and self.spool.settled:
+            self._server.settle(self)
+
+
+def _answered(query: zenoh.Query, answer: Callable[[zenoh.Query], None]) -> None:
+    try:
+        # Leaving the query undropped would let the asker wait for more.
+        with query:
+            answer(query)
+    except zenoh.ZError:
+        structlog.get_logger("labbus").info("A replay could not be sent; its asker or this session is gone.")
 
 
 def _number(query: zenoh.Query, name: str) -> int:
@@ -93,59 +155,80 @@ def _number(query: zenoh.Query, name: str) -> int:
 
 
 class ReplayServer:
-    """Answers the replay queries of one session, one after the other, on a thread of its own."""
+    """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._lock = threading.Lock()
-        self._offers: set[ReplayOffer] = set()
-        self._retired: deque[ReplayOffer] = deque()
-        self._answering: Delivery[tuple[ReplayOffer, zenoh.Query]] | None = None
+        self._offers: set[SpoolOffer] = set()
+        self._retired: deque[SpoolOffer] = deque()
+        self._threads: dict[bool, Delivery[Callable[[], None]]] = {}
+        self._later = Later("labbus-expiry")
         self._closed = False
 
-    def offer(self, *, key: str, epoch: int, spool: Spool) -> ReplayOffer:
-        """Offer a publisher's spool on the bus."""
+    def offer(self, *, key: str, epoch: int, spool: Spool) -> SpoolOffer:
+        """Offer a spool on the bus."""
         with self._lock:
             if self._closed:
                 raise BusError(f"The bus is closed; nothing can be published on {key}.")
-            if self._answering is None:
-                self._answering = Delivery(self._answer, name="labbus-replay")
+            if not self._threads:
+                for bulk, name in ((True, "labbus-replay"), (False, "labbus-heads")):
+                    self._threads[bulk] = Delivery(lambda job: job(), name=name)
         try:
-            offer = ReplayOffer(self, self._session, key=key, epoch=epoch, spool=spool)
+            offer = SpoolOffer(self, self._session, key=key, epoch=epoch, spool=spool)
         except zenoh.ZError as error:
             raise BusError(f"Nothing can be published on {key}: {error}.") from error
         with self._lock:
             self._offers.add(offer)
         return offer
 
-    def take(self, offer: ReplayOffer, query: zenoh.Query) -> None:
-        """Take a query over from Zenoh's thread: nothing here may block."""
-        answering = self._answering
-        if answering is not None:
-            answering.put((offer, query))
+    def do(self, job: Callable[[], None], *, bulk: bool) -> None:
+        """Have something done on a thread of this server; never blocks."""
+        self._threads[bulk].put(job)
 
-    def retire(self, offer: ReplayOffer) -> None:
-        """Keep an offer as one of the last few."""
+    def retire(self, offer: SpoolOffer) -> None:
+        """Keep an offer until it is settled, or as one of the last few where nobody marks."""
+        if offer.spool.settled:
+            self.settle(offer)
+        if offer.spool.held:
+            return
         with self._lock:
             self._retired.append(offer)
             surplus = self._retired.popleft() if len(self._retired) > KEPT_SPOOLS else None
         if surplus is not None:
-            self._withdraw(surplus)
-        timer = threading.Timer(KEPT_SECONDS, self._withdraw, [offer])
-        timer.daemon = True
-        timer.start()
+            self._expire(surplus)
+        self._later.put(KEPT_SECONDS, lambda: self._expire(offer))
+
+    def settle(self, offer: SpoolOffer) -> None:
+        """Let go of a spool that nobody needs any more; its end is still told for a moment."""
+        offer.spool.close(delete=True)
+        self._later.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 
     def close(self) -> None:
-        """Offer nothing more."""
+        """Offer nothing more, after a moment for the last marks; what is on disk and not marked stays there."""
+        deadline = time.monotonic() + _LAST_MARKS_SECONDS
+        while time.monotonic() < deadline and self._unsettled():
+            time.sleep(0.01)
         with self._lock:
             self._closed = True
             offers = list(self._offers)
+        self._later.close()
         for offer in offers:
-            self._withdraw(offer)
-        if self._answering is not None:
-            self._answering.close()
+            self.withdraw(offer)
+        for thread in self._threads.values():
+            thread.close()
 
-    def _withdraw(self, offer: ReplayOffer) -> None:
+    def _unsettled(self) -> bool:
+        with self._lock:
+            return any(offer.spool.held and not offer.spool.settled for offer in self._offers)
+
+    def _expire(self, offer: SpoolOffer) -> None:
+        # It may have been marked meanwhile: then it is kept until it is settled.
+        if not offer.spool.held:
+            self.withdraw(offer)
+
+    def withdraw(self, offer: SpoolOffer) -> None:
+        """Offer it no more, and let go of what was kept."""
         with self._lock:
             if offer not in self._offers:
                 return
@@ -153,68 +236,4 @@ class ReplayServer:
             if offer in self._retired:
                 self._retired.remove(offer)
         offer.withdraw()
-
-    @staticmethod
-    def _answer(asked: tuple[ReplayOffer, zenoh.Query]) -> None:
-        offer, query = asked
-        try:
-            # Leaving the query undropped would let the asker wait for more.
-            with query:
-                offer.answer(query)
-        except zenoh.ZError:
-            structlog.get_logger("labbus").info("A replay could not be sent; its asker or this session is gone.")
-
-
-class ReplayClient:
-    """Asks for replays over one session."""
-
-    def __init__(self, session: zenoh.Session, *, largest_bytes: int) -> None:
-        self._session = session
-        self._largest_bytes = largest_bytes
-
-    def replay(
-        self, key: str, message_type: type[MessageT], *, epoch: int, ranges: Iterable[range]
-    ) -> list[StreamItem[MessageT]]:
-        """Ask for what is missing; see `Bus.replay`."""
-        found: list[StreamItem[MessageT]] = []
-        for wanted in ranges:
-            first = wanted.start
-            while first < wanted.stop:
-                part = self._ask(key, message_type, epoch=epoch, wanted=range(first, wanted.stop))
-                if not part:
-                    break
-                found.extend(part)
-                first = part[-1].seq + 1
-        return found
-
-    def _ask(self, key: str, message_type: type[MessageT], *, epoch: int, wanted: range) -> list[StreamItem[MessageT]]:
-        replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
-        stop = zenoh.CancellationToken()
-        try:
-            self._session.get(
-                f"{replay_key(key)}?epoch={epoch};first={wanted.start};stop={wanted.stop}",
-                zenoh.handlers.Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
-                # Several publishers may be on one key; only that of the epoch answers.
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                # Said for the replies as well, which follow the query.
-                congestion_control=zenoh.CongestionControl.BLOCK,
-                priority=_PRIORITY,
-                timeout=_TIMEOUT_SECONDS,
-                cancellation_token=stop,
-            )
-        except zenoh.ZError as error:
-            raise BusError(f"{key} cannot be replayed: this bus is closed ({error}).") from error
-        items: dict[int, StreamItem[MessageT]] = {}
-        try:
-            # Zenoh ends the query after the timeout by itself; twice as long only where its session is stuck.
-            while (reply := replies.get(timeout=2 * _TIMEOUT_SECONDS)) is not None:
-                if reply.ok is not None:
-                    item = read_item(reply.ok, key=key, message_type=message_type, largest_bytes=self._largest_bytes)
-                    if item.epoch == epoch and item.seq in wanted:
-                        items[item.seq] = item
-        except Empty:
-            pass
-        finally:
-            stop.cancel()
-        return [items[seq] for seq in sorted(items)]
+        offer.spool.close(delete=False)

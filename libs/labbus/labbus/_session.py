@@ -15,6 +15,13 @@ from labbus._faults import BusError
 # A free port is found by asking the system and giving it back; another process may take it in between.
 _PORT_ATTEMPTS: Final = 5
 _PROBE_SECONDS: Final = 0.5
+# A link on which nothing comes for this long is closed, and with it goes the liveliness of who is frozen at its other
+# end. Zenoh's own threads send a sign of life four times as often: a process is not taken for frozen because Python, or
+# native code that holds the interpreter's lock, keeps it busy. Zenoh's default is 10 s.
+_LEASE_MILLISECONDS: Final = 2000
+# How long a stream waits for room on a link before it drops a message there, which has to be replayed then. Once: while
+# the link stays full, what follows is dropped at once.
+_FULL_LINK_MICROSECONDS: Final = 8_000
 # Zenoh closes a link when a receiver does not read an answer for this long. Streams never wait (they are dropped and
 # replayed); a handler whose asker is frozen should not for longer than needed. It is Zenoh's own default.
 _BLOCKED_LINK_MICROSECONDS: Final = 5_000_000
@@ -68,9 +75,16 @@ def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config
                     "shared_memory": {"enabled": False},
                     "link": {
                         "tx": {
+                            "lease": _LEASE_MILLISECONDS,
+                            "keep_alive": 4,
                             "queue": {
-                                "congestion_control": {"block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS}}
-                            }
+                                # The most that Zenoh allows for what is streamed: batches of 64 KiB.
+                                "size": {"interactive_low": 16},
+                                "congestion_control": {
+                                    "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},
+                                    "block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS},
+                                },
+                            },
                         }
                     },
                 },

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final, Protocol
 
-SPOOL_BYTES: Final = 64 * 2**20
-"""Bound of one stream's spool: 11 minutes of a rig with six drives and six responses at 1 kHz."""
+if TYPE_CHECKING:
+    from labbus._spool_space import SpoolSpace
 
-_OVERHEAD_BYTES: Final = 128
+OVERHEAD_BYTES: Final = 128
 """What a message costs besides its payload: a stream of tiny ones must not grow past the bound either."""
+
+
+class SpoolFullError(RuntimeError):
+    """A message could not be kept and was not published; one sentence that says why."""
 
 
 @dataclass(frozen=True)
@@ -22,40 +27,203 @@ class Spooled:
     encoding: str
 
 
+class Store(Protocol):
+    """Where the messages of one epoch are kept, in memory or on disk. Used under its spool's lock."""
+
+    @property
+    def shortage(self) -> str:
+        """Why nothing more should be put in but what must be; empty while there is room."""
+        ...
+
+    @property
+    def full(self) -> bool:
+        """Whether the bound of the space is exceeded."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """How many bytes it takes."""
+        ...
+
+    def append(self, message: Spooled) -> None:
+        """Keep the next message; OSError where it cannot be."""
+        ...
+
+    def read(self, seqs: range) -> list[Spooled]:
+        """Return messages that are kept."""
+        ...
+
+    def drop_before(self, seq: int) -> None:
+        """Let go of messages below a number, as far as they can be."""
+        ...
+
+    def drop_oldest(self) -> int | None:
+        """Let go of the oldest; return the lowest number that is left, or None where no older one can go."""
+        ...
+
+    def close(self, *, delete: bool) -> None:
+        """Keep nothing more in this process; what is on disk stays there unless it is to be deleted."""
+        ...
+
+
+class MemoryStore:
+    """Messages in memory."""
+
+    def __init__(self, space: SpoolSpace) -> None:
+        self._space = space
+        self._messages: deque[Spooled] = deque()
+        self._bytes = 0
+
+    @property
+    def shortage(self) -> str:
+        """Why nothing more should be put in but what must be; empty while there is room."""
+        return self._space.shortage
+
+    @property
+    def full(self) -> bool:
+        """Whether the bound of the space is exceeded."""
+        return self._space.full
+
+    @property
+    def size(self) -> int:
+        """How many bytes it takes."""
+        return self._bytes
+
+    def append(self, message: Spooled) -> None:
+        """Keep the next message."""
+        self._messages.append(message)
+        self._take(len(message.payload) + OVERHEAD_BYTES)
+
+    def read(self, seqs: range) -> list[Spooled]:
+        """Return messages that are kept."""
+        if not seqs:
+            return []
+        base = self._messages[0].seq
+        return [self._messages[seq - base] for seq in seqs]
+
+    def drop_before(self, seq: int) -> None:
+        """Let go of all messages below a number."""
+        while self._messages and self._messages[0].seq < seq:
+            self.drop_oldest()
+
+    def drop_oldest(self) -> int | None:
+        """Let go of one message; return the number of the next."""
+        if not self._messages:
+            return None
+        oldest = self._messages.popleft()
+        self._take(-len(oldest.payload) - OVERHEAD_BYTES)
+        return oldest.seq + 1
+
+    def close(self, *, delete: bool) -> None:
+        """Keep nothing more."""
+        del delete
+        self._messages.clear()
+        self._take(-self._bytes)
+
+    def _take(self, size: int) -> None:
+        self._bytes += size
+        self._space.count(size)
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How far a spool reaches: `first` to `next` can be replayed, all below `marked` are stored elsewhere."""
+
+    first: int
+    next: int
+    marked: int
+
+
 class Spool:
-    """The latest messages of one publisher, in memory: the oldest give way. Safe for threads.
+    """What is kept of one epoch, and how much of that somebody still waits for. Safe for threads.
 
     Parameters
     ----------
-    largest_bytes : int
-        Bound in bytes, greater than 0; each message counts its payload and 128 bytes. A message that exceeds it
-        alone is not kept. What fell out cannot be replayed: its receiver reports it as missing.
+    store : Store
+        Where it is kept.
+    held : bool
+        Whether a receiver stores the stream and says so by marks: then nothing unmarked gives way, and a full store
+        refuses. The oldest give way otherwise.
+    unheld_bytes : int
+        Bound while nobody does.
+    extent : Extent, optional
+        What the store holds already.
     """
 
-    def __init__(self, largest_bytes: int) -> None:
-        if largest_bytes < 1:
-            raise ValueError(f"A spool of {largest_bytes} bytes keeps nothing; it needs 1 or more.")
-        self._largest_bytes = largest_bytes
+    def __init__(self, store: Store, *, held: bool, unheld_bytes: int, extent: Extent | None = None) -> None:
+        self._store = store
         self._lock = threading.Lock()
-        self._messages: dict[int, Spooled] = {}
-        self._first = 0
-        self._next = 0
-        self._bytes = 0
+        self._held = held
+        self._unheld_bytes = unheld_bytes
+        self._extent = extent or Extent(first=0, next=0, marked=0)
 
-    def append(self, payload: bytes, encoding: str) -> None:
-        """Keep the next message; its sequence number is the count of those before."""
+    @property
+    def extent(self) -> Extent:
+        """How far it reaches now."""
         with self._lock:
-            self._messages[self._next] = Spooled(self._next, payload, encoding)
-            self._next += 1
-            self._bytes += len(payload) + _OVERHEAD_BYTES
-            while self._bytes > self._largest_bytes:
-                oldest = self._messages.pop(self._first)
-                self._first += 1
-                self._bytes -= len(oldest.payload) + _OVERHEAD_BYTES
+            return self._extent
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody marks what is stored, and is waited for."""
+        return self._held
+
+    @property
+    def settled(self) -> bool:
+        """Whether nobody needs it any more: all of it is marked."""
+        return self._held and self._extent.marked >= self._extent.next
+
+    @property
+    def shortage(self) -> str:
+        """Why nothing more should be published before more is marked; empty while there is room."""
+        with self._lock:
+            return self._store.shortage if self._held else ""
+
+    def append(self, payload: bytes, encoding: str) -> int:
+        """Keep the next message and return its number, the count of those before.
+
+        Raises
+        ------
+        SpoolFullError
+            It cannot be kept without giving up another one that is not marked, or the disk refuses it.
+        """
+        with self._lock:
+            extent = self._extent
+            if self._held and self._store.full:
+                raise SpoolFullError(f"{self._store.shortage}, with {extent.next - extent.marked} messages not stored.")
+            try:
+                self._store.append(Spooled(extent.next, payload, encoding))
+            except OSError as error:
+                raise SpoolFullError(f"the spool cannot be written: {error.strerror or error}.") from error
+            first = extent.first
+            while self._too_much and (lowest := self._store.drop_oldest()) is not None:
+                first = lowest
+            self._extent = Extent(first=first, next=extent.next + 1, marked=extent.marked)
+            return extent.next
+
+    @property
+    def _too_much(self) -> bool:
+        return not self._held and (self._store.full or self._store.size > self._unheld_bytes)
 
     def read(self, first: int, stop: int, *, most: int) -> list[Spooled]:
         """Return the first `most` messages it has from number `first` on and before `stop`, ascending."""
         with self._lock:
-            first = max(first, self._first)
-            stop = min(stop, self._next, first + most)
-            return [self._messages[seq] for seq in range(first, stop)]
+            first = max(first, self._extent.first)
+            return self._store.read(range(first, min(stop, self._extent.next, first + most)))
+
+    def mark(self, marked: int) -> None:
+        """Note that all below a number are stored elsewhere; let go of them. From now on somebody is waited for."""
+        with self._lock:
+            extent = self._extent
+            self._held = True
+            marked = min(max(marked, extent.marked), extent.next)
+            first = max(extent.first, marked)
+            self._store.drop_before(first)
+            self._extent = Extent(first=first, next=extent.next, marked=marked)
+
+    def close(self, *, delete: bool) -> None:
+        """Keep nothing more in this process; what is on disk and not marked stays there unless it is to be deleted."""
+        with self._lock:
+            delete = delete or not self._held or self._extent.marked >= self._extent.next
+            self._store.close(delete=delete)
+            self._extent = Extent(first=self._extent.next, next=self._extent.next, marked=self._extent.marked)

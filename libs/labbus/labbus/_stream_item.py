@@ -25,6 +25,13 @@ class StreamItem(Generic[MessageT]):
     """Of the publisher: a new one starts again at sequence number 0."""
     seq: int
     message: MessageT
+    payload: bytes = b""
+    """The message as it was published: who stores it stores these bytes."""
+
+    @property
+    def position(self) -> tuple[str, int, int]:
+        """Which message it is, of all streams: key, epoch and sequence number."""
+        return self.key, self.epoch, self.seq
 
 
 def read_item(
@@ -45,8 +52,9 @@ def read_item(
                 f"The message has {len(position)} bytes of epoch and sequence number attached; expected are "
                 f"{POSITION.size}.",
             )
-        message = decode(sample.payload, sample.encoding, message_type, largest_bytes=largest_bytes)
+        payload = sample.payload.to_bytes()
+        message = decode(payload, sample.encoding, message_type, largest_bytes=largest_bytes)
     except FaultError as fault:
         raise FaultError(fault.code, f"On {key}: {fault.message}") from fault
     epoch, seq = POSITION.unpack(position)
-    return StreamItem(key=key, epoch=epoch, seq=seq, message=message)
+    return StreamItem(key, epoch, seq, message, payload)

@@ -1,23 +1,20 @@
-"""Streams: messages with an epoch and a sequence number, so that a receiver can prove that none is missing."""
+"""Publishing a stream: messages with an epoch and a sequence number, kept for who could not take them."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from typing import Final, Generic
+from typing import Final
 
-import structlog
 import zenoh
 from google.protobuf.message import Message
 
-from labbus._delivery import Delivery
-from labbus._encoding import MessageT, encode, encoding_of
-from labbus._faults import BusError, FaultError
-from labbus._gap_repair import GapRepair, Replay
+from labbus._encoding import encode, encoding_of
+from labbus._faults import BusError
 from labbus._replay import ReplayServer
 from labbus._spool import Spool
-from labbus._stream_item import POSITION, StreamItem, read_item
+from labbus._spool_space import SPOOL_BYTES, SpoolSpace
+from labbus._stream_item import POSITION
 
 # Above the queries: an answer that waits for a receiver holds its queue, and nothing of a stream must wait behind it.
 _PRIORITY: Final = zenoh.Priority.INTERACTIVE_LOW
@@ -37,17 +34,24 @@ def _new_epoch() -> int:
 class StreamPublisher:
     """Publishes on one key; made by `Bus.publisher`. May be used from several threads.
 
-    No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool
-    in memory, the latest `spool_bytes` of the stream, from where receivers ask for it on `<key>/@replay`. The spool
-    outlives `close` by a minute, but no more than three publishers closed later; it does not outlive the process.
+    No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool,
+    from where receivers ask for it on `<key>/@replay`. Where nobody marks what is stored, the oldest gives way, and
+    the spool outlives `close` by a minute, but no more than three publishers closed later. Where somebody does,
+    everything that is not marked is kept: `shortage` says when to stop, and a full spool refuses.
     """
 
     def __init__(
-        self, session: zenoh.Session, key: str, *, replays: ReplayServer, spool_bytes: int, largest_bytes: int
+        self,
+        session: zenoh.Session,
+        key: str,
+        *,
+        replays: ReplayServer,
+        spools: SpoolSpace,
+        held: bool,
+        largest_bytes: int,
     ) -> None:
         self.key = key
         self.epoch = _new_epoch()
-        self._next_seq = 0
         self._largest_bytes = largest_bytes
         self._lock = threading.Lock()
         self._closed = False
@@ -58,8 +62,29 @@ class StreamPublisher:
             reliability=zenoh.Reliability.RELIABLE,
             priority=_PRIORITY,
         )
-        self._spool = Spool(spool_bytes)
+        store = spools.store(key=key, epoch=self.epoch)
+        # Those of a process that nobody marks share the space with those that somebody does.
+        self._spool = Spool(store, held=held, unheld_bytes=min(SPOOL_BYTES, spools.largest_bytes // 8))
         self._offer = replays.offer(key=key, epoch=self.epoch, spool=self._spool)
+
+    @property
+    def shortage(self) -> str:
+        """Why nothing more should be published until more is marked as stored; empty while there is room.
+
+        An eighth of the spool, or what is left of a segment on a full disk, is still there then: for what has to be
+        published all the same, such as the way down of a rig.
+        """
+        return self._spool.shortage
+
+    @property
+    def unmarked(self) -> int:
+        """How many messages are not marked as stored.
+
+        A publisher that could outrun its receiver waits while these are more than a few thousand: what a receiver has
+        no room for must be replayed, which costs both more than waiting.
+        """
+        extent = self._spool.extent
+        return extent.next - extent.marked
 
     def put(self, message: Message) -> int:
         """Publish a message; waits for no receiver.
@@ -73,6 +98,8 @@ class StreamPublisher:
         ------
         FaultError
             INVALID_ARGUMENT when it is too large.
+        SpoolFullError
+            It was not published, because it could not be kept.
         BusError
             The publisher or its bus is closed.
         """
@@ -82,13 +109,12 @@ class StreamPublisher:
         with self._lock:
             if self._closed:
                 raise BusError(f"The publisher of {self.key} is closed.")
-            seq = self._next_seq
+            # Kept first: whatever anybody received can be asked for again, also of a process that was killed.
+            seq = self._spool.append(payload, encoding)
             try:
                 self._publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
             except zenoh.ZError as error:
                 raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
-            self._spool.append(payload, encoding)
-            self._next_seq = seq + 1
             return seq
 
     def close(self) -> None:
@@ -99,58 +125,3 @@ class StreamPublisher:
             self._closed = True
             self._publisher.undeclare()
         self._offer.retire()
-
-
-class Subscription(Generic[MessageT]):
-    """Receives what is published on a key expression; made by `Bus.subscribe`, ended by `close`."""
-
-    def __init__(
-        self,
-        session: zenoh.Session,
-        key_expression: str,
-        message_type: type[MessageT],
-        callback: Callable[[StreamItem[MessageT]], None],
-        *,
-        on_problem: Callable[[FaultError], None] | None,
-        largest_bytes: int,
-        replay: Replay[MessageT] | None,
-        on_close: Callable[[Subscription[MessageT]], None],
-    ) -> None:
-        self._type = message_type
-        self._callback = callback
-        self._on_problem = on_problem or self._log_problem
-        self._largest_bytes = largest_bytes
-        self._repair = None if replay is None else GapRepair(replay)
-        self._on_close = on_close
-        self._closed = False
-        self._delivery = Delivery[zenoh.Sample](self._deliver, name=f"labbus-{message_type.DESCRIPTOR.name}")
-        # Not the default handler: it keeps 256 messages and then stalls the session.
-        self._subscriber = session.declare_subscriber(
-            key_expression, zenoh.handlers.Callback(self._delivery.put, indirect=False)
-        )
-
-    def close(self) -> None:
-        """Receive no more; what was received before is delivered first."""
-        if not self._closed:
-            self._closed = True
-            self._subscriber.undeclare()
-            self._delivery.close()
-            self._on_close(self)
-
-    def _deliver(self, sample: zenoh.Sample) -> None:
-        try:
-            item = read_item(
-                sample, key=str(sample.key_expr), message_type=self._type, largest_bytes=self._largest_bytes
-            )
-        except FaultError as fault:
-            self._on_problem(fault)
-            return
-        if self._repair is None:
-            self._callback(item)
-            return
-        for each in self._repair.complete(item):
-            self._callback(each)
-
-    @staticmethod
-    def _log_problem(fault: FaultError) -> None:
-        structlog.get_logger("labbus").warning("A stream message was refused.", reason=fault.message)

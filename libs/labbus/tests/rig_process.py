@@ -1,5 +1,6 @@
 """A rig without mechanics, as a process of its own: what it does is asked for by the name of the run."""
 
+import ctypes
 import os
 import signal
 import sys
@@ -101,6 +102,11 @@ class Rig:
         os.kill(os.getpid(), signal.SIGSTOP)
         # The signal may take effect a moment later.
         threading.Event().wait()
+
+    def hold(self, request, _call):
+        """Native code that keeps the interpreter's lock for seconds, as a careless library may."""
+        ctypes.PyDLL(None).usleep(4_000_000)
+        return rig_pb2.PlayResult(run=request.run)
 
     def wrong(self, _request, _call):
         return rig_pb2.RigState(rig=RIG)

@@ -50,3 +50,17 @@ def test_gap_is_reported_once_and_filled():
 def test_negative_number_is_refused():
     with pytest.raises(ValueError, match="-1 is negative"):
         labbus.Continuity().accept(-1)
+
+
+@given(st.lists(st.integers(0, 40), max_size=20), st.integers(0, 40), st.integers(0, 20), st.integers(0, 60))
+def test_filling_a_range_is_accepting_all_of_it(seqs, start, length, seq):
+    whole, one_by_one = labbus.Continuity(), labbus.Continuity()
+    for number in seqs:
+        whole.accept(number)
+        one_by_one.accept(number)
+    whole.fill(range(start, start + length))
+    for number in range(start, start + length):
+        one_by_one.accept(number)
+    if length:
+        assert whole.missing(70) == one_by_one.missing(70)
+    assert whole.first_missing(seq) == next(number for number in range(seq, 200) if number not in whole)

@@ -2,12 +2,13 @@
 
 import queue
 import signal
+import threading
 import time
 
 import pytest
 
 import labbus
-from duralab_proto.v1 import query_pb2
+from duralab_proto.v1 import query_pb2, rig_pb2
 
 WAIT = 120.0
 
@@ -25,6 +26,45 @@ def test_service_is_seen_coming_and_being_killed(hub, processes):
     # Its connection told, not the lease of 10 s that runs out.
     assert time.monotonic() - killed < 8.0
     assert hub.live() == set()
+    watch.close()
+
+
+def test_frozen_service_is_gone_for_those_who_wait_and_back_when_it_thaws(hub, processes):
+    events, faults = queue.SimpleQueue(), queue.SimpleQueue()
+    process = processes.start({"bus": {"connect": list(hub.listening)}})
+    hub.wait_for_live({("rig_sim", "bench")}, WAIT)
+    watch = hub.watch_live(lambda *event: events.put(event))
+    assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
+
+    def ask():
+        try:
+            hub.query(hub.keys.rig_play("bench"), rig_pb2.PlayRequest(run="freeze.1"), rig_pb2.PlayResult)
+        except labbus.FaultError as fault:
+            faults.put(fault.code)
+
+    began = time.monotonic()
+    # It stops itself, as soon as it has the query.
+    asking = threading.Thread(target=ask)
+    asking.start()
+    assert events.get(timeout=WAIT) == ("rig_sim", "bench", False)
+    assert faults.get(timeout=WAIT) == query_pb2.FAULT_CODE_UNAVAILABLE
+    # Neither Zenoh's own lease of 10 s nor the silence of 10 s that a query allows.
+    assert time.monotonic() - began < 8.0
+    asking.join()
+    process.send_signal(signal.SIGCONT)
+    assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
+    assert hub.query(hub.keys.rig_state("bench"), rig_pb2.StateRequest(), rig_pb2.RigState).rig == "bench"
+    watch.close()
+
+
+def test_service_whose_native_code_keeps_python_busy_is_not_taken_for_frozen(hub, bench):
+    events = queue.SimpleQueue()
+    watch = hub.watch_live(lambda *event: events.put(event))
+    assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
+    # 4 s without the interpreter: twice what a link waits for a sign of life.
+    result = hub.query(hub.keys.rig_play("bench"), rig_pb2.PlayRequest(run="hold.1"), rig_pb2.PlayResult)
+    assert result.run == "hold.1"
+    assert events.empty()
     watch.close()
 
 

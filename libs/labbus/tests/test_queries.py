@@ -250,3 +250,33 @@ def test_message_beyond_the_limit_is_refused_on_both_sides(hub):
             assert fault.code == query_pb2.FAULT_CODE_INVALID_ARGUMENT
             assert "5003 bytes; at most 2000" in fault.message
             assert fault.service == service
+
+
+def test_a_fault_is_one_line_of_bounded_length_whatever_it_quotes(hub):
+    def refuse(request, _call):
+        raise labbus.FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, f"The reason is {request.reason}.")
+
+    with labbus.open_bus(labbus.BusConfig(connect=hub.listening), service="rig_sim") as server:
+        server.serve(server.keys.rig_stop("r"), rig_pb2.StopRequest, refuse)
+        server.declare_live("rig_sim", "r")
+        for reason, said in [
+            ("one\n\r two", "The reason is one two."),
+            ("x" * 100_000, "The reason is " + "x" * 985 + "…"),
+        ]:
+            with pytest.raises(labbus.FaultError) as caught:
+                hub.query(hub.keys.rig_stop("r"), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
+            assert caught.value.message == said
+
+
+def test_a_name_that_no_key_may_hold_is_the_askers_mistake(hub):
+    with labbus.open_bus(labbus.BusConfig(connect=hub.listening), service="iterator") as server:
+        server.serve(
+            server.keys.campaign("*"),
+            iterator_pb2.CampaignRequest,
+            lambda _request, call: iterator_pb2.CampaignStatus(id=server.keys.model(call.key.rpartition("/")[2])),
+        )
+        server.declare_live("iterator", "main")
+        key = server.keys.campaign("c")[:-1] + "Not A Name"
+        fault = fault_of(lambda: hub.query(key, iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus))
+        assert fault.code == query_pb2.FAULT_CODE_INVALID_ARGUMENT
+        assert "'Not A Name'" in fault.message

@@ -1,7 +1,9 @@
 """Replay: what a link dropped is asked for again, a receiver that is frozen holds nobody up, memory is bounded."""
 
+import math
 import queue
 import signal
+import struct
 import threading
 import time
 
@@ -11,7 +13,9 @@ import zenoh
 import labbus
 from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import _replay
-from labbus._spool import Spool
+from labbus._spool import MemoryStore, Spool
+from labbus._stream_repair import FOLLOWED_STREAMS
+from labbus._subscription import MOST_WAITING
 
 WAIT = 120.0
 RUN = "spooled.1"
@@ -77,35 +81,87 @@ def test_without_repair_a_loss_stays_a_gap(hub, key):
     subscription.close()
 
 
-def test_tail_is_replayed_after_the_publisher_closed(hub, receiver, key):
+def test_tail_is_replayed_after_the_publisher_closed(hub, receiver, key, until):
     publisher = publish(hub, key, 2500, lost=range(10, 2500))
     publisher.close()
-    items = receiver.replay(key, rig_pb2.SignalBlock, epoch=publisher.epoch, ranges=[range(3, 5), range(10, 2500)])
-    assert [item.seq for item in items] == [3, 4, *range(10, 2500)]
+    items = []
+    # Nothing is published any more: only its head tells that there is something.
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    until(lambda: subscription.proof(key, publisher.epoch).complete)
+    assert [item.seq for item in items] == list(range(2500))
+    subscription.close()
 
 
-def test_each_epoch_on_a_key_is_replayed_by_its_own_publisher(hub, receiver, key):
-    first, second = publish(hub, key, 3), publish(hub, key, 5)
-    for publisher, count in ((first, 3), (second, 5)):
-        items = receiver.replay(key, rig_pb2.SignalBlock, epoch=publisher.epoch, ranges=[range(9)])
-        assert [(item.epoch, item.seq) for item in items] == [(publisher.epoch, seq) for seq in range(count)]
-    assert receiver.replay(key, rig_pb2.SignalBlock, epoch=1, ranges=[range(9)]) == []
+def test_each_epoch_on_a_key_is_replayed_by_its_own_publisher(hub, receiver, key, until):
+    publishers = {publish(hub, key, count).epoch: count for count in (3, 5)}
+    items = []
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    until(lambda: len(items) == 8)
+    for epoch, count in publishers.items():
+        assert [item.seq for item in items if item.epoch == epoch] == list(range(count))
+        assert subscription.proof(key, epoch).next == count
+    assert subscription.proof(key, 1).next == 0
+    subscription.close()
 
 
-def test_what_fell_out_of_the_spool_stays_missing(hub, receiver, key):
+def test_payload_is_the_bytes_that_were_published(hub, receiver, key, until):
+    publish(hub, key, 3)
+    items = []
+    receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    until(lambda: len(items) == 3)
+    assert [rig_pb2.SignalBlock.FromString(item.payload) for item in items] == [item.message for item in items]
+    assert [item.position[2] for item in items] == [0, 1, 2]
+
+
+def test_what_fell_out_of_the_spool_is_told_as_lost(hub, receiver, key, until):
     block = rig_pb2.SignalBlock(run=RUN, first_sample=1)
-    publisher = publish(hub, key, 1000, lost=range(1000), spool_bytes=100 * (block.ByteSize() + 128) + 150)
-    items = receiver.replay(key, rig_pb2.SignalBlock, epoch=publisher.epoch, ranges=[range(1000)])
-    continuity = labbus.Continuity()
-    for item in items:
-        continuity.accept(item.seq)
-    missing = continuity.missing(1000)
-    assert [(gap.start, gap.stop) for gap in missing] == [(0, 1000 - len(items))]
-    assert 95 <= len(items) <= 101
+    # Where nobody marks, one stream takes an eighth of its space.
+    space = labbus.SpoolSpace(8 * (100 * (block.ByteSize() + 128) + 150))
+    items = []
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    first = publish(hub, key, 1)
+    until(lambda: len(items) == 1)
+    publisher = publish(hub, key, 1000, lost=range(1000), spools=space)
+    publisher.close()
+    until(lambda: subscription.proof(key, publisher.epoch).done)
+    until(lambda: not subscription.proof(key, publisher.epoch).missing)
+    proof = subscription.proof(key, publisher.epoch)
+    received = [item.seq for item in items if item.epoch == publisher.epoch]
+    assert received == list(range(1000 - len(received), 1000))
+    assert 90 <= len(received) <= 101
+    assert proof.lost == (range(1000 - len(received)),)
+    assert not proof.complete
+    assert first.epoch != publisher.epoch
+    subscription.close()
 
 
-def test_spool_never_exceeds_its_bound():
-    spool = Spool(1000)
+def test_gap_that_nobody_can_fill_delays_what_follows_but_does_not_keep_it(hub, receiver, key, until):
+    items = []
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    # A publisher that keeps nothing and answers nobody, such as a gateway of somebody else.
+    encoding = labbus.encoding_of(rig_pb2.SignalBlock)
+    stranger = hub._session.declare_publisher(key)
+    block = rig_pb2.SignalBlock(run=RUN).SerializeToString()
+    until(lambda: stranger.matching_status.matching)
+    for seq in (0, 1, 4, 5):
+        stranger.put(block, encoding=encoding, attachment=struct.pack("<QQ", 7, seq))
+    subscription.expect(key, 7, 8)
+    until(lambda: len(items) == 4)
+    assert [item.seq for item in items] == [0, 1, 4, 5]
+    proof = subscription.proof(key, 7)
+    assert (proof.received, proof.done, proof.complete) == (4, True, False)
+    assert proof.missing == (range(2, 4), range(6, 8))
+    # It turns up late: delivered all the same, once.
+    stranger.put(block, encoding=encoding, attachment=struct.pack("<QQ", 7, 2))
+    stranger.put(block, encoding=encoding, attachment=struct.pack("<QQ", 7, 2))
+    stranger.put(block, encoding=encoding, attachment=struct.pack("<QQ", 7, 6))
+    until(lambda: len(items) >= 6)
+    assert [item.seq for item in items] == [0, 1, 4, 5, 2, 6]
+    subscription.close()
+
+
+def test_spool_that_nobody_marks_never_exceeds_its_bound():
+    spool = Spool(MemoryStore(labbus.SpoolSpace(10**6)), held=False, unheld_bytes=1000)
     for number in range(50):
         spool.append(bytes(number), "text")
         kept = spool.read(0, 100, most=100)
@@ -115,24 +171,111 @@ def test_spool_never_exceeds_its_bound():
     assert spool.read(0, 100, most=100) == []
 
 
-def test_only_the_last_closed_spools_are_kept(hub, receiver, key):
+def test_spool_that_is_marked_refuses_rather_than_dropping():
+    space = labbus.SpoolSpace(10 * 228)
+    spool = Spool(MemoryStore(space), held=True, unheld_bytes=0)
+    while not spool.shortage:
+        spool.append(bytes(100), "text")
+    assert spool.extent.next == 9  # Seven eighths of ten.
+    assert "MiB in memory is full" in spool.shortage
+    for _ in range(2):
+        spool.append(bytes(100), "text")
+    with pytest.raises(labbus.SpoolFullError, match="11 messages not stored"):
+        spool.append(bytes(100), "text")
+    assert [message.seq for message in spool.read(0, 100, most=100)] == list(range(11))
+    spool.mark(6)
+    assert not spool.shortage
+    assert spool.append(bytes(100), "text") == 11
+    assert [message.seq for message in spool.read(0, 100, most=100)] == list(range(6, 12))
+    spool.mark(3)
+    assert spool.extent.marked == 6
+    spool.mark(99)
+    assert spool.settled
+    assert space.used_bytes == 0
+
+
+def test_only_the_last_closed_spools_are_kept_where_nobody_marks(hub, receiver, key, until):
     publishers = [publish(hub, key, 1) for _ in range(_replay.KEPT_SPOOLS + 2)]
     for publisher in publishers:
         publisher.close()
-    found = [
-        len(receiver.replay(key, rig_pb2.SignalBlock, epoch=publisher.epoch, ranges=[range(1)]))
-        for publisher in publishers
-    ]
-    assert found == [0, 0] + [1] * _replay.KEPT_SPOOLS
+    assert len(hub._replays._offers) == _replay.KEPT_SPOOLS
+    items = []
+    receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    until(lambda: len(items) == _replay.KEPT_SPOOLS)
+    assert {item.epoch for item in items} == {publisher.epoch for publisher in publishers[2:]}
 
 
-def test_closed_spool_is_let_go_after_its_time(hub, receiver, key, monkeypatch):
+def test_closed_spool_is_let_go_after_its_time(hub, key, monkeypatch, until):
     monkeypatch.setattr(_replay, "KEPT_SECONDS", 0.2)
     publisher = publish(hub, key, 1)
     publisher.close()
-    time.sleep(0.5)
-    assert receiver.replay(key, rig_pb2.SignalBlock, epoch=publisher.epoch, ranges=[range(1)]) == []
-    assert not hub._replays._offers
+    until(lambda: not hub._replays._offers)
+
+
+def test_marks_free_the_spool_and_who_marks_is_waited_for(hub, receiver, key, monkeypatch, until):
+    monkeypatch.setattr(_replay, "LAST_HEAD_SECONDS", 0.5)
+    space = labbus.SpoolSpace(2**20)
+    publisher = publish(hub, key, 100, lost=range(20, 30), spools=space)
+    items = []
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    until(lambda: len(items) == 100)
+    assert space.used_bytes > 0
+    subscription.mark(item.position for item in items if item.seq != 50)
+    until(lambda: publisher.unmarked == 50)
+    publisher.close()
+    assert hub._replays._offers  # Not marked: kept, however long it takes.
+    subscription.mark([items[50].position])
+    until(lambda: space.used_bytes == 0)
+    until(lambda: subscription.proof(key, publisher.epoch).complete)
+    until(lambda: not hub._replays._offers)
+    subscription.close()
+
+
+def test_mark_of_what_was_never_published_frees_nothing(hub, receiver, key, until):
+    publisher = publish(hub, key, 3)
+    client = receiver._replay_client
+    until(lambda: client.mark(key, epoch=publisher.epoch, stored=1) or publisher.unmarked == 2)
+    client.mark(key, epoch=publisher.epoch, stored=2**63)
+    client.mark(key, epoch=publisher.epoch + 1, stored=3)
+    receiver._session.put(f"{key}/@mark", b"\xff\xff", encoding="text/plain")
+    until(lambda: client.mark(key, epoch=publisher.epoch, stored=2) or publisher.unmarked == 1)
+
+
+def test_strangers_do_not_make_a_stream_forgotten(hub, receiver, key, until):
+    items = []
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
+    publisher = publish(hub, key, 3)
+    until(lambda: subscription.proof(key, publisher.epoch).next == 3 and len(items) == 3)
+    until(lambda: not math.isinf(subscription._repair._streams[key, publisher.epoch].heard))
+    for epoch in range(2 * FOLLOWED_STREAMS):
+        subscription._repair.take(labbus.StreamItem(key, epoch, 5, rig_pb2.SignalBlock()))
+    assert len(subscription._repair._streams) == FOLLOWED_STREAMS
+    assert subscription.proof(key, publisher.epoch).received == 3
+    subscription.close()
+
+
+def test_spool_is_held_from_the_start_where_a_recorder_was_met(hub, key, until):
+    assert not hub.publisher(key, durable=True)._spool.held
+    token = hub.declare_live("recorder", "main")
+    until(lambda: hub.publisher(key, durable=True)._spool.held)
+    assert not hub.publisher(key)._spool.held
+    token.close()
+
+
+def test_slow_receiver_gets_everything_and_memory_stays_bounded(hub, receiver, key, until):
+    gate, seqs = threading.Event(), []
+
+    def slow(item):
+        gate.wait(WAIT)
+        seqs.append(item.seq)
+
+    subscription = receiver.subscribe(key, rig_pb2.SignalBlock, slow, repair=True)
+    publisher = publish(hub, key, 3 * MOST_WAITING)
+    gate.set()
+    publisher.close()
+    until(lambda: subscription.proof(key, publisher.epoch).complete)
+    assert seqs == list(range(3 * MOST_WAITING))
+    subscription.close()
 
 
 @pytest.mark.parametrize("parameters", ["", "?epoch=1", "?epoch=1;first=-1;stop=2", "?epoch=x;first=0;stop=1"])
@@ -147,7 +290,7 @@ def test_question_that_is_none_is_refused(hub, receiver, key, parameters):
     assert "epoch=…;first=…;stop=…" in fault.message
 
 
-def test_frozen_viewer_holds_up_neither_play_nor_stop_nor_a_receiver_that_repairs(hub, bench, processes):
+def test_frozen_viewer_holds_up_neither_play_nor_stop_nor_a_receiver_that_repairs(hub, bench, processes, until):
     viewer = processes.run("viewing_process.py", hub.listening[0])
     hub.wait_for_live({("viewer", "main")}, WAIT)
     received = []
@@ -172,7 +315,6 @@ def test_frozen_viewer_holds_up_neither_play_nor_stop_nor_a_receiver_that_repair
     # Zenoh's own patience with a link that takes nothing is 5 s.
     assert played < 4.5
     assert stopped[0] < 4.5
+    until(lambda: subscription.proof(key, result.epoch).complete)
     subscription.close()
-    tail = range(received[-1].seq + 1, 3000)
-    received += hub.replay(key, rig_pb2.SignalBlock, epoch=result.epoch, ranges=[tail])
     assert [item.seq for item in received] == list(range(3000))

@@ -13,15 +13,14 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 WAIT = 120.0
 
 
-def test_five_thousand_blocks_from_another_process_are_contiguous(lab):
+def test_five_thousand_blocks_from_another_process_are_contiguous(lab, until):
     items = []
     key = lab.keys.rig_signal("bench", "signals.1")
     subscription = lab.subscribe(lab.keys.rig_signal("*", "*"), rig_pb2.SignalBlock, items.append, repair=True)
     request = rig_pb2.PlayRequest(run="signals.1", seed=5000)
     result = lab.query(lab.keys.rig_play("bench"), request, rig_pb2.PlayResult)
+    until(lambda: subscription.proof(key, result.epoch).complete)
     subscription.close()
-    tail = range(len(items), 5000)
-    items += lab.replay(key, rig_pb2.SignalBlock, epoch=result.epoch, ranges=[tail])
     assert {item.epoch for item in items} == {result.epoch}
     assert [item.seq for item in items] == list(range(5000))
     assert [item.message.first_sample for item in items] == list(range(0, 500_000, 100))

@@ -22,45 +22,53 @@ _runtime_version.ValidateProtobufRuntimeVersion(
 _sym_db = _symbol_database.Default()
 
 
+from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
+from duralab_proto.v1 import iterator_pb2 as duralab_dot_v1_dot_iterator__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/recorder.proto\x12\nduralab.v1\"W\n\rCommitRequest\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c\"B\n\tCommitAck\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cpayload_hash\x18\x03 \x01(\t\"7\n\nRunPlanned\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\x0f\n\x07purpose\x18\x03 \x01(\t\"D\n\tRunPlayed\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\r\n\x05\x65poch\x18\x03 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x04 \x01(\x04\"!\n\x0fRecordingClosed\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x17\n\x15ListRecordingsRequest\">\n\rRecordingList\x12-\n\nrecordings\x18\x01 \x03(\x0b\x32\x19.duralab.v1.RecordingInfo\"\x12\n\x10RecordingRequest\"\xa0\x01\n\rRecordingInfo\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05steps\x18\x02 \x01(\x04\x12\r\n\x05\x62ytes\x18\x03 \x01(\x04\x12\x0e\n\x06\x63losed\x18\x04 \x01(\x08\x12\x15\n\rsignal_blocks\x18\x05 \x01(\x04\x12\x16\n\x0emissing_blocks\x18\x06 \x01(\x04\x12\x0c\n\x04\x66ile\x18\x07 \x01(\t\x12\x11\n\tfile_hash\x18\x08 \x01(\t\"D\n\x14ReadRecordingRequest\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0e\n\x06length\x18\x02 \x01(\x04\x12\x0c\n\x04part\x18\x03 \x01(\t\"<\n\rRecordingPart\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12\r\n\x05total\x18\x03 \x01(\x04\"!\n\x10ReadStepsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\x04\"C\n\x0cRecordedStep\x12\x0c\n\x04step\x18\x01 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x02 \x01(\t\x12\x0f\n\x07payload\x18\x03 \x01(\x0c\"G\n\rRecordedSteps\x12\'\n\x05steps\x18\x01 \x03(\x0b\x32\x18.duralab.v1.RecordedStep\x12\r\n\x05total\x18\x02 \x01(\x04\"\x18\n\x16VerifyRecordingRequest\"B\n\x0cVerifyResult\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05whole\x18\x02 \x01(\x08\x12\x10\n\x08\x66indings\x18\x03 \x03(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/recorder.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x19\x64uralab/v1/iterator.proto\"W\n\rCommitRequest\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c\"B\n\tCommitAck\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cpayload_hash\x18\x03 \x01(\t\"7\n\nRunPlanned\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\x0f\n\x07purpose\x18\x03 \x01(\t\"D\n\tRunPlayed\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\r\n\x05\x65poch\x18\x03 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x04 \x01(\x04\"!\n\x0fRecordingClosed\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\xae\x01\n\x15ListRecordingsRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x0e\n\x06target\x18\x02 \x01(\t\x12\x12\n\nbegun_from\x18\x03 \x01(\x04\x12\x14\n\x0c\x62\x65gun_before\x18\x04 \x01(\x04\x12(\n\x05phase\x18\x05 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x06 \x01(\x0e\x32\x13.duralab.v1.Outcome\">\n\rRecordingList\x12-\n\nrecordings\x18\x01 \x03(\x0b\x32\x19.duralab.v1.RecordingInfo\"\x12\n\x10RecordingRequest\"\xe6\x02\n\rRecordingInfo\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05steps\x18\x02 \x01(\x04\x12\r\n\x05\x62ytes\x18\x03 \x01(\x04\x12\x0e\n\x06\x63losed\x18\x04 \x01(\x08\x12\x15\n\rsignal_blocks\x18\x05 \x01(\x04\x12\x16\n\x0emissing_blocks\x18\x06 \x01(\x04\x12\x0c\n\x04\x66ile\x18\x07 \x01(\t\x12\x11\n\tfile_hash\x18\x08 \x01(\t\x12\r\n\x05\x65nded\x18\t \x01(\x08\x12\x0b\n\x03rig\x18\n \x01(\t\x12\x0e\n\x06target\x18\x0b \x01(\t\x12\r\n\x05\x62\x65gun\x18\x0c \x01(\x04\x12(\n\x05phase\x18\r \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x0e \x01(\x0e\x32\x13.duralab.v1.Outcome\x12(\n\x05\x66iles\x18\x0f \x03(\x0b\x32\x19.duralab.v1.RecordingFile\x12\x0f\n\x07waiting\x18\x10 \x01(\t\"?\n\rRecordingFile\x12\x0c\n\x04\x66ile\x18\x01 \x01(\t\x12\r\n\x05\x62ytes\x18\x02 \x01(\x04\x12\x11\n\tfile_hash\x18\x03 \x01(\t\"T\n\x14ReadRecordingRequest\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0e\n\x06length\x18\x02 \x01(\x04\x12\x0c\n\x04part\x18\x03 \x01(\t\x12\x0e\n\x06number\x18\x04 \x01(\r\"<\n\rRecordingPart\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12\r\n\x05total\x18\x03 \x01(\x04\"!\n\x10ReadStepsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\x04\"C\n\x0cRecordedStep\x12\x0c\n\x04step\x18\x01 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x02 \x01(\t\x12\x0f\n\x07payload\x18\x03 \x01(\x0c\"G\n\rRecordedSteps\x12\'\n\x05steps\x18\x01 \x03(\x0b\x32\x18.duralab.v1.RecordedStep\x12\r\n\x05total\x18\x02 \x01(\x04\"[\n\x13SignalWindowRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_second\x18\x02 \x01(\x01\x12\x0f\n\x07seconds\x18\x03 \x01(\x01\x12\x10\n\x08\x63hannels\x18\x04 \x03(\t\"z\n\x0cSignalWindow\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\"\x18\n\x16VerifyRecordingRequest\"B\n\x0cVerifyResult\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05whole\x18\x02 \x01(\x08\x12\x10\n\x08\x66indings\x18\x03 \x03(\tb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.recorder_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_COMMITREQUEST']._serialized_start=41
-  _globals['_COMMITREQUEST']._serialized_end=128
-  _globals['_COMMITACK']._serialized_start=130
-  _globals['_COMMITACK']._serialized_end=196
-  _globals['_RUNPLANNED']._serialized_start=198
-  _globals['_RUNPLANNED']._serialized_end=253
-  _globals['_RUNPLAYED']._serialized_start=255
-  _globals['_RUNPLAYED']._serialized_end=323
-  _globals['_RECORDINGCLOSED']._serialized_start=325
-  _globals['_RECORDINGCLOSED']._serialized_end=358
-  _globals['_LISTRECORDINGSREQUEST']._serialized_start=360
-  _globals['_LISTRECORDINGSREQUEST']._serialized_end=383
-  _globals['_RECORDINGLIST']._serialized_start=385
-  _globals['_RECORDINGLIST']._serialized_end=447
-  _globals['_RECORDINGREQUEST']._serialized_start=449
-  _globals['_RECORDINGREQUEST']._serialized_end=467
-  _globals['_RECORDINGINFO']._serialized_start=470
-  _globals['_RECORDINGINFO']._serialized_end=630
-  _globals['_READRECORDINGREQUEST']._serialized_start=632
-  _globals['_READRECORDINGREQUEST']._serialized_end=700
-  _globals['_RECORDINGPART']._serialized_start=702
-  _globals['_RECORDINGPART']._serialized_end=762
-  _globals['_READSTEPSREQUEST']._serialized_start=764
-  _globals['_READSTEPSREQUEST']._serialized_end=797
-  _globals['_RECORDEDSTEP']._serialized_start=799
-  _globals['_RECORDEDSTEP']._serialized_end=866
-  _globals['_RECORDEDSTEPS']._serialized_start=868
-  _globals['_RECORDEDSTEPS']._serialized_end=939
-  _globals['_VERIFYRECORDINGREQUEST']._serialized_start=941
-  _globals['_VERIFYRECORDINGREQUEST']._serialized_end=965
-  _globals['_VERIFYRESULT']._serialized_start=967
-  _globals['_VERIFYRESULT']._serialized_end=1033
+  _globals['_COMMITREQUEST']._serialized_start=92
+  _globals['_COMMITREQUEST']._serialized_end=179
+  _globals['_COMMITACK']._serialized_start=181
+  _globals['_COMMITACK']._serialized_end=247
+  _globals['_RUNPLANNED']._serialized_start=249
+  _globals['_RUNPLANNED']._serialized_end=304
+  _globals['_RUNPLAYED']._serialized_start=306
+  _globals['_RUNPLAYED']._serialized_end=374
+  _globals['_RECORDINGCLOSED']._serialized_start=376
+  _globals['_RECORDINGCLOSED']._serialized_end=409
+  _globals['_LISTRECORDINGSREQUEST']._serialized_start=412
+  _globals['_LISTRECORDINGSREQUEST']._serialized_end=586
+  _globals['_RECORDINGLIST']._serialized_start=588
+  _globals['_RECORDINGLIST']._serialized_end=650
+  _globals['_RECORDINGREQUEST']._serialized_start=652
+  _globals['_RECORDINGREQUEST']._serialized_end=670
+  _globals['_RECORDINGINFO']._serialized_start=673
+  _globals['_RECORDINGINFO']._serialized_end=1031
+  _globals['_RECORDINGFILE']._serialized_start=1033
+  _globals['_RECORDINGFILE']._serialized_end=1096
+  _globals['_READRECORDINGREQUEST']._serialized_start=1098
+  _globals['_READRECORDINGREQUEST']._serialized_end=1182
+  _globals['_RECORDINGPART']._serialized_start=1184
+  _globals['_RECORDINGPART']._serialized_end=1244
+  _globals['_READSTEPSREQUEST']._serialized_start=1246
+  _globals['_READSTEPSREQUEST']._serialized_end=1279
+  _globals['_RECORDEDSTEP']._serialized_start=1281
+  _globals['_RECORDEDSTEP']._serialized_end=1348
+  _globals['_RECORDEDSTEPS']._serialized_start=1350
+  _globals['_RECORDEDSTEPS']._serialized_end=1421
+  _globals['_SIGNALWINDOWREQUEST']._serialized_start=1423
+  _globals['_SIGNALWINDOWREQUEST']._serialized_end=1514
+  _globals['_SIGNALWINDOW']._serialized_start=1516
+  _globals['_SIGNALWINDOW']._serialized_end=1638
+  _globals['_VERIFYRECORDINGREQUEST']._serialized_start=1640
+  _globals['_VERIFYRECORDINGREQUEST']._serialized_end=1664
+  _globals['_VERIFYRESULT']._serialized_start=1666
+  _globals['_VERIFYRESULT']._serialized_end=1732
 # @@protoc_insertion_point(module_scope)

@@ -1,3 +1,5 @@
+from duralab_proto.v1 import array_pb2 as _array_pb2
+from duralab_proto.v1 import iterator_pb2 as _iterator_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -57,8 +59,20 @@ class RecordingClosed(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class ListRecordingsRequest(_message.Message):
-    __slots__ = ()
-    def __init__(self) -> None: ...
+    __slots__ = ("rig", "target", "begun_from", "begun_before", "phase", "outcome")
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    BEGUN_FROM_FIELD_NUMBER: _ClassVar[int]
+    BEGUN_BEFORE_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    rig: str
+    target: str
+    begun_from: int
+    begun_before: int
+    phase: _iterator_pb2.CampaignPhase
+    outcome: _iterator_pb2.Outcome
+    def __init__(self, rig: _Optional[str] = ..., target: _Optional[str] = ..., begun_from: _Optional[int] = ..., begun_before: _Optional[int] = ..., phase: _Optional[_Union[_iterator_pb2.CampaignPhase, str]] = ..., outcome: _Optional[_Union[_iterator_pb2.Outcome, str]] = ...) -> None: ...
 
 class RecordingList(_message.Message):
     __slots__ = ("recordings",)
@@ -71,7 +85,7 @@ class RecordingRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class RecordingInfo(_message.Message):
-    __slots__ = ("recording", "steps", "bytes", "closed", "signal_blocks", "missing_blocks", "file", "file_hash")
+    __slots__ = ("recording", "steps", "bytes", "closed", "signal_blocks", "missing_blocks", "file", "file_hash", "ended", "rig", "target", "begun", "phase", "outcome", "files", "waiting")
     RECORDING_FIELD_NUMBER: _ClassVar[int]
     STEPS_FIELD_NUMBER: _ClassVar[int]
     BYTES_FIELD_NUMBER: _ClassVar[int]
@@ -80,6 +94,14 @@ class RecordingInfo(_message.Message):
     MISSING_BLOCKS_FIELD_NUMBER: _ClassVar[int]
     FILE_FIELD_NUMBER: _ClassVar[int]
     FILE_HASH_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    BEGUN_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    FILES_FIELD_NUMBER: _ClassVar[int]
+    WAITING_FIELD_NUMBER: _ClassVar[int]
     recording: str
     steps: int
     bytes: int
@@ -88,17 +110,37 @@ class RecordingInfo(_message.Message):
     missing_blocks: int
     file: str
     file_hash: str
-    def __init__(self, recording: _Optional[str] = ..., steps: _Optional[int] = ..., bytes: _Optional[int] = ..., closed: _Optional[bool] = ..., signal_blocks: _Optional[int] = ..., missing_blocks: _Optional[int] = ..., file: _Optional[str] = ..., file_hash: _Optional[str] = ...) -> None: ...
+    ended: bool
+    rig: str
+    target: str
+    begun: int
+    phase: _iterator_pb2.CampaignPhase
+    outcome: _iterator_pb2.Outcome
+    files: _containers.RepeatedCompositeFieldContainer[RecordingFile]
+    waiting: str
+    def __init__(self, recording: _Optional[str] = ..., steps: _Optional[int] = ..., bytes: _Optional[int] = ..., closed: _Optional[bool] = ..., signal_blocks: _Optional[int] = ..., missing_blocks: _Optional[int] = ..., file: _Optional[str] = ..., file_hash: _Optional[str] = ..., ended: _Optional[bool] = ..., rig: _Optional[str] = ..., target: _Optional[str] = ..., begun: _Optional[int] = ..., phase: _Optional[_Union[_iterator_pb2.CampaignPhase, str]] = ..., outcome: _Optional[_Union[_iterator_pb2.Outcome, str]] = ..., files: _Optional[_Iterable[_Union[RecordingFile, _Mapping]]] = ..., waiting: _Optional[str] = ...) -> None: ...
+
+class RecordingFile(_message.Message):
+    __slots__ = ("file", "bytes", "file_hash")
+    FILE_FIELD_NUMBER: _ClassVar[int]
+    BYTES_FIELD_NUMBER: _ClassVar[int]
+    FILE_HASH_FIELD_NUMBER: _ClassVar[int]
+    file: str
+    bytes: int
+    file_hash: str
+    def __init__(self, file: _Optional[str] = ..., bytes: _Optional[int] = ..., file_hash: _Optional[str] = ...) -> None: ...
 
 class ReadRecordingRequest(_message.Message):
-    __slots__ = ("offset", "length", "part")
+    __slots__ = ("offset", "length", "part", "number")
     OFFSET_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]
     PART_FIELD_NUMBER: _ClassVar[int]
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
     offset: int
     length: int
     part: str
-    def __init__(self, offset: _Optional[int] = ..., length: _Optional[int] = ..., part: _Optional[str] = ...) -> None: ...
+    number: int
+    def __init__(self, offset: _Optional[int] = ..., length: _Optional[int] = ..., part: _Optional[str] = ..., number: _Optional[int] = ...) -> None: ...
 
 class RecordingPart(_message.Message):
     __slots__ = ("offset", "data", "total")
@@ -133,6 +175,30 @@ class RecordedSteps(_message.Message):
     steps: _containers.RepeatedCompositeFieldContainer[RecordedStep]
     total: int
     def __init__(self, steps: _Optional[_Iterable[_Union[RecordedStep, _Mapping]]] = ..., total: _Optional[int] = ...) -> None: ...
+
+class SignalWindowRequest(_message.Message):
+    __slots__ = ("run", "first_second", "seconds", "channels")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SECOND_FIELD_NUMBER: _ClassVar[int]
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    first_second: float
+    seconds: float
+    channels: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, run: _Optional[str] = ..., first_second: _Optional[float] = ..., seconds: _Optional[float] = ..., channels: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class SignalWindow(_message.Message):
+    __slots__ = ("run", "first_sample", "drive", "response")
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    run: str
+    first_sample: int
+    drive: _array_pb2.Record
+    response: _array_pb2.Record
+    def __init__(self, run: _Optional[str] = ..., first_sample: _Optional[int] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ...) -> None: ...
 
 class VerifyRecordingRequest(_message.Message):
     __slots__ = ()

@@ -25,39 +25,55 @@ _sym_db = _symbol_database.Default()
 from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14\x64uralab/v1/rig.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x14\n\x12\x44\x65scriptionRequest\"\xba\x02\n\x0eRigDescription\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x10\n\x08specimen\x18\x02 \x01(\t\x12\x0e\n\x06\x65ngine\x18\x03 \x01(\t\x12\x0f\n\x07version\x18\x04 \x01(\t\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12#\n\x06\x64rives\x18\x06 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x07 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x1d\n\x15longest_drive_seconds\x18\x08 \x01(\x01\x12*\n\x0fstatic_response\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12\x15\n\rblock_samples\x18\n \x01(\r\x12\x0e\n\x06\x62odies\x18\x0b \x03(\t\x12\x14\n\x0c\x63ontent_hash\x18\x0c \x01(\t\"5\n\rRigFrfRequest\x12$\n\tfrequency\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\"q\n\x06RigFrf\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12$\n\tfrequency\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x14\n\x0c\x63ontent_hash\x18\x04 \x01(\t\"^\n\x0bPlayRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12!\n\x05\x64rive\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x0c\n\x04seed\x18\x03 \x01(\x04\x12\x11\n\treal_time\x18\x04 \x01(\x08\"\xa4\x01\n\nPlayResult\x12\x0b\n\x03run\x18\x01 \x01(\t\x12$\n\x08response\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12*\n\tactuators\x18\x03 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12\r\n\x05\x65poch\x18\x04 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x05 \x01(\x04\x12\x18\n\x10real_time_factor\x18\x06 \x01(\x01\"\xb7\x01\n\x0b\x41\x63tuatorUse\x12\r\n\x05\x64rive\x18\x01 \x01(\t\x12\x1a\n\x12peak_command_ratio\x18\x02 \x01(\x01\x12\x17\n\x0fsaturated_share\x18\x03 \x01(\x01\x12\x1f\n\x17largest_following_error\x18\x04 \x01(\x01\x12#\n\x1blargest_load_pressure_share\x18\x05 \x01(\x01\x12\x1e\n\x16lowest_supply_pressure\x18\x06 \x01(\x01\"\x1d\n\x0bStopRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x0e\n\x0cResetRequest\"i\n\x08RigState\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12!\n\x04mode\x18\x02 \x01(\x0e\x32\x13.duralab.v1.RigMode\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08\x66raction\x18\x05 \x01(\x01\"\x0e\n\x0cStateRequest\"\x9a\x01\n\x0bSignalBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12\x13\n\x0bsample_rate\x18\x03 \x01(\x01\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0c\n\x04last\x18\x06 \x01(\x08\"[\n\tPoseBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x1f\n\x04time\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12 \n\x05poses\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*\x98\x01\n\x07RigMode\x12\x18\n\x14RIG_MODE_UNSPECIFIED\x10\x00\x12\x11\n\rRIG_MODE_IDLE\x10\x01\x12\x15\n\x11RIG_MODE_SETTLING\x10\x02\x12\x14\n\x10RIG_MODE_PLAYING\x10\x03\x12\x18\n\x14RIG_MODE_INTERLOCKED\x10\x04\x12\x19\n\x15RIG_MODE_RAMPING_DOWN\x10\x05\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14\x64uralab/v1/rig.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\"\x14\n\x12\x44\x65scriptionRequest\"\xab\x03\n\x0eRigDescription\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x10\n\x08specimen\x18\x02 \x01(\t\x12\x0e\n\x06\x65ngine\x18\x03 \x01(\t\x12\x0f\n\x07version\x18\x04 \x01(\t\x12\x13\n\x0bsample_rate\x18\x05 \x01(\x01\x12#\n\x06\x64rives\x18\x06 \x03(\x0b\x32\x13.duralab.v1.Channel\x12&\n\tresponses\x18\x07 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x1d\n\x15longest_drive_seconds\x18\x08 \x01(\x01\x12*\n\x0fstatic_response\x18\t \x01(\x0b\x32\x11.duralab.v1.Array\x12\x15\n\rblock_samples\x18\n \x01(\r\x12\x0e\n\x06\x62odies\x18\x0b \x03(\t\x12\x14\n\x0c\x63ontent_hash\x18\x0c \x01(\t\x12$\n\x06shapes\x18\r \x03(\x0b\x32\x14.duralab.v1.RigShape\x12\"\n\x05links\x18\x0e \x03(\x0b\x32\x13.duralab.v1.RigLink\x12%\n\nrest_poses\x18\x0f \x01(\x0b\x32\x11.duralab.v1.Array\"\x9b\x02\n\x08RigShape\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04\x62ody\x18\x02 \x01(\t\x12#\n\x04role\x18\x03 \x01(\x0e\x32\x15.duralab.v1.ShapeRole\x12\x1f\n\x04pose\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x03\x62ox\x18\x05 \x01(\x0b\x32\x14.duralab.v1.BoxShapeH\x00\x12-\n\x08\x63ylinder\x18\x06 \x01(\x0b\x32\x19.duralab.v1.CylinderShapeH\x00\x12)\n\x06sphere\x18\x07 \x01(\x0b\x32\x17.duralab.v1.SphereShapeH\x00\x12%\n\x04mesh\x18\x08 \x01(\x0b\x32\x15.duralab.v1.MeshShapeH\x00\x42\x07\n\x05solid\"+\n\x08\x42oxShape\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\t\n\x01z\x18\x03 \x01(\x01\"/\n\rCylinderShape\x12\x0e\n\x06radius\x18\x01 \x01(\x01\x12\x0e\n\x06length\x18\x02 \x01(\x01\"\x1d\n\x0bSphereShape\x12\x0e\n\x06radius\x18\x01 \x01(\x01\"A\n\tMeshShape\x12#\n\x08vertices\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0f\n\x07\x63orners\x18\x02 \x03(\r\"\xa3\x01\n\x07RigLink\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\"\n\x04kind\x18\x02 \x01(\x0e\x32\x14.duralab.v1.LinkKind\x12\x0e\n\x06\x62ody_a\x18\x03 \x01(\t\x12\"\n\x07point_a\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0e\n\x06\x62ody_b\x18\x05 \x01(\t\x12\"\n\x07point_b\x18\x06 \x01(\x0b\x32\x11.duralab.v1.Array\"5\n\rRigFrfRequest\x12$\n\tfrequency\x18\x01 \x01(\x0b\x32\x11.duralab.v1.Array\"q\n\x06RigFrf\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12$\n\tfrequency\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x1e\n\x03\x66rf\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x14\n\x0c\x63ontent_hash\x18\x04 \x01(\t\"^\n\x0bPlayRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12!\n\x05\x64rive\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12\x0c\n\x04seed\x18\x03 \x01(\x04\x12\x11\n\treal_time\x18\x04 \x01(\x08\"\xa4\x01\n\nPlayResult\x12\x0b\n\x03run\x18\x01 \x01(\t\x12$\n\x08response\x18\x02 \x01(\x0b\x32\x12.duralab.v1.Record\x12*\n\tactuators\x18\x03 \x03(\x0b\x32\x17.duralab.v1.ActuatorUse\x12\r\n\x05\x65poch\x18\x04 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x05 \x01(\x04\x12\x18\n\x10real_time_factor\x18\x06 \x01(\x01\"\xb7\x01\n\x0b\x41\x63tuatorUse\x12\r\n\x05\x64rive\x18\x01 \x01(\t\x12\x1a\n\x12peak_command_ratio\x18\x02 \x01(\x01\x12\x17\n\x0fsaturated_share\x18\x03 \x01(\x01\x12\x1f\n\x17largest_following_error\x18\x04 \x01(\x01\x12#\n\x1blargest_load_pressure_share\x18\x05 \x01(\x01\x12\x1e\n\x16lowest_supply_pressure\x18\x06 \x01(\x01\"\x1d\n\x0bStopRequest\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\x0e\n\x0cResetRequest\"i\n\x08RigState\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12!\n\x04mode\x18\x02 \x01(\x0e\x32\x13.duralab.v1.RigMode\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0b\n\x03run\x18\x04 \x01(\t\x12\x10\n\x08\x66raction\x18\x05 \x01(\x01\"\x0e\n\x0cStateRequest\"\x9a\x01\n\x0bSignalBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12\x13\n\x0bsample_rate\x18\x03 \x01(\x01\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\x12\x0c\n\x04last\x18\x06 \x01(\x08\"[\n\tPoseBlock\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x1f\n\x04time\x18\x02 \x01(\x0b\x32\x11.duralab.v1.Array\x12 \n\x05poses\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*\x86\x01\n\tShapeRole\x12\x1a\n\x16SHAPE_ROLE_UNSPECIFIED\x10\x00\x12\x17\n\x13SHAPE_ROLE_SPECIMEN\x10\x01\x12\x14\n\x10SHAPE_ROLE_WHEEL\x10\x02\x12\x15\n\x11SHAPE_ROLE_PISTON\x10\x03\x12\x17\n\x13SHAPE_ROLE_CYLINDER\x10\x04*\x82\x01\n\x08LinkKind\x12\x19\n\x15LINK_KIND_UNSPECIFIED\x10\x00\x12\x16\n\x12LINK_KIND_ACTUATOR\x10\x01\x12\x13\n\x0fLINK_KIND_STRUT\x10\x02\x12\x11\n\rLINK_KIND_ROD\x10\x03\x12\x1b\n\x17LINK_KIND_ANTI_ROLL_BAR\x10\x04*\x98\x01\n\x07RigMode\x12\x18\n\x14RIG_MODE_UNSPECIFIED\x10\x00\x12\x11\n\rRIG_MODE_IDLE\x10\x01\x12\x15\n\x11RIG_MODE_SETTLING\x10\x02\x12\x14\n\x10RIG_MODE_PLAYING\x10\x03\x12\x18\n\x14RIG_MODE_INTERLOCKED\x10\x04\x12\x19\n\x15RIG_MODE_RAMPING_DOWN\x10\x05\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.rig_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_RIGMODE']._serialized_start=1439
-  _globals['_RIGMODE']._serialized_end=1591
+  _globals['_SHAPEROLE']._serialized_start=2196
+  _globals['_SHAPEROLE']._serialized_end=2330
+  _globals['_LINKKIND']._serialized_start=2333
+  _globals['_LINKKIND']._serialized_end=2463
+  _globals['_RIGMODE']._serialized_start=2466
+  _globals['_RIGMODE']._serialized_end=2618
   _globals['_DESCRIPTIONREQUEST']._serialized_start=60
   _globals['_DESCRIPTIONREQUEST']._serialized_end=80
   _globals['_RIGDESCRIPTION']._serialized_start=83
-  _globals['_RIGDESCRIPTION']._serialized_end=397
-  _globals['_RIGFRFREQUEST']._serialized_start=399
-  _globals['_RIGFRFREQUEST']._serialized_end=452
-  _globals['_RIGFRF']._serialized_start=454
-  _globals['_RIGFRF']._serialized_end=567
-  _globals['_PLAYREQUEST']._serialized_start=569
-  _globals['_PLAYREQUEST']._serialized_end=663
-  _globals['_PLAYRESULT']._serialized_start=666
-  _globals['_PLAYRESULT']._serialized_end=830
-  _globals['_ACTUATORUSE']._serialized_start=833
-  _globals['_ACTUATORUSE']._serialized_end=1016
-  _globals['_STOPREQUEST']._serialized_start=1018
-  _globals['_STOPREQUEST']._serialized_end=1047
-  _globals['_RESETREQUEST']._serialized_start=1049
-  _globals['_RESETREQUEST']._serialized_end=1063
-  _globals['_RIGSTATE']._serialized_start=1065
-  _globals['_RIGSTATE']._serialized_end=1170
-  _globals['_STATEREQUEST']._serialized_start=1172
-  _globals['_STATEREQUEST']._serialized_end=1186
-  _globals['_SIGNALBLOCK']._serialized_start=1189
-  _globals['_SIGNALBLOCK']._serialized_end=1343
-  _globals['_POSEBLOCK']._serialized_start=1345
-  _globals['_POSEBLOCK']._serialized_end=1436
+  _globals['_RIGDESCRIPTION']._serialized_end=510
+  _globals['_RIGSHAPE']._serialized_start=513
+  _globals['_RIGSHAPE']._serialized_end=796
+  _globals['_BOXSHAPE']._serialized_start=798
+  _globals['_BOXSHAPE']._serialized_end=841
+  _globals['_CYLINDERSHAPE']._serialized_start=843
+  _globals['_CYLINDERSHAPE']._serialized_end=890
+  _globals['_SPHERESHAPE']._serialized_start=892
+  _globals['_SPHERESHAPE']._serialized_end=921
+  _globals['_MESHSHAPE']._serialized_start=923
+  _globals['_MESHSHAPE']._serialized_end=988
+  _globals['_RIGLINK']._serialized_start=991
+  _globals['_RIGLINK']._serialized_end=1154
+  _globals['_RIGFRFREQUEST']._serialized_start=1156
+  _globals['_RIGFRFREQUEST']._serialized_end=1209
+  _globals['_RIGFRF']._serialized_start=1211
+  _globals['_RIGFRF']._serialized_end=1324
+  _globals['_PLAYREQUEST']._serialized_start=1326
+  _globals['_PLAYREQUEST']._serialized_end=1420
+  _globals['_PLAYRESULT']._serialized_start=1423
+  _globals['_PLAYRESULT']._serialized_end=1587
+  _globals['_ACTUATORUSE']._serialized_start=1590
+  _globals['_ACTUATORUSE']._serialized_end=1773
+  _globals['_STOPREQUEST']._serialized_start=1775
+  _globals['_STOPREQUEST']._serialized_end=1804
+  _globals['_RESETREQUEST']._serialized_start=1806
+  _globals['_RESETREQUEST']._serialized_end=1820
+  _globals['_RIGSTATE']._serialized_start=1822
+  _globals['_RIGSTATE']._serialized_end=1927
+  _globals['_STATEREQUEST']._serialized_start=1929
+  _globals['_STATEREQUEST']._serialized_end=1943
+  _globals['_SIGNALBLOCK']._serialized_start=1946
+  _globals['_SIGNALBLOCK']._serialized_end=2100
+  _globals['_POSEBLOCK']._serialized_start=2102
+  _globals['_POSEBLOCK']._serialized_end=2193
 # @@protoc_insertion_point(module_scope)

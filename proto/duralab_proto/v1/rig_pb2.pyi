@@ -8,6 +8,22 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
+class ShapeRole(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SHAPE_ROLE_UNSPECIFIED: _ClassVar[ShapeRole]
+    SHAPE_ROLE_SPECIMEN: _ClassVar[ShapeRole]
+    SHAPE_ROLE_WHEEL: _ClassVar[ShapeRole]
+    SHAPE_ROLE_PISTON: _ClassVar[ShapeRole]
+    SHAPE_ROLE_CYLINDER: _ClassVar[ShapeRole]
+
+class LinkKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    LINK_KIND_UNSPECIFIED: _ClassVar[LinkKind]
+    LINK_KIND_ACTUATOR: _ClassVar[LinkKind]
+    LINK_KIND_STRUT: _ClassVar[LinkKind]
+    LINK_KIND_ROD: _ClassVar[LinkKind]
+    LINK_KIND_ANTI_ROLL_BAR: _ClassVar[LinkKind]
+
 class RigMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     RIG_MODE_UNSPECIFIED: _ClassVar[RigMode]
@@ -16,6 +32,16 @@ class RigMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     RIG_MODE_PLAYING: _ClassVar[RigMode]
     RIG_MODE_INTERLOCKED: _ClassVar[RigMode]
     RIG_MODE_RAMPING_DOWN: _ClassVar[RigMode]
+SHAPE_ROLE_UNSPECIFIED: ShapeRole
+SHAPE_ROLE_SPECIMEN: ShapeRole
+SHAPE_ROLE_WHEEL: ShapeRole
+SHAPE_ROLE_PISTON: ShapeRole
+SHAPE_ROLE_CYLINDER: ShapeRole
+LINK_KIND_UNSPECIFIED: LinkKind
+LINK_KIND_ACTUATOR: LinkKind
+LINK_KIND_STRUT: LinkKind
+LINK_KIND_ROD: LinkKind
+LINK_KIND_ANTI_ROLL_BAR: LinkKind
 RIG_MODE_UNSPECIFIED: RigMode
 RIG_MODE_IDLE: RigMode
 RIG_MODE_SETTLING: RigMode
@@ -28,7 +54,7 @@ class DescriptionRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class RigDescription(_message.Message):
-    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash")
+    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash", "shapes", "links", "rest_poses")
     RIG_FIELD_NUMBER: _ClassVar[int]
     SPECIMEN_FIELD_NUMBER: _ClassVar[int]
     ENGINE_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +67,9 @@ class RigDescription(_message.Message):
     BLOCK_SAMPLES_FIELD_NUMBER: _ClassVar[int]
     BODIES_FIELD_NUMBER: _ClassVar[int]
     CONTENT_HASH_FIELD_NUMBER: _ClassVar[int]
+    SHAPES_FIELD_NUMBER: _ClassVar[int]
+    LINKS_FIELD_NUMBER: _ClassVar[int]
+    REST_POSES_FIELD_NUMBER: _ClassVar[int]
     rig: str
     specimen: str
     engine: str
@@ -53,7 +82,78 @@ class RigDescription(_message.Message):
     block_samples: int
     bodies: _containers.RepeatedScalarFieldContainer[str]
     content_hash: str
-    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ...) -> None: ...
+    shapes: _containers.RepeatedCompositeFieldContainer[RigShape]
+    links: _containers.RepeatedCompositeFieldContainer[RigLink]
+    rest_poses: _array_pb2.Array
+    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ..., shapes: _Optional[_Iterable[_Union[RigShape, _Mapping]]] = ..., links: _Optional[_Iterable[_Union[RigLink, _Mapping]]] = ..., rest_poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+
+class RigShape(_message.Message):
+    __slots__ = ("name", "body", "role", "pose", "box", "cylinder", "sphere", "mesh")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    BODY_FIELD_NUMBER: _ClassVar[int]
+    ROLE_FIELD_NUMBER: _ClassVar[int]
+    POSE_FIELD_NUMBER: _ClassVar[int]
+    BOX_FIELD_NUMBER: _ClassVar[int]
+    CYLINDER_FIELD_NUMBER: _ClassVar[int]
+    SPHERE_FIELD_NUMBER: _ClassVar[int]
+    MESH_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    body: str
+    role: ShapeRole
+    pose: _array_pb2.Array
+    box: BoxShape
+    cylinder: CylinderShape
+    sphere: SphereShape
+    mesh: MeshShape
+    def __init__(self, name: _Optional[str] = ..., body: _Optional[str] = ..., role: _Optional[_Union[ShapeRole, str]] = ..., pose: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., box: _Optional[_Union[BoxShape, _Mapping]] = ..., cylinder: _Optional[_Union[CylinderShape, _Mapping]] = ..., sphere: _Optional[_Union[SphereShape, _Mapping]] = ..., mesh: _Optional[_Union[MeshShape, _Mapping]] = ...) -> None: ...
+
+class BoxShape(_message.Message):
+    __slots__ = ("x", "y", "z")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    z: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class CylinderShape(_message.Message):
+    __slots__ = ("radius", "length")
+    RADIUS_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_FIELD_NUMBER: _ClassVar[int]
+    radius: float
+    length: float
+    def __init__(self, radius: _Optional[float] = ..., length: _Optional[float] = ...) -> None: ...
+
+class SphereShape(_message.Message):
+    __slots__ = ("radius",)
+    RADIUS_FIELD_NUMBER: _ClassVar[int]
+    radius: float
+    def __init__(self, radius: _Optional[float] = ...) -> None: ...
+
+class MeshShape(_message.Message):
+    __slots__ = ("vertices", "corners")
+    VERTICES_FIELD_NUMBER: _ClassVar[int]
+    CORNERS_FIELD_NUMBER: _ClassVar[int]
+    vertices: _array_pb2.Array
+    corners: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, vertices: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., corners: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class RigLink(_message.Message):
+    __slots__ = ("name", "kind", "body_a", "point_a", "body_b", "point_b")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    BODY_A_FIELD_NUMBER: _ClassVar[int]
+    POINT_A_FIELD_NUMBER: _ClassVar[int]
+    BODY_B_FIELD_NUMBER: _ClassVar[int]
+    POINT_B_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    kind: LinkKind
+    body_a: str
+    point_a: _array_pb2.Array
+    body_b: str
+    point_b: _array_pb2.Array
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[_Union[LinkKind, str]] = ..., body_a: _Optional[str] = ..., point_a: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., body_b: _Optional[str] = ..., point_b: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class RigFrfRequest(_message.Message):
     __slots__ = ("frequency",)

@@ -90,7 +90,7 @@ def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
     Raises
     ------
     FaultError
-        FAILED_PRECONDITION where the recorder that wrote it has ended: a file that is finished is not changed.
+        FAILED_PRECONDITION where the recorder cannot go on with it, because a file of it is damaged.
     """
     log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)
     try:
@@ -100,8 +100,8 @@ def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
             raise
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"The recording of campaign {recorded.spec.id!r} is not written any more, its recorder ended; name a "
-            "new_id to take the campaign up again.",
+            f"The recorder cannot go on with the recording of campaign {recorded.spec.id!r} "
+            f"({fault.message.rstrip('.')}); name a new_id to take the campaign up again.",
             field="new_id",
         ) from fault
     if recorded.final is not None:

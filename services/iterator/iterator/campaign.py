@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Final
 
 import numpy as np
 import structlog
 from numpy.typing import NDArray
 
 from duralab_proto.arrays import to_array
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator import seeds
 from iterator.campaign_messages import (
     OUTCOMES,
@@ -19,6 +20,7 @@ from iterator.campaign_messages import (
     metrics_message,
     recorded_playback,
     remarks_of,
+    run_played,
     step_message,
 )
 from iterator.campaign_plan import CampaignPlan
@@ -36,6 +38,8 @@ from iterator.rig_playback import RigPlayback
 from iterator.status_board import StatusBoard
 from iterator.stop_criteria import Outcome
 from labbus import Bus, FaultError
+
+_PAUSED: Final = "paused"
 
 
 class Campaign:
@@ -71,9 +75,11 @@ class Campaign:
         self._id = plan.spec.id
         self._rig = plan.spec.rig
         self._before = resumption or Resumption()
-        self._log = RecordingLog(bus, self._id, next_step=self._before.steps)
         self._journal = structlog.get_logger("iterator").bind(campaign=self._id, rig=self._rig)
         self._stop = threading.Event()
+        self._log = RecordingLog(
+            bus, self._id, next_step=self._before.steps, stop=self._stop, on_wait=self._show_waiting
+        )
         self._stop_reason = ""
         self._step = "starting"
         self._playback = RigPlayback(plan, bus=bus, log=self._log, planned=self._before.planned, cancel=self._stop)
@@ -154,7 +160,7 @@ class Campaign:
                 with self._doing(f"storing {self._iteration_name()}", share=1.0):
                     step = step_message(last, self._playback.played, plan=plan)
                     self._log.commit(step)
-                    self._log.commit(self._played_message(step))
+                    self._log.commit(run_played(step, rig=self._rig))
                 self._estimate.step_done()
             else:
                 self._estimate.step_was_done()
@@ -181,10 +187,10 @@ class Campaign:
                 return
             # A crash may have come between a result and the proof that its run was recorded.
             if model.run not in before.played:
-                self._log.commit(self._identified_message(model))
+                self._log.commit(run_played(model, rig=self._rig))
             for step in (*before.iterations, *before.confirmations):
                 if step.run not in before.played:
-                    self._log.commit(self._played_message(step))
+                    self._log.commit(run_played(step, rig=self._rig))
 
     def _identify(self) -> identifier_pb2.Model:
         plan, spec = self._plan, self._plan.spec
@@ -207,18 +213,8 @@ class Campaign:
                 )
         with self._doing("storing the model"):
             self._log.commit(model)
-            self._log.commit(self._identified_message(model))
+            self._log.commit(run_played(model, rig=self._rig))
         return model
-
-    def _identified_message(self, model: identifier_pb2.Model) -> recorder_pb2.RunPlayed:
-        return recorder_pb2.RunPlayed(
-            run=model.run, rig=self._rig, epoch=model.signal_epoch, blocks=model.signal_blocks
-        )
-
-    def _played_message(
-        self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep
-    ) -> recorder_pb2.RunPlayed:
-        return recorder_pb2.RunPlayed(run=step.run, rig=self._rig, epoch=step.signal_epoch, blocks=step.signal_blocks)
 
     def _next(self, iterations: Iterator[Iteration]) -> Iteration:
         try:
@@ -275,7 +271,7 @@ class Campaign:
                 response, in_band, played=played, number=number, iteration=best.number, plan=plan
             )
             self._log.commit(step)
-            self._log.commit(self._played_message(step))
+            self._log.commit(run_played(step, rig=self._rig))
         self._estimate.step_done()
         return in_band
 
@@ -296,10 +292,15 @@ class Campaign:
 
     def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
         def follow(progress: query_pb2.Progress) -> None:
-            share = min(1.0, max(0.0, progress.fraction))
-            self._board.show(activity, self._estimate.at(share))
+            self._board.show(activity, self._estimate.at(min(1.0, max(0.0, progress.fraction))))
 
         return follow
+
+    def _show_waiting(self, why: str) -> None:
+        """Say that the campaign pauses, because its next step cannot be stored yet."""
+        if why and not self._board.snapshot().activity.startswith(_PAUSED):
+            self._journal.warning("The campaign waits for its recorder.", step=self._step, why=why)
+        self._board.show(f"{_PAUSED} while {self._step}: {why}" if why else self._step, self._estimate.at(0.0))
 
     def _finished(self, last: Iteration) -> iterator_pb2.CampaignStatus:
         outcome = last.outcome
@@ -341,10 +342,6 @@ class Campaign:
             phase, code = iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault.code
             activity = f"failed while {self._step}"
             sentence = f"The campaign failed while {self._step}: {fault.message}"
-        return self._board.final_status(
-            phase,
-            activity,
-            fault=query_pb2.Fault(
-                code=code, message=sentence, field=fault.field, service=fault.service or self._bus.service
-            ),
-        )
+        service = fault.service or self._bus.service
+        told = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
+        return self._board.final_status(phase, activity, fault=told)

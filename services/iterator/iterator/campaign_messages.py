@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign_plan import CampaignPlan
 from iterator.convergence_prediction import predict_convergence
 from iterator.iteration_loop import Iteration, RecordedPlayback
@@ -243,6 +243,21 @@ def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan
             f"The rig answered {response.shape[1]} samples to a drive of {samples}.", field="response.samples"
         )
     return response
+
+
+def run_played(
+    played: identifier_pb2.Model | iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, *, rig: str
+) -> recorder_pb2.RunPlayed:
+    """Return what tells the recorder how many blocks the run of a result has.
+
+    Parameters
+    ----------
+    played : Model, IterationStep or ConfirmationStep
+        What came of the run.
+    rig : str
+        Its name.
+    """
+    return recorder_pb2.RunPlayed(run=played.run, rig=rig, epoch=played.signal_epoch, blocks=played.signal_blocks)
 
 
 def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigModel:

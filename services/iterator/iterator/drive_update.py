@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,12 @@ class CorrectionSettings:
             raise ValueError(f"The energy floor is {self.energy_floor:g}; it must lie between 0 and 1.")
 
 
+LARGEST_SECANT_WEIGHT: Final = 1e6
+"""Beyond it a weight alone decides, and the sums it stands in lose what it is weighed against."""
+LEAST_FORGETTING: Final = 1e-3
+"""Less is as good as nothing, and its powers leave the range of floating point."""
+
+
 @dataclass(frozen=True)
 class SecantSettings:
     """How the secant update learns from the steps between playbacks.
@@ -97,33 +104,32 @@ class SecantSettings:
     Parameters
     ----------
     forgetting : float
-        `φ`: weight of a step relative to the one after it, in (0, 1].
+        `φ`: weight of a step relative to the one after it, in [0.001, 1].
     prior_strength : float
-        `κ`: weight of the identified model relative to the steps' energy, greater than 0.
+        `κ`: weight of the identified model relative to the steps' energy, in [1e-6, 1e6].
     caution : float
-        `c_w`: share of the fit's uncertainty that the inverse minds, 0 or more.
+        `c_w`: share of the fit's uncertainty that the inverse minds, in [0, 1e6].
     regularisation : float
-        `ρ`: relative to the median over lines of `tr(HᴴH) / n_u`, 0 or more.
+        `ρ`: relative to the median over lines of `tr(HᴴH) / n_u`, in [0, 1e6].
     overlap : float
         Of the blocks averaged, 0 up to but not including 1.
     """
 
     forgetting: float = 0.7
-    prior_strength: float = 0.6
+    prior_strength: float = 1.0
     caution: float = 1.0
     regularisation: float = 1e-5
     overlap: float = 0.5
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.forgetting <= 1.0:
-            raise ValueError(f"The forgetting is {self.forgetting:g}; it must be above 0 and at most 1.")
-        if not 0.0 < self.prior_strength < np.inf:
-            raise ValueError(f"The prior's strength is {self.prior_strength:g}; it must be finite and above 0.")
-        if not (0.0 <= self.caution < np.inf and 0.0 <= self.regularisation < np.inf):
-            raise ValueError(
-                f"The caution is {self.caution:g} and the regularisation {self.regularisation:g}; both must be finite "
-                "and 0 or more."
-            )
+        for what, value, least, most in (
+            ("forgetting", self.forgetting, LEAST_FORGETTING, 1.0),
+            ("prior's strength", self.prior_strength, 1.0 / LARGEST_SECANT_WEIGHT, LARGEST_SECANT_WEIGHT),
+            ("caution", self.caution, 0.0, LARGEST_SECANT_WEIGHT),
+            ("regularisation", self.regularisation, 0.0, LARGEST_SECANT_WEIGHT),
+        ):
+            if not least <= value <= most:
+                raise ValueError(f"The {what} is {value:g}; it must be {least:g} to {most:g}.")
         if not 0.0 <= self.overlap < 1.0:
             raise ValueError(f"The overlap is {self.overlap:g}; it must be 0 or more and less than 1.")
 

@@ -134,7 +134,7 @@ def cautious_inverse(
     Raises
     ------
     ValueError
-        A regularisation below 0, or a line that is singular all the same.
+        A regularisation below 0, a line that is singular all the same, or an inverse that is not finite.
 
     Notes
     -----
@@ -153,4 +153,10 @@ def cautious_inverse(
         raise ValueError(
             "The FRF is singular at a line and the regularisation is too small for it; raise it or narrow the band."
         ) from error
-    return np.ascontiguousarray(drive_scale[:, None] * inverse * response_weight)
+    unscaled = np.ascontiguousarray(drive_scale[:, None] * inverse * response_weight)
+    if not np.isfinite(unscaled).all():
+        raise ValueError(
+            "The inverse of the FRF is not finite: its uncertainty, a weight or the regularisation is out of all "
+            "proportion to it; look at the identification."
+        )
+    return unscaled

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
 
 from google.protobuf.message import Message
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import Bus, FaultError
+
+_ROOM_RETRY_SECONDS: Final = 1.0
+# A step that takes longer to be stored is a pause, and is shown as one.
+_SLOW_SECONDS: Final = 1.0
 
 
 class RecordingLog:
@@ -21,12 +29,26 @@ class RecordingLog:
         Its id, which is the campaign's.
     next_step : int
         Number of the first step to store; more than 0 where the recorder holds some already.
+    stop : threading.Event, optional
+        Where given, a step that the recorder's disk has no room for is sent again until it has, or until this is set.
+    on_wait : callable, optional
+        Told in words what is waited for; called with an empty text when it goes on.
     """
 
-    def __init__(self, bus: Bus, recording: str, *, next_step: int = 0) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        recording: str,
+        *,
+        next_step: int = 0,
+        stop: threading.Event | None = None,
+        on_wait: Callable[[str], None] | None = None,
+    ) -> None:
         self._bus = bus
         self._recording = recording
         self._next_step = next_step
+        self._stop = stop
+        self._on_wait = on_wait
 
     @property
     def next_step(self) -> int:
@@ -72,15 +94,13 @@ class RecordingLog:
     def _send(self, step: int, message: Message) -> None:
         # The same message must be the same bytes: a step that is sent again is told from another by its hash.
         payload = message.SerializeToString(deterministic=True)
-        acknowledged = self._bus.query(
-            self._bus.keys.commit(),
+        acknowledged = self._acknowledged(
             recorder_pb2.CommitRequest(
                 recording=self._recording,
                 step=step,
                 message_type=message.DESCRIPTOR.full_name,
                 payload=payload,
-            ),
-            recorder_pb2.CommitAck,
+            )
         )
         if acknowledged.step != step or acknowledged.payload_hash != hashlib.sha256(payload).hexdigest():
             raise FaultError(
@@ -88,6 +108,36 @@ class RecordingLog:
                 f"The recorder acknowledged step {acknowledged.step} of recording {self._recording!r} with a content "
                 f"that differs from step {step} as it was sent.",
             )
+
+    def _acknowledged(self, request: recorder_pb2.CommitRequest) -> recorder_pb2.CommitAck:
+        """Send a step, again while the recorder's disk is full: a campaign then pauses and loses nothing."""
+        waited, begun = False, time.monotonic()
+
+        def on_progress(progress: query_pb2.Progress) -> None:
+            nonlocal waited
+            if progress.phase and time.monotonic() - begun > _SLOW_SECONDS:
+                waited = True
+                self._tell(progress.phase)
+
+        while True:
+            try:
+                acknowledged = self._bus.query(
+                    self._bus.keys.commit(), request, recorder_pb2.CommitAck, on_progress=on_progress
+                )
+            except FaultError as fault:
+                if fault.code != query_pb2.FAULT_CODE_RESOURCE_EXHAUSTED or self._stop is None or self._stop.is_set():
+                    raise
+                waited = True
+                self._tell(fault.message)
+                self._stop.wait(_ROOM_RETRY_SECONDS)
+                continue
+            if waited:
+                self._tell("")
+            return acknowledged
+
+    def _tell(self, why: str) -> None:
+        if self._on_wait is not None:
+            self._on_wait(why)
 
     def close(self, last: Message, *, reason: str) -> None:
         """Store the last message and close the recording.

@@ -14,8 +14,6 @@ from iterator.step_spectra import StepSpectra
 _CONTRADICTED: Final = 0.3
 # Of the prior strength asked for: it never gets weaker than that, whatever the steps say.
 _WEAKEST_PRIOR: Final = 0.1
-# A contradicted prior hides from the first fit how well another FRF would explain the steps.
-_REFITS: Final = 2
 # Share of the responses' energy below which a residual is rounding.
 _ROUNDING: Final = 1e-12
 
@@ -97,11 +95,11 @@ def fit_secant(
 
     by_identified = unexplained(frf)
     known = by_identified > _ROUNDING * (spectra.response @ weight)
-    spread = _spread(s_uu, s_id, np.full(by_identified.size, prior_strength))
-    for _ in range(_REFITS):
-        left = np.ones_like(by_identified)
-        np.divide(unexplained(frf + np.matmul(discrepancy, spread)), by_identified, out=left, where=known)
-        spread = _spread(s_uu, s_id, prior_strength * np.clip(left / _CONTRADICTED, _WEAKEST_PRIOR, 1.0))
+    # Judged by the fit with the weakest prior: a strong one hides how well another FRF would explain the steps.
+    free = _spread(s_uu, s_id, np.full(by_identified.size, prior_strength * _WEAKEST_PRIOR))
+    left = np.ones_like(by_identified)
+    np.divide(unexplained(frf + np.matmul(discrepancy, free)), by_identified, out=left, where=known)
+    spread = _spread(s_uu, s_id, prior_strength * np.clip(left / _CONTRADICTED, _WEAKEST_PRIOR, 1.0))
     fitted = frf + np.matmul(discrepancy, spread)
     moved = np.einsum("fii->f", s_uu).real > 0.0
     return SecantFit(

@@ -2,46 +2,100 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import structlog
 
 from duralab_proto.keys import id_of, rig_of, run_of
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
-from recorder.catalogue import recording_path
-from recorder.recording import Recording
+from recorder.interruptions import Interruptions
+from recorder.recording import DiskError, Recording
+from recorder.recording_files import recordings_in
+from recorder.recovery import is_ended, reopen
 from recorder.refused import RefusedError
 from recorder.run_book import RunBook
+from recorder.schemas import holds_doubles_only
 from recorder.signal_check import check_block
 from recorder.step_order import Placement, StepOrder
 from recorder.step_types import Step
 
 STOPPED: Final = "the recorder was stopped"
+MEBIBYTE: Final = 1024 * 1024
+REMEMBERED: Final = 50
+SPLIT_BYTES: Final = 512 * MEBIBYTE
+LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
 
 
 class Archive:
-    """The recordings that are written now.
+    """The recordings that are written now, and those that may be gone on with.
 
     Parameters
     ----------
     folder : Path
         Where the files go; it exists.
+    split_bytes : int
+        A file that is as large is finished, and the recording goes on in the next.
+    least_free_bytes : int
+        No playback is begun, and no interrupted recording taken up, while less is free on the disk.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(
+        self, folder: Path, *, split_bytes: int = SPLIT_BYTES, least_free_bytes: int = LEAST_FREE_BYTES
+    ) -> None:
         self._folder = folder
+        self._split_bytes = split_bytes
+        self._least_free_bytes = least_free_bytes
         self._open: dict[str, Recording] = {}
-        # What was closed by this process: a last step that is sent again is still acknowledged.
+        # What ended lately: a last step that is sent again is acknowledged without reading the files.
         self._closed: dict[str, StepOrder] = {}
         self._runs = RunBook()
         self._descriptions: dict[tuple[str, str], rig_pb2.RigDescription] = {}
+        self._interruptions = Interruptions()
+        # Stream messages that are written and not yet synced, and those that nothing more is to be done about.
+        self._unsynced: dict[str, list[StreamItem[Any]]] = {}
+        self._settled: list[StreamItem[Any]] = []
         # Told once each; bounded, because anybody may play by hand for as long as the lab runs.
         self._foreign_runs: deque[str] = deque(maxlen=100)
-        self._unwritable: set[str] = set()
         self._log = structlog.get_logger("recorder")
+
+    def recover(self) -> None:
+        """Take up every recording of the folder that is not ended; what cannot be is told of and left as it is."""
+        for name in recordings_in(self._folder):
+            try:
+                if not is_ended(self._folder, name):
+                    self._take_up(name)
+            except OSError as error:
+                self._interruptions.begin(name, why=error.strerror or str(error), file=None)
+                self._log.error("a recording waits for its repair", recording=name, why=str(error))
+            except RefusedError as refusal:
+                self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
+
+    def _take_up(self, name: str, *, reason: str = "") -> Recording | None:
+        how = {"keep_original": False, "reason": f"The disk refused it: {reason}."} if reason else {}
+        found = reopen(self._folder, name, **how)
+        if found is None:
+            return None
+        if found.ended:
+            self._remember(found.recording)
+            return None
+        self._open[name] = found.recording
+        self._runs.forget(name)
+        self._runs.restore(found.runs)
+        for rig, description in found.descriptions.items():
+            self._descriptions[name, rig] = description
+        self._log.info("recording taken up", recording=name, steps=found.recording.order.count)
+        return found.recording
+
+    def _remember(self, recording: Recording) -> None:
+        self._closed[recording.name] = recording.order
+        if len(self._closed) > REMEMBERED:
+            del self._closed[next(iter(self._closed))]
 
     def commit(self, name: str, step: Step) -> Placement:
         """Store a step and return when it is on the disk, or find that it is there already.
@@ -56,52 +110,86 @@ class Archive:
         Raises
         ------
         RefusedError
-            The step does not follow, or the disk refuses it.
+            The step does not follow, or the disk refuses it: RESOURCE_EXHAUSTED, and it may be sent again.
         """
+        if name in self._interruptions:
+            self._take_up_interrupted(name)
+        recording = self._open.get(name)
+        if recording is None and name not in self._closed:
+            recording = self._found_on_disk(name)
         if name in self._closed:
             return self._closed[name].place(step)
-        recording = self._open.get(name)
         placement = StepOrder(name).place(step) if recording is None else recording.place(step)
         if placement is Placement.STORED:
             return placement
         if isinstance(step.message, recorder_pb2.RunPlanned | recorder_pb2.RunPlayed):
             self._runs.check(step.message, name)
+        if recording is None or isinstance(step.message, recorder_pb2.RunPlanned):
+            self._expect_room(name)
         if recording is None:
             # Only now, when nothing but the disk can refuse it: a refused first step leaves no file.
-            recording = self._create(name)
-        self._store(recording, step)
-        self._note(recording, step)
+            recording = self._open[name] = Recording(name, self._folder)
+            self._log.info("recording opened", recording=name)
+        with self._interrupted_by_disk(recording):
+            recording.store(step)
+            self._note(recording, step)
         return placement
 
-    def _create(self, name: str) -> Recording:
-        path = recording_path(self._folder, name)
+    def _found_on_disk(self, name: str) -> Recording | None:
         try:
-            recording = Recording(name, path)
-        except FileExistsError as error:
-            raise RefusedError(
-                query_pb2.FAULT_CODE_ALREADY_EXISTS,
-                f"There is a recording {name!r} from before ({path.name}); choose another id.",
-                field="recording",
-            ) from error
+            return self._take_up(name)
         except OSError as error:
-            raise RefusedError(
-                query_pb2.FAULT_CODE_INTERNAL,
-                f"The file {path.name} of recording {name!r} cannot be created: {error.strerror or error}; "
-                "see to the recorder's folder.",
-                field="recording",
-            ) from error
-        self._open[name] = recording
-        self._log.info("recording opened", recording=name, file=path.name)
-        return recording
+            raise DiskError(name, error.strerror or str(error)) from error
 
-    def _store(self, recording: Recording, step: Step) -> None:
+    def _expect_room(self, name: str) -> None:
+        """Refuse while too little is free: a playback that has begun should find its place."""
+        free = shutil.disk_usage(self._folder).free
+        if free < self._least_free_bytes:
+            raise DiskError(
+                name, f"{free // MEBIBYTE} MiB are free, {self._least_free_bytes // MEBIBYTE} MiB are kept free"
+            )
+
+    @contextmanager
+    def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
+        """Let go of a recording whose disk refuses a write; what was acknowledged stays, the rest is written again."""
         try:
-            recording.store(step)
-        except RefusedError:
+            yield
+        except DiskError as error:
+            name = recording.name
+            self._log.error("a recording is interrupted", recording=name, why=error.why)
+            del self._open[name]
             if recording.order.count == 0:
-                del self._open[recording.name]
                 recording.abandon()
+                self._runs.forget(name)
+            else:
+                self._interruptions.begin(name, why=error.why, file=recording.let_go())
+                self._interruptions.hold(name, self._unsynced.pop(name, []))
             raise
+
+    def _take_up_interrupted(self, name: str) -> None:
+        """Go on with an interrupted recording where the disk takes it again.
+
+        Raises
+        ------
+        RefusedError
+            It does not yet.
+        """
+        why = self._interruptions.why(name)
+        try:
+            self._expect_room(name)
+            self._interruptions.cut(name)
+            self._take_up(name, reason=why)
+        except OSError as error:
+            raise DiskError(name, error.strerror or str(error)) from error
+        for item in self._interruptions.end(name):
+            self._take(item, name)
+
+    def _take(self, item: StreamItem[Any], name: str) -> None:
+        """Take a stream message that was held back."""
+        if isinstance(item.message, rig_pb2.SignalBlock):
+            self.take_block(item)
+        else:
+            self._add_stream(name, item)
 
     def _note(self, recording: Recording, step: Step) -> None:
         """Do what follows from a step that is on the disk."""
@@ -113,10 +201,6 @@ class Archive:
                 self._descriptions[name, message.rig] = message
             case recorder_pb2.RecordingClosed():
                 self._close(recording, reason=message.reason)
-
-    def missing_blocks(self, name: str, played: recorder_pb2.RunPlayed) -> int:
-        """Count which blocks of a playback are not stored; 0 where it was not announced to this recording."""
-        return sum(len(gap) for gap in self.gaps(name, played))
 
     def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
         """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
@@ -133,65 +217,115 @@ class Archive:
             if name not in self._foreign_runs:
                 self._foreign_runs.append(name)
                 self._log.info("a run of no recording is not kept", run=name, rig=rig)
+            self._settled.append(item)
+            return None
+        if run.recording in self._interruptions:
+            self._interruptions.hold(run.recording, [item])
             return None
         if not self._runs.is_new(run, item.epoch, item.seq):
+            # Not settled at once: the first of the two may not be on the disk yet.
+            self._unsynced.setdefault(run.recording, []).append(item)
             return None
         fault = check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig)))
         if fault:
             self._log.warning("a signal block is refused", run=name, rig=rig, seq=item.seq, why=fault)
+            self._settled.append(item)
             return None
         if not self._add_stream(run.recording, item):
             return None
         self._runs.accept(run, item.epoch, item.seq)
         return run.recording
 
-    def take_state(self, item: StreamItem[rig_pb2.RigState]) -> None:
-        """Write a rig's state to the recordings that have a playback on it."""
-        for name in self._runs.recordings_of_rig(rig_of(item.key)):
-            self._add_stream(name, item)
+    def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
+        """Write a rig's state to the recordings that have a playback on it and go on; return them."""
+        named = self._runs.recordings_of_rig(rig_of(item.key))
+        # Not to one that was broken off long ago and is only ready to be gone on with.
+        names = {name for name in named if name not in self._open or self._open[name].written}
+        if not names:
+            self._settled.append(item)
+        return {name for name in names if self._add_stream(name, item)}
+
+    def take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> str | None:
+        """Write body poses to the recording of their run; return it, or None where they belong to none."""
+        run = self._runs.find(rig_of(item.key), item.message.run)
+        # Poses are for the eye and may have gaps: while the disk takes nothing they are let go.
+        if run is None or run.recording in self._interruptions or not holds_doubles_only(item.message):
+            return None
+        return run.recording if self._add_stream(run.recording, item) else None
 
     def take_event(self, item: StreamItem[iterator_pb2.CampaignEvent]) -> str | None:
         """Write a campaign's event to its recording; return its id, or None where it is not open."""
         name = id_of(item.key)
-        if name not in self._open or item.message.status.id != name:
+        known = name in self._open or name in self._interruptions
+        if not known or item.message.status.id != name:
+            self._settled.append(item)
             return None
         return name if self._add_stream(name, item) else None
 
     def _add_stream(self, name: str, item: StreamItem[Any]) -> bool:
-        """Write a stream message; a disk that refuses it is told of once here, and at the recording's next commit."""
+        """Write a stream message; where the disk refuses it, it is held until the disk takes it."""
+        recording = self._open.get(name)
+        if recording is None:
+            self._interruptions.hold(name, [item])
+            return False
+        self._unsynced.setdefault(name, []).append(item)
         try:
-            self._open[name].add_stream(item.key, item.message, epoch=item.epoch, seq=item.seq)
-        except RefusedError as refusal:
-            if name not in self._unwritable:
-                self._unwritable.add(name)
-                self._log.error("streams are lost", recording=name, why=refusal.message)
+            with self._interrupted_by_disk(recording):
+                recording.add_stream(item)
+        except DiskError:
             return False
         return True
 
+    def sync(self) -> None:
+        """Bring everything to the disk, split what has grown large, and take up what was interrupted."""
+        for name, recording in list(self._open.items()):
+            try:
+                with self._interrupted_by_disk(recording):
+                    recording.sync()
+                    self._settled += self._unsynced.pop(name, [])
+                    if recording.bytes_written >= self._split_bytes:
+                        recording.split(self._runs.of_recording(name))
+            except DiskError:
+                continue
+        for name in self._interruptions.due():
+            try:
+                self._take_up_interrupted(name)
+            except RefusedError as refusal:
+                self._interruptions.postpone(name)
+                self._log.debug("a recording waits", recording=name, why=refusal.message)
+
+    def settle(self, item: StreamItem[Any]) -> None:
+        """Take note of a stream message that nothing more is to be done about."""
+        self._settled.append(item)
+
+    def take_settled(self) -> list[StreamItem[Any]]:
+        """Return the stream messages that are on the disk or belong to nothing, since the last time."""
+        settled, self._settled = self._settled, []
+        return settled
+
     def information(self, name: str) -> recorder_pb2.RecordingInfo | None:
-        """Return the description of a recording that is written now, or None."""
+        """Return the description of a recording that is written now or interrupted, or None; without its files."""
         recording = self._open.get(name)
-        return None if recording is None else recording.information(self._runs.of_recording(name))
+        if recording is not None and recording.written:
+            return recording.information(self._runs.of_recording(name))
+        return None
+
+    def waiting(self, name: str) -> str:
+        """Return why a recording cannot be written now; empty where it can."""
+        return self._interruptions.why(name) if name in self._interruptions else ""
 
     def open_names(self) -> list[str]:
         """Return the ids of the recordings that are written now."""
-        return sorted(self._open)
-
-    def sync(self) -> None:
-        """Bring everything to the disk; a recording that fails says so at its next commit."""
-        for recording in self._open.values():
-            try:
-                recording.sync()
-            except RefusedError as refusal:
-                if recording.name not in self._unwritable:
-                    self._unwritable.add(recording.name)
-                    self._log.error("cannot write", recording=recording.name, why=refusal.message)
+        return sorted(name for name, recording in self._open.items() if recording.written)
 
     def close(self) -> None:
         """Close all recordings, so that each file is complete as far as it goes."""
         for recording in list(self._open.values()):
             try:
-                self._close(recording, reason=STOPPED)
+                with self._interrupted_by_disk(recording):
+                    recording.sync()
+                    self._settled += self._unsynced.pop(recording.name, [])
+                    self._close(recording, reason=STOPPED)
             except RefusedError as refusal:
                 self._log.error("cannot close", recording=recording.name, why=refusal.message)
 
@@ -203,10 +337,12 @@ class Archive:
                 self._log.warning(
                     "signal blocks are missing", recording=name, rig=rig, run=run, missing=planned.missing
                 )
+        recording.close(runs, reason=reason)
+        # Not where closing failed: what is on the disk is then read again first.
+        self._settled += self._unsynced.pop(name, [])
         del self._open[name]
         self._runs.forget(name)
         self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
-        recording.close(runs, reason=reason)
-        # Not where closing failed: the last step, sent again, must then not be acknowledged.
-        self._closed[name] = recording.order
+        if recording.order.ended:
+            self._remember(recording)
         self._log.info("recording closed", recording=name, steps=recording.order.count, reason=reason)

@@ -1,99 +1,107 @@
-"""The recordings that lie in a folder: what they are, pieces of their files, whether they are whole."""
+"""The recordings in a folder: what they are, which fit a search, pieces of their files, whether they are whole."""
 
 from __future__ import annotations
 
-import hashlib
-from enum import StrEnum
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from duralab_proto.keys import check_id
-from duralab_proto.v1 import query_pb2, recorder_pb2
-from recorder.mcap_audit import audit, read_summary
-from recorder.refused import RefusedError, invalid
+from duralab_proto.v1 import recorder_pb2
+from recorder.mcap_audit import audit
+from recorder.recording_files import Part, existing_file, files_of, sha256_of
+from recorder.recording_summary import Summary, read_summary
+from recorder.refused import invalid
 
 LARGEST_PART: Final = 8 * 1024 * 1024
 """Bytes of a file in one answer."""
 
 
-class Part(StrEnum):
-    """The files of a recording."""
+def describe(
+    folder: Path, name: str, *, written: recorder_pb2.RecordingInfo | None = None
+) -> recorder_pb2.RecordingInfo:
+    """Describe a recording by its files.
 
-    RECORDING = "recording"
-    LIVE = "live"
-
-
-_SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
-
-
-def checked_name(name: str, *, field: str) -> str:
-    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it."""
-    try:
-        return check_id(name)
-    except ValueError as error:
-        raise invalid(str(error), field=field) from error
-
-
-def recording_path(folder: Path, name: str, part: Part = Part.RECORDING) -> Path:
-    """Return where a file of a recording lies; the id is checked again here, where it becomes a path."""
-    return folder / (checked_name(name, field="recording") + _SUFFIX[part])
-
-
-def recordings_in(folder: Path) -> list[str]:
-    """Return the ids of the recordings in a folder, sorted; other files are passed over."""
-    names = []
-    for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
-        try:
-            names.append(check_id(path.stem))
-        except ValueError:
-            continue
-    return sorted(names)
-
-
-def existing_file(folder: Path, name: str, part: Part = Part.RECORDING) -> Path:
-    """Return a file of a recording, or refuse with NOT_FOUND."""
-    path = recording_path(folder, name, part)
-    # A link could lead out of the folder.
-    if path.is_symlink() or not path.is_file():
-        raise RefusedError(
-            query_pb2.FAULT_CODE_NOT_FOUND,
-            f"There is no file {path.name}; recorder/recording/list names the recordings.",
-            field="recording",
-        )
-    return path
-
-
-def describe(path: Path) -> recorder_pb2.RecordingInfo:
-    """Describe a recording's file that is not written any more.
+    Parameters
+    ----------
+    folder : Path
+        Where they are.
+    name : str
+        Its id; its first file is there.
+    written : RecordingInfo, optional
+        What is known of it by who writes it now; its last file is then not closed.
 
     Returns
     -------
     recorder_pb2.RecordingInfo
-        `closed` is false where the file ends without its index, because its recorder was killed.
+        `closed` is false where a file ends without its index, because it is written or its recorder was killed.
     """
-    status = path.stat()
-    information = recorder_pb2.RecordingInfo(recording=path.stem, bytes=status.st_size, file=path.name)
-    summary = read_summary(path)
-    if summary is None:
-        found = audit(path)
-        information.steps = len(found.step_hashes)
-        information.signal_blocks = found.signal_blocks
+    files = files_of(folder, name)
+    information = recorder_pb2.RecordingInfo(recording=name)
+    summary = None if written is not None else _summary(files[-1])
+    if written is not None:
+        information.MergeFrom(written)
+    elif summary is not None:
+        _tell(information, summary)
+        information.closed = True
+        information.ended = summary.ended
+    else:
+        found = audit(files)
+        _tell(information, found.content.summary_now(name, reason=""))
         information.missing_blocks = found.missing_blocks
-        return information
-    information.closed = True
+    for path in files:
+        closed = information.closed or path != files[-1]
+        information.files.append(_file(path, closed=closed))
+    information.bytes = sum(file.bytes for file in information.files)
+    information.file = files[0].name
+    if len(files) > 1 or information.closed:
+        information.file_hash = information.files[0].file_hash
+    return information
+
+
+def _tell(information: recorder_pb2.RecordingInfo, summary: Summary) -> None:
     information.steps = summary.steps
     information.signal_blocks = summary.signal_blocks
     information.missing_blocks = summary.missing_blocks
-    information.file_hash = _file_hash(path, status.st_size, status.st_mtime_ns)
-    return information
+    information.rig = summary.story.rig
+    information.target = summary.story.target
+    information.begun = summary.story.begun
+    information.phase = summary.story.phase
+    information.outcome = summary.story.outcome
+
+
+def _file(path: Path, *, closed: bool) -> recorder_pb2.RecordingFile:
+    status = path.stat()
+    file_hash = _file_hash(path, status.st_size, status.st_mtime_ns) if closed else ""
+    return recorder_pb2.RecordingFile(file=path.name, bytes=status.st_size, file_hash=file_hash)
 
 
 @lru_cache(maxsize=256)
 def _file_hash(path: Path, size: int, changed: int) -> str:
     del size, changed  # They are the cache's key: another file of that name has others.
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return sha256_of(path)
+
+
+def _summary(path: Path) -> Summary | None:
+    status = path.stat()
+    return _cached_summary(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=256)
+def _cached_summary(path: Path, size: int, changed: int) -> Summary | None:
+    del size, changed
+    return read_summary(path)
+
+
+def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:
+    """Tell whether a recording is one of those that are looked for."""
+    return (
+        (not request.rig or information.rig == request.rig)
+        and request.target.casefold() in information.target.casefold()
+        and information.begun >= request.begun_from
+        and (not request.begun_before or information.begun < request.begun_before)
+        and (not request.phase or information.phase == request.phase)
+        and (not request.outcome or information.outcome == request.outcome)
+    )
 
 
 def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingRequest) -> recorder_pb2.RecordingPart:
@@ -111,7 +119,7 @@ def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingReques
         raise invalid(f"part is {request.part[:40]!r}; allowed are {allowed}.", field="part") from error
     if not 1 <= request.length <= LARGEST_PART:
         raise invalid(f"length is {request.length}; allowed are 1 to {LARGEST_PART} bytes.", field="length")
-    path = existing_file(folder, name, part)
+    path = existing_file(folder, name, part, number=max(1, request.number) if part is Part.RECORDING else 1)
     total = path.stat().st_size
     if request.offset > total:
         raise invalid(f"offset is {request.offset}; the file has {total} bytes.", field="offset")
@@ -129,5 +137,6 @@ def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
     RefusedError
         There is no such recording.
     """
-    findings = audit(existing_file(folder, name)).findings
+    existing_file(folder, name)
+    findings = audit(files_of(folder, name)).findings
     return recorder_pb2.VerifyResult(recording=name, whole=not findings, findings=findings)

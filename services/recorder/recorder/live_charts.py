@@ -1,4 +1,4 @@
-"""Drawings of the live view that need axes of their own: the FRF over frequency, which is no time series.
+"""Axes, grids and labels of drawings that need axes of their own, because what they show is no time series.
 
 Everything is placed on a canvas in pixels with y downwards, as the viewer's two-dimensional views want it.
 """
@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from recorder.live_series import Colour, colour_of
+from recorder.live_series import Colour
 
 Strip: TypeAlias = np.ndarray
 """Shape (points, 2): x, y on the canvas."""
@@ -99,7 +99,8 @@ def _tick_text(tick: float, *, decades: bool) -> str:
     return f"1e{math.log10(tick):.0f}" if decades else f"{tick:g}"
 
 
-def _draw_axes(drawing: Drawing, axes: Axes, *, value_ticks: Sequence[float], frequency_labels: bool) -> None:
+def draw_axes(drawing: Drawing, axes: Axes, *, value_ticks: Sequence[float], frequency_labels: bool) -> None:
+    """Draw a frame, a grid and its labels."""
     right, bottom = axes.left + axes.width, axes.top + axes.height
     corners = [(axes.left, axes.top), (right, axes.top), (right, bottom), (axes.left, bottom), (axes.left, axes.top)]
     drawing.line(np.array(corners), colour=_FRAME, width=0.6)
@@ -112,76 +113,3 @@ def _draw_axes(drawing: Drawing, axes: Axes, *, value_ticks: Sequence[float], fr
         y = float(axes.place(np.array([axes.frequencies[0]]), np.array([tick]))[0, 1])
         drawing.line(np.array([(axes.left, y), (right, y)]), colour=_GRID, width=0.4)
         drawing.label(axes.left - 26, y, _tick_text(tick, decades=axes.decades))
-
-
-def draw_frf(
-    frequency: np.ndarray,
-    frf: np.ndarray,
-    coherence: np.ndarray,
-    *,
-    responses: Sequence[str],
-    drives: Sequence[str],
-    band: tuple[float, float],
-) -> Drawing:
-    """Draw the magnitude of an FRF matrix and the coherence, a panel for each response.
-
-    Parameters
-    ----------
-    frequency : np.ndarray, shape (lines,)
-        In hertz.
-    frf : np.ndarray, shape (lines, responses, drives)
-        Complex, response unit per drive unit.
-    coherence : np.ndarray, shape (lines, responses)
-        Multiple coherence, 0 to 1.
-    responses, drives : sequence of str
-        Names with units.
-    band : tuple of float
-        Lowest and highest frequency shown, in hertz, greater than 0.
-
-    Returns
-    -------
-    Drawing
-        On a canvas of `CANVAS`.
-    """
-    drawing = Drawing()
-    shown = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0)
-    lines = frequency[shown]
-    if len(lines) < 2:
-        return drawing
-    ends = (float(lines[0]), float(lines[-1]))
-    columns = max(1, math.ceil(math.sqrt(len(responses))))
-    rows = math.ceil(len(responses) / columns)
-    header = 50.0
-    width, height = CANVAS[0] / columns, (CANVAS[1] - header) / rows
-    for index, response in enumerate(responses):
-        left, top = (index % columns) * width + 70, (index // columns) * height + header + 34
-        magnitude = np.abs(frf[shown, index, :])
-        _draw_magnitude(drawing, lines, magnitude, place=(left, top, width - 90, height * 0.58), ends=ends)
-        axes = Axes(left, top + height * 0.65, width - 90, height * 0.16, ends, (0.0, 1.0), decades=False)
-        _draw_axes(drawing, axes, value_ticks=(0.0, 0.5, 1.0), frequency_labels=True)
-        drawing.line(axes.place(lines, coherence[shown, index]), colour=(210, 210, 210), width=1.0)
-        drawing.label(left + (width - 90) / 2, top - 16, f"|H| to {response}, coherence below")
-        drawing.label(left + (width - 90) / 2, axes.top + axes.height + 36, "frequency [Hz]")
-    for index, drive in enumerate(drives):
-        x = CANVAS[0] * (index + 0.5) / len(drives)
-        drawing.label(x, 18, f"from {drive}", colour=colour_of(index))
-    return drawing
-
-
-def _draw_magnitude(
-    drawing: Drawing,
-    frequency: np.ndarray,
-    magnitude: np.ndarray,
-    *,
-    place: tuple[float, float, float, float],
-    ends: tuple[float, float],
-) -> None:
-    usable = magnitude[np.isfinite(magnitude) & (magnitude > 0)]
-    if usable.size == 0:
-        return
-    low, high = math.floor(np.log10(usable.min())), math.ceil(np.log10(usable.max()))
-    axes = Axes(*place, ends, (low, max(high, low + 1)), decades=True)
-    ticks = [10.0**decade for decade in range(low, max(high, low + 1) + 1)]
-    _draw_axes(drawing, axes, value_ticks=ticks, frequency_labels=False)
-    for index in range(magnitude.shape[1]):
-        drawing.line(axes.place(frequency, magnitude[:, index]), colour=colour_of(index), width=1.2)

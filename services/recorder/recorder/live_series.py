@@ -29,6 +29,7 @@ Colour: TypeAlias = tuple[int, int, int]
 
 TARGET_COLOUR: Final[Colour] = (126, 132, 142)
 LATEST_COLOUR: Final[Colour] = (232, 119, 34)
+LIMIT_COLOUR: Final[Colour] = (214, 69, 65)
 FIRST_COLOUR: Final[Colour] = (86, 156, 214)
 CHANNEL_COLOURS: Final[tuple[Colour, ...]] = (
     (78, 121, 167),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from duralab_proto.v1 import iterator_pb2
+from duralab_proto.v1 import iterator_pb2, rig_pb2
 
 _PHASES = {
     iterator_pb2.CAMPAIGN_PHASE_CHECKING: "checking",
@@ -20,6 +20,16 @@ _OUTCOMES = {
     iterator_pb2.OUTCOME_ITERATIONS_USED: "all playbacks were used",
     iterator_pb2.OUTCOME_DIVERGED: "the error grew: diverged",
 }
+
+_MODES = {
+    rig_pb2.RIG_MODE_IDLE: "at rest",
+    rig_pb2.RIG_MODE_SETTLING: "going to the first sample",
+    rig_pb2.RIG_MODE_PLAYING: "playing",
+    rig_pb2.RIG_MODE_INTERLOCKED: "INTERLOCKED",
+    rig_pb2.RIG_MODE_RAMPING_DOWN: "ramping down",
+}
+
+_OVER = (iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.CAMPAIGN_PHASE_FAULTED)
 
 COLUMNS_SHOWN = 7
 """Most iterations in the table, so that it fits beside the plots: the first and the last ones."""
@@ -66,20 +76,34 @@ def status_line(status: iterator_pb2.CampaignStatus) -> str:
     return ": ".join(part for part in (_PHASES.get(status.phase, "starting"), what) if part)
 
 
+def state_line(state: rig_pb2.RigState) -> str:
+    """Return what a rig does, its run and why it is interlocked, in one line."""
+    line = f"Rig {state.rig}: {_MODES.get(state.mode, 'in an unknown state')}"
+    if state.run:
+        line += f", run {state.run}"
+    return f"{line}: {state.reason}" if state.reason else line
+
+
 def status_document(
-    status: iterator_pb2.CampaignStatus | None, iterations: Sequence[iterator_pb2.IterationMetrics]
+    status: iterator_pb2.CampaignStatus | None,
+    iterations: Sequence[iterator_pb2.IterationMetrics],
+    *,
+    state: rig_pb2.RigState | None = None,
 ) -> str:
-    """Return the phase in a sentence, what it does now, and the error table."""
+    """Return the rig's state, the phase in a sentence, what it does now, and the error table."""
     lines = []
+    if state is not None:
+        # What stops everybody's work stands out.
+        lines.append(f"# {state_line(state)}" if state.mode == rig_pb2.RIG_MODE_INTERLOCKED else state_line(state))
     if status is not None:
         phase = _PHASES.get(status.phase, "starting")
         outcome = _OUTCOMES.get(status.outcome)
         lines.append(f"**{status.id}**: {phase}" + (f" – {outcome}" if outcome else ""))
-        if status.activity:
+        # What is over has said so.
+        if status.activity and status.phase not in _OVER:
             lines.append(f"{status.activity} ({100 * status.fraction:.0f} % done)")
         if status.HasField("fault"):
             lines.append(f"**Fault**: {status.fault.message}")
     if iterations:
         lines.append(error_table(iterations))
-        lines.append(f"Best iteration: {best_iteration(iterations)}")
     return "\n\n".join(lines) or "Waiting for the campaign."

@@ -2,51 +2,40 @@
 
 from __future__ import annotations
 
-import os
 import re
-import socket
 from collections import deque
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
-from urllib.parse import urlsplit
 
 import numpy as np
-import structlog
-
-# Rerun has no setting in its API against usage reports; this variable is how it is told, before it is imported.
-os.environ.setdefault("CI", "1")
-
 import rerun as rr
+import structlog
 from google.protobuf.message import Message
 
-from duralab_proto.arrays import from_array, from_record
+from duralab_proto.arrays import ArrayError, from_array, from_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
-from recorder.live_blueprint import ERROR, FRF, LOG, RMS_RESPONSE, STATUS, Stage, make_blueprint
-from recorder.live_charts import Drawing, draw_frf
-from recorder.live_series import ITERATION, RUN_TIME, TARGET, Curve, Group, Look, colour_of, with_unit
-from recorder.live_tables import status_document, status_line
+from recorder.live_blueprint import FRF, LOG, STATUS, Stage, make_blueprint
+from recorder.live_charts import Drawing
+from recorder.live_figures import draw_figures, dress_figures
+from recorder.live_frf import draw_frf
+from recorder.live_limits import DriveLimits
+from recorder.live_rig import RigDrawing
+from recorder.live_scene import read_scene
+from recorder.live_series import RUN_TIME, TARGET, Curve, Group, Look, with_unit
+from recorder.live_stream import close_stream, open_stream, send_blueprint
+from recorder.live_tables import state_line, status_document, status_line
 from recorder.live_thinning import bucket_samples, keep_extremes
 
-APPLICATION: Final = "duralab"
 DETAIL_SECONDS: Final = 2.0
 """Length of the stretch around the target's peak that the first tab magnifies: single waves are told apart."""
 
 BATCH_SECONDS: Final = 0.5
 """Signal blocks are drawn in pieces of this length: a hundred samples at a time cost ten times as much."""
 
-FLUSH_SECONDS: Final = 5.0
-"""Longest wait for the file (and a viewer) to take what is left, when a recording is closed."""
-
 LOG_LINES: Final = 100
 """Lines of the campaign's log that are shown, the newest first."""
-
-PROBE_SECONDS: Final = 0.5
-"""Longest wait for a sign that a viewer listens."""
-
-DEFAULT_PORT: Final = 9876
-"""Where a Rerun viewer listens when nothing else is said."""
 
 
 class LiveView:
@@ -57,7 +46,7 @@ class LiveView:
     recording : str
         Id of the recording.
     file : Path, optional
-        Where everything shown is kept; nothing may be there yet.
+        Where everything shown is kept; what is there is replaced.
     viewer : str, optional
         Address of a running viewer, e.g. "rerun+http://127.0.0.1:9876/proxy". Where nobody listens there, the view
         goes on without it.
@@ -65,15 +54,8 @@ class LiveView:
 
     def __init__(self, recording: str, *, file: Path | None, viewer: str | None) -> None:
         self._recording = recording
-        self._stream = rr.RecordingStream(APPLICATION, recording_id=recording)
-        sinks: list[rr.FileSink | rr.GrpcSink] = []
-        if file is not None:
-            sinks.append(rr.FileSink(file))
-        # Rerun would keep everything for a viewer that is not there and wait for it at every turn.
-        if viewer is not None and _listens(viewer):
-            sinks.append(rr.GrpcSink(viewer))
-        self._stream.set_sinks(*sinks)
-        self._stream.send_recording_name(recording)
+        opened = open_stream(recording, file=file, viewer=viewer)
+        self._stream, self._watched = opened.stream, opened.watched
         self._specification: iterator_pb2.CampaignSpec | None = None
         self._description: rig_pb2.RigDescription | None = None
         self._status: iterator_pb2.CampaignStatus | None = None
@@ -81,6 +63,9 @@ class LiveView:
         self._playbacks: dict[Group, list[str]] = {group: [] for group in Group}
         self._pending: list[rig_pb2.SignalBlock] = []
         self._log_lines: deque[str] = deque(maxlen=LOG_LINES)
+        self._state: rig_pb2.RigState | None = None
+        self._rig: RigDrawing | None = None
+        self._limits: DriveLimits | None = None
 
     def show_step(self, message: Message) -> None:
         """Draw a committed step; steps without a picture change nothing."""
@@ -88,7 +73,7 @@ class LiveView:
             case iterator_pb2.CampaignSpec():
                 self._specification = message
             case rig_pb2.RigDescription():
-                self._description = message
+                self._show_rig(message)
             case iterator_pb2.TargetInBand():
                 self._show_target(message)
             case identifier_pb2.Model():
@@ -98,15 +83,29 @@ class LiveView:
             case iterator_pb2.CampaignStatus():
                 self.show_status(message)
 
-    def show_status(self, status: iterator_pb2.CampaignStatus) -> None:
-        """Write what the campaign does now."""
+    def show_status(self, status: iterator_pb2.CampaignStatus, *, at: datetime | None = None) -> None:
+        """Write what the campaign does now; `at` is when it was so, now where not given."""
         line = status_line(status)
         if self._status is None or line != status_line(self._status):
-            self._log_lines.append(f"{datetime.now(UTC):%H:%M:%S} UTC – {line}")
-            # A document, not a text log: the viewer hides log lines that are not on the timeline of the signals.
-            self._write(LOG, "\n\n".join(reversed(self._log_lines)))
+            self._note(line, at)
         self._status = status
         self._write_status()
+
+    def show_state(self, state: rig_pb2.RigState, *, at: datetime | None = None) -> None:
+        """Write what the rig does now, a latched interlock and its reason above all; `at` as for `show_status`."""
+        if self._state is None or (state.mode, state.reason, state.run) != (
+            self._state.mode,
+            self._state.reason,
+            self._state.run,
+        ):
+            self._note(state_line(state), at)
+        self._state = state
+        self._write_status()
+
+    def show_pose(self, block: rig_pb2.PoseBlock) -> None:
+        """Move the rig; poses of playbacks of the target's drive stay on the timeline, the newest over the others."""
+        if self._rig is not None:
+            self._rig.show(block, on_run_time=_is_iteration(block.run.removeprefix(f"{self._recording}.")))
 
     def show_block(self, block: rig_pb2.SignalBlock) -> None:
         """Draw a block of a playback, together with its neighbours."""
@@ -118,14 +117,27 @@ class LiveView:
         if block.last or span >= BATCH_SECONDS or span < 0:
             self._draw_pending()
 
-    def close(self) -> None:
-        """Draw what is left and let go of the file and the viewer."""
+    def close(self) -> bool:
+        """Draw what is left, let go of the file and the viewer, and return whether they took everything."""
         self._draw_pending()
+        return close_stream(self._stream)
+
+    def _show_rig(self, description: rig_pb2.RigDescription) -> None:
+        self._description = description
+        self._limits = DriveLimits(self._stream, description.drives)
         try:
-            self._stream.flush(timeout_sec=FLUSH_SECONDS)
-        except RuntimeError as error:
-            structlog.get_logger("recorder").warning("a viewer does not take the view", why=str(error))
-        self._stream.disconnect()
+            scene = read_scene(description)
+        except ArrayError as error:
+            structlog.get_logger("recorder").warning("the rig cannot be drawn", rig=description.rig, why=str(error))
+            return
+        if scene is not None:
+            self._rig = RigDrawing(self._stream, scene, now=self._watched)
+
+    def _note(self, line: str, at: datetime | None) -> None:
+        moment = at if at is not None else datetime.now(UTC)
+        self._log_lines.append(f"{moment:%H:%M:%S} UTC – {line}")
+        # A document, not a text log: the viewer hides log lines that are not on the timeline of the signals.
+        self._write(LOG, "\n\n".join(reversed(self._log_lines)))
 
     def _show_target(self, message: iterator_pb2.TargetInBand) -> None:
         if self._specification is None or self._description is None:
@@ -137,18 +149,17 @@ class LiveView:
             drives=self._description.drives,
             responses=channels,
             detail=_detail(target, sample_rate),
+            duration=target.shape[1] / sample_rate,
+            outline=None if self._rig is None else self._rig.outline,
+            watched=self._watched,
         )
-        self._stream.send_blueprint(make_blueprint(stage))
+        send_blueprint(self._stream, make_blueprint(stage))
         for group, samples in ((Group.RESPONSE, target), (Group.MEASURED, asked)):
             for row, channel in enumerate(channels):
                 curve = Curve(group, channel.name, TARGET)
                 self._stream.log(curve.path, curve.style(Look.TARGET), static=True)
                 self._send(curve, samples[row], start=0.0, sample_rate=sample_rate)
-        for row, channel in enumerate(channels):
-            path = rr.escape_entity_path_part(channel.name)
-            for figure in (ERROR, RMS_RESPONSE):
-                style = rr.SeriesLines(names=channel.name, colors=colour_of(row), widths=1.5)
-                self._stream.log(f"{figure}/{path}", style, static=True)
+        dress_figures(self._stream, [channel.name for channel in channels])
         self._write_status()
 
     def _show_model(self, message: identifier_pb2.Model) -> None:
@@ -159,6 +170,7 @@ class LiveView:
             from_array(message.coherence, field="coherence", finite=False),
             responses=[with_unit(channel) for channel in message.responses],
             drives=[with_unit(channel) for channel in message.drives],
+            drive_ranges=[channel.maximum - channel.minimum for channel in message.drives],
             # Models of older recordings do not tell their band themselves.
             band=(
                 message.lowest_frequency or spectrum.lowest_frequency,
@@ -168,6 +180,9 @@ class LiveView:
         _log_drawing(self._stream, drawing)
 
     def _show_iteration(self, step: iterator_pb2.IterationStep) -> None:
+        if self._iterations and step.iteration <= self._iterations[-1].iteration:
+            # Once from the log and once as it came, where a view begins while its recording is written.
+            return
         channels, sample_rate, measured = from_record(step.response, field="response")
         response = from_array(step.response_in_band, field="response_in_band", shape=measured.shape, dtype=np.float64)
         playback = _iteration_name(step.iteration)
@@ -175,7 +190,7 @@ class LiveView:
         for row, channel in enumerate(channels):
             self._send(Curve(Group.RESPONSE, channel.name, playback), response[row], start=0.0, sample_rate=sample_rate)
         self._iterations.append(step.metrics)
-        self._draw_figures()
+        draw_figures(self._stream, self._iterations)
         self._write_status()
 
     def _draw_pending(self) -> None:
@@ -194,6 +209,8 @@ class LiveView:
             samples = np.concatenate([from_array(getattr(block, field), field=field) for block in blocks], axis=1)
             for row, name in enumerate(names):
                 self._send(Curve(group, name, playback), samples[row], start=start, sample_rate=first.sample_rate)
+            if group is Group.DRIVE and self._limits is not None:
+                self._limits.reach(start + samples.shape[1] / first.sample_rate)
 
     def _dress(self, group: Group, channels: Sequence[str], playback: str) -> None:
         """Let the newest playback of a group stand out and hide the one before it, once for each playback."""
@@ -219,47 +236,11 @@ class LiveView:
             columns=rr.Scalars.columns(scalars=samples[kept]),
         )
 
-    def _draw_figures(self) -> None:
-        """Draw bars per channel and iteration, and keep the figures on a timeline of their own."""
-        names = [channel.channel for channel in self._iterations[-1].channels]
-        numbers = np.array([float(metrics.iteration) for metrics in self._iterations])
-        bar = 0.8 / max(1, len(names))
-        for row, name in enumerate(names):
-            # A channel that an iteration does not judge has no bar there.
-            of_channel = [next((c for c in m.channels if c.channel == name), None) for m in self._iterations]
-            path = rr.escape_entity_path_part(name)
-            for figure, field in ((ERROR, "relative_rms_error"), (RMS_RESPONSE, "rms_response")):
-                percent = np.array([100 * getattr(c, field) if c is not None else 0.0 for c in of_channel])
-                bars = rr.BarChart(
-                    percent,
-                    abscissa=numbers + (row - (len(names) - 1) / 2) * bar,
-                    widths=np.full(len(percent), 0.9 * bar),
-                    color=colour_of(row),
-                )
-                self._stream.log(f"{figure}/{path}", bars, static=True)
-                self._stream.send_columns(
-                    f"{figure}/{path}",
-                    indexes=[rr.TimeColumn(ITERATION, sequence=[int(numbers[-1])])],
-                    columns=rr.Scalars.columns(scalars=percent[-1:]),
-                )
-
     def _write_status(self) -> None:
-        self._write(STATUS, status_document(self._status, self._iterations))
+        self._write(STATUS, status_document(self._status, self._iterations, state=self._state))
 
     def _write(self, path: str, markdown: str) -> None:
         self._stream.log(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
-def _listens(viewer: str) -> bool:
-    address = urlsplit(viewer)
-    try:
-        with socket.create_connection((address.hostname or "", address.port or DEFAULT_PORT), timeout=PROBE_SECONDS):
-            return True
-    except OSError as error:
-        structlog.get_logger("recorder").warning(
-            "no viewer listens; the view goes on without", viewer=viewer, why=str(error)
-        )
-        return False
 
 
 def _iteration_name(iteration: int) -> str:
@@ -269,8 +250,11 @@ def _iteration_name(iteration: int) -> str:
 
 def _playback_name(run: str) -> str:
     """Return the name of a playback for the legend: "i03" of a run's name is an iteration, anything else is kept."""
-    match = re.fullmatch(r"i(\d{1,6})", run)
-    return run if match is None else _iteration_name(int(match[1]))
+    return _iteration_name(int(run[1:])) if _is_iteration(run) else run
+
+
+def _is_iteration(run: str) -> bool:
+    return re.fullmatch(r"i\d{1,6}", run) is not None
 
 
 def _detail(target: np.ndarray, sample_rate: float) -> tuple[float, float]:

@@ -12,12 +12,15 @@ import structlog
 from google.protobuf.message import Message
 
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from recorder.catalogue import Part, recording_path
+from recorder.live_rebuild import show_log
+from recorder.live_stream import release_streams
 from recorder.live_view import LiveView
+from recorder.recording_files import Part, files_of, recording_path
 from recorder.work_thread import WorkThread
 
 MOST_BLOCKS_WAITING: Final = 5000
-"""Signal blocks that wait to be drawn, about 70 MB; what comes on top of it is left out of the view, not of the log."""
+"""Jobs that wait to be drawn, about 70 MB; signal blocks and poses on top of them are left out of the view, not of the
+log."""
 
 CLOSE_SECONDS: Final = 10.0
 """Longest wait for a view when its recording is closed."""
@@ -53,6 +56,14 @@ class LiveViews:
     def show_status(self, recording: str, event: iterator_pb2.CampaignEvent) -> None:
         """Write what a campaign does now."""
         self._offer(lambda: self._draw(recording, lambda view: view.show_status(event.status)))
+
+    def show_state(self, recording: str, state: rig_pb2.RigState) -> None:
+        """Write what the recording's rig does now."""
+        self._offer(lambda: self._draw(recording, lambda view: view.show_state(state)))
+
+    def show_pose(self, recording: str, block: rig_pb2.PoseBlock) -> None:
+        """Move the rig, unless the view is far behind."""
+        self._offer(lambda: self._draw(recording, lambda view: view.show_pose(block)), most_waiting=MOST_BLOCKS_WAITING)
 
     def show_block(self, recording: str, block: rig_pb2.SignalBlock) -> None:
         """Draw a signal block, unless the view is far behind."""
@@ -92,7 +103,11 @@ class LiveViews:
     def _opened(self, recording: str) -> LiveView | None:
         path = recording_path(self._folder, recording, Part.LIVE) if self._files else None
         try:
-            return LiveView(recording, file=path, viewer=self._viewer)
+            # A recorder that was started again goes on with a recording: the view begins with what its log holds.
+            before = files_of(self._folder, recording) if path is not None and path.exists() else []
+            view = LiveView(recording, file=path, viewer=self._viewer)
+            show_log(view, before)
+            return view
         except Exception:  # noqa: BLE001 - Rerun raises what it likes; none of it may harm the recording
             self._log.exception("the live view cannot be opened", recording=recording)
             return None
@@ -100,4 +115,19 @@ class LiveViews:
     def _close(self, recording: str) -> None:
         view = self._views.pop(recording, None)
         if view is not None:
-            view.close()
+            whole = view.close()
+            del view
+            if self._files and not whole:
+                self._make_again(recording)
+            release_streams()
+
+    def _make_again(self, recording: str) -> None:
+        """Write the view's file once more, from the log: on a full disk Rerun ends a file for good."""
+        files = files_of(self._folder, recording)
+        try:
+            view = LiveView(recording, file=recording_path(self._folder, recording, Part.LIVE), viewer=None)
+            show_log(view, files)
+            if view.close():
+                self._log.info("the live view is made again from the log", recording=recording)
+        except Exception:  # noqa: BLE001 - as above; `duralab view` makes it again from the log as well
+            self._log.exception("the live view cannot be made again", recording=recording)

@@ -7,37 +7,22 @@ no time, while pauses, constant drives and texts shrink well. zstd gains 4 % on 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Final, cast
 
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from recorder.schemas import describe_schema
+
 CHUNK_BYTES: Final = 1024 * 1024
 PROFILE: Final = "duralab"
 _LARGEST_SEQUENCE: Final = 2**32
-
-
-def describe_schema(kind: type[Message]) -> bytes:
-    """Return the serialised FileDescriptorSet of a message: its file and all that it imports, dependencies first."""
-    # Of either implementation of the protobuf package, which share no type.
-    files: dict[str, Any] = {}
-
-    def visit(file: Any) -> None:
-        for dependency in file.dependencies:
-            visit(dependency)
-        files.setdefault(file.name, file)
-
-    visit(kind.DESCRIPTOR.file)
-    described = FileDescriptorSet()
-    for file in files.values():
-        file.CopyToProto(described.file.add())
-    return described.SerializeToString(deterministic=True)
 
 
 def sync_folder(folder: Path) -> None:
@@ -47,6 +32,43 @@ def sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+class _HashedStream:
+    """A file that is written from its start to its end, with the hash of all its bytes."""
+
+    def __init__(self, path: Path) -> None:
+        # A buffered stream: on an unbuffered one the writer never writes its footer.
+        self._file = path.open("xb")
+        self._digest = hashlib.sha256()
+        self._bytes = 0
+
+    def write(self, data: bytes) -> int:
+        self._file.write(data)
+        self._digest.update(data)
+        self._bytes += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._bytes
+
+    def flush(self) -> None:
+        self._file.flush()
+
+    def sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    @property
+    def sha256(self) -> str:
+        return self._digest.hexdigest()
 
 
 class McapLog:
@@ -67,27 +89,28 @@ class McapLog:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        # A buffered stream: on an unbuffered one the writer never writes its footer.
-        self._stream = path.open("xb")
+        self._stream = _HashedStream(path)
         try:
             self._writer = Writer(
-                self._stream,
+                # It writes as a file does, and nothing else is asked of it.
+                cast("IO[bytes]", self._stream),
                 chunk_size=CHUNK_BYTES,
                 compression=CompressionType.LZ4,
                 # Over everything before the index: what lies between the chunks has no checksum of its own.
                 enable_data_crcs=True,
             )
             self._writer.start(profile=PROFILE)
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
+            self._stream.sync()
             sync_folder(path.parent)
         except BaseException:
-            self._stream.close()
+            with contextlib.suppress(OSError):
+                self._stream.close()
             path.unlink(missing_ok=True)
             raise
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[tuple[str, bool], int] = {}
+        self._channels: dict[tuple[str, bool, str], int] = {}
         self._unsynced = False
+        self._synced_bytes = self._stream.tell()
 
     @property
     def path(self) -> Path:
@@ -97,7 +120,17 @@ class McapLog:
     @property
     def bytes_written(self) -> int:
         """Size of the file so far, without the chunk being filled."""
-        return self._path.stat().st_size if self._stream.closed else self._stream.tell()
+        return self._stream.tell()
+
+    @property
+    def synced_bytes(self) -> int:
+        """How much from its start on is known to be on the disk."""
+        return self._synced_bytes
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 (hexadecimal) of what was written so far, without the chunk being filled."""
+        return self._stream.sha256
 
     def add_message(
         self,
@@ -107,6 +140,7 @@ class McapLog:
         kind: type[Message],
         sequence: int,
         metadata: Mapping[str, str] | None = None,
+        doubles: bool = False,
     ) -> None:
         """Add a serialised message.
 
@@ -122,10 +156,12 @@ class McapLog:
             Its number within the topic, 0 or more; MCAP keeps the lower 32 bits.
         metadata : mapping of str to str, optional
             Of the channel; messages of one topic with other metadata go to a channel of their own.
+        doubles : bool
+            Whether its arrays hold doubles only; see `describe_schema`.
         """
         now = time.time_ns()
         self._writer.add_message(
-            channel_id=self._channel(topic, kind, dict(metadata or {})),
+            channel_id=self._channel(topic, kind, metadata or {}, doubles=doubles),
             log_time=now,
             publish_time=now,
             sequence=sequence % _LARGEST_SEQUENCE,
@@ -133,23 +169,31 @@ class McapLog:
         )
         self._unsynced = True
 
-    def _channel(self, topic: str, kind: type[Message], metadata: dict[str, str]) -> int:
-        key = (topic, repr(sorted(metadata.items())))
+    def _channel(self, topic: str, kind: type[Message], metadata: Mapping[str, str], *, doubles: bool) -> int:
+        key = (topic, doubles, repr(sorted(metadata.items())))
         channel = self._channels.get(key)
         if channel is None:
-            channel = self._writer.register_channel(topic, MessageEncoding.Protobuf, self._schema(kind), metadata)
+            schema = self._schema(kind, doubles=doubles)
+            channel = self._writer.register_channel(topic, MessageEncoding.Protobuf, schema, dict(metadata))
             self._channels[key] = channel
         return channel
 
-    def _schema(self, kind: type[Message]) -> int:
+    def _schema(self, kind: type[Message], *, doubles: bool) -> int:
         name = kind.DESCRIPTOR.full_name
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(name, SchemaEncoding.Protobuf, describe_schema(kind))
-        return self._schemas[name]
+        if (name, doubles) not in self._schemas:
+            data = describe_schema(kind, doubles=doubles)
+            self._schemas[name, doubles] = self._writer.register_schema(name, SchemaEncoding.Protobuf, data)
+        return self._schemas[name, doubles]
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
         """Add a named set of texts."""
         self._writer.add_metadata(name, dict(entries))
+        self._unsynced = True
+
+    def add_attachment(self, name: str, data: bytes, *, media_type: str) -> None:
+        """Add a file within the file."""
+        now = time.time_ns()
+        self._writer.add_attachment(create_time=now, log_time=now, name=name, media_type=media_type, data=data)
         self._unsynced = True
 
     def sync(self) -> None:
@@ -157,7 +201,8 @@ class McapLog:
         if not self._unsynced:
             return
         self._writer.flush()
-        os.fsync(self._stream.fileno())
+        self._stream.sync()
+        self._synced_bytes = self._stream.tell()
         self._unsynced = False
 
     def close(self) -> None:
@@ -166,8 +211,8 @@ class McapLog:
             return
         try:
             self._writer.finish()
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
+            self._stream.sync()
+            self._synced_bytes = self._stream.tell()
         finally:
             self._stream.close()
 

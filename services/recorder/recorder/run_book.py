@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -39,6 +40,18 @@ class PlannedRun:
         if self.played is not None:
             return self.missing_of(self.played.epoch, self.played.blocks)
         return sum(continuity.next_seq - continuity.received for continuity in self.epochs.values())
+
+    def stored_ranges(self) -> dict[int, list[range]]:
+        """Return which blocks are stored, for each epoch, as ascending ranges that do not touch."""
+        found: dict[int, list[range]] = {}
+        for epoch, continuity in self.epochs.items():
+            edges = [0]
+            for gap in continuity.missing(continuity.next_seq):
+                edges += [gap.start, gap.stop]
+            edges.append(continuity.next_seq)
+            pairs = zip(edges[::2], edges[1::2], strict=True)
+            found[epoch] = [range(first, stop) for first, stop in pairs if first < stop]
+        return found
 
     def missing_of(self, epoch: int, blocks: int) -> int:
         """Count which of the first `blocks` blocks of an epoch are not stored."""
@@ -103,7 +116,11 @@ class RunBook:
         """Return the recordings that announced a playback on a rig."""
         return {run.recording for (of, _), run in self._runs.items() if of == rig}
 
+    def restore(self, runs: Mapping[tuple[str, str], PlannedRun]) -> None:
+        """Take over the playbacks of a recording as its files hold them."""
+        self._runs.update(runs)
+
     def forget(self, recording: str) -> None:
-        """Drop the playbacks of a recording that is closed."""
+        """Drop the playbacks of a recording that is closed or read again."""
         for key in self.of_recording(recording):
             del self._runs[key]

@@ -5,21 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import structlog
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import checked_name, describe, existing_file, read_part, recordings_in, verify
+from labbus import Bus, Call, ConfigError, FaultError, StreamItem, Subscription
+from recorder.archive import MEBIBYTE, Archive
+from recorder.catalogue import describe, fits, read_part, verify
 from recorder.config import RecorderConfig
+from recorder.intake import Intake
 from recorder.live_views import LiveViews
-from recorder.mcap_audit import read_summary
+from recorder.recording_files import checked_name, existing_file, files_of, recordings_in
 from recorder.refused import RefusedError
+from recorder.signal_windows import read_window
 from recorder.step_order import Placement
 from recorder.step_reading import read_steps
 from recorder.step_types import Step, decode_step
@@ -27,13 +30,15 @@ from recorder.work_thread import WorkThread
 
 NAME: Final = "recorder"
 BLOCKS_WAIT_SECONDS: Final = 5.0
-"""Longest wait without a new one for signal blocks that were published but are not here, while they are asked for
-again; on a sound bus they come within milliseconds."""
+"""Longest wait without a new one for signal blocks that were published but are not here, while the bus gets them from
+their publisher's spool; on a sound bus they come within milliseconds."""
+
+MOST_WAITING_FOR_POSES: Final = 5000
+"""Where so much waits for the disk already, poses are left out: nothing holds up who publishes them."""
 
 _POLL_SECONDS: Final = 0.01
-# What is on its way is not asked for; what was lost is there after a first question, unless the bus is disturbed.
-_REPLAY_AFTER_SECONDS: Final = 0.1
-_REPLAY_PERIOD_SECONDS: Final = 0.5
+# What takes longer is told to who waits for it.
+_SLOW_SECONDS: Final = 1.0
 # A service is given about 3 s to end.
 _END_SECONDS: Final = 1.0
 
@@ -51,19 +56,36 @@ class RecorderService:
 
     def __init__(self, config: RecorderConfig) -> None:
         self._folder = config.folder
-        self._archive = Archive(config.folder)
-        self._writer = WorkThread("recorder-writer", regularly=self._archive.sync)
+        self._archive = Archive(
+            config.folder,
+            split_bytes=config.split_size_mebibytes * MEBIBYTE,
+            least_free_bytes=config.least_free_mebibytes * MEBIBYTE,
+        )
+        self._intake = Intake()
+        self._marking: dict[type[Any], Subscription[Any]] = {}
+        self._writer = WorkThread("recorder-writer", regularly=self._make_safe)
         self._views: LiveViews | None = None
         if config.live_file or config.viewer is not None:
             self._views = LiveViews(config.folder, files=config.live_file, viewer=config.viewer)
         self._log = structlog.get_logger(NAME)
+        self._on_writer(self._archive.recover)
 
     def attach(self, bus: Bus) -> None:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
-        bus.subscribe(keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._on_block, repair=True)
-        bus.subscribe(keys.rig_state(ANY), rig_pb2.RigState, self._on_state, repair=True)
-        bus.subscribe(keys.campaign_event(ANY), iterator_pb2.CampaignEvent, self._on_event, repair=True)
+        self._marking = {
+            rig_pb2.SignalBlock: bus.subscribe(
+                keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._taking(self._take_block), repair=True
+            ),
+            rig_pb2.RigState: bus.subscribe(
+                keys.rig_state(ANY), rig_pb2.RigState, self._taking(self._take_state), repair=True
+            ),
+            iterator_pb2.CampaignEvent: bus.subscribe(
+                keys.campaign_event(ANY), iterator_pb2.CampaignEvent, self._taking(self._take_event), repair=True
+            ),
+        }
+        # As they come: a view can do without some of them.
+        bus.subscribe(keys.rig_pose(ANY), rig_pb2.PoseBlock, self._on_pose)
         bus.serve(
             keys.commit(), recorder_pb2.CommitRequest, _granting(lambda request, call: self.commit(bus, request, call))
         )
@@ -71,15 +93,21 @@ class RecorderService:
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
         bus.serve(keys.recording_read(ANY), recorder_pb2.ReadRecordingRequest, _granting(self.read))
         bus.serve(keys.recording_steps(ANY), recorder_pb2.ReadStepsRequest, _granting(self.steps))
+        bus.serve(keys.recording_signals(ANY), recorder_pb2.SignalWindowRequest, _granting(self.signals))
         bus.serve(keys.recording_verify(ANY), recorder_pb2.VerifyRecordingRequest, _granting(self.verify))
 
     def close(self) -> None:
         """Close all recordings and views."""
-        self._writer.offer(self._archive.close)
+        self._intake.close()
+        self._writer.offer(self._close_archive)
         if not self._writer.close(_END_SECONDS):
             self._log.error("The writer did not end in time; open recordings may lack their index.")
         if self._views is not None:
             self._views.close(_END_SECONDS)
+
+    def _close_archive(self) -> None:
+        self._archive.close()
+        self._mark()
 
     def commit(self, bus: Bus, request: recorder_pb2.CommitRequest, call: Call) -> recorder_pb2.CommitAck:
         """Store a step; the answer says that it is on the disk."""
@@ -87,49 +115,69 @@ class RecorderService:
         step = decode_step(request)
         if isinstance(step.message, recorder_pb2.RunPlayed):
             self._await_blocks(bus, name, step.message, call)
-        placement = self._on_writer(lambda: self._store(name, step))
+        placement = self._on_writer(lambda: self._store(name, step), call)
         if placement is Placement.NEW and isinstance(step.message, recorder_pb2.RecordingClosed) and self._views:
             self._views.finish(name)
         return recorder_pb2.CommitAck(recording=name, step=step.number, payload_hash=step.payload_hash)
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
-        """Describe every recording of the folder."""
-        del request, call
-        names = sorted({*recordings_in(self._folder), *self._on_writer(self._archive.open_names)})
-        return recorder_pb2.RecordingList(recordings=[self._describe(name) for name in names])
+        """Describe the recordings of the folder that are looked for."""
+        described = (self._described_if_there(name, call) for name in recordings_in(self._folder))
+        return recorder_pb2.RecordingList(
+            recordings=[one for one in described if one is not None and fits(one, request)]
+        )
 
     def recording(self, request: recorder_pb2.RecordingRequest, call: Call) -> recorder_pb2.RecordingInfo:
         """Describe one recording."""
         del request
-        return self._describe(_name_in(call.key))
+        return self._describe(_name_in(call.key), call)
 
     def read(self, request: recorder_pb2.ReadRecordingRequest, call: Call) -> recorder_pb2.RecordingPart:
         """Read a piece of a closed recording's file."""
         name = _name_in(call.key)
-        self._refuse_open(name)
+        self._refuse_open(name, call)
         return read_part(self._folder, name, request)
 
     def steps(self, request: recorder_pb2.ReadStepsRequest, call: Call) -> recorder_pb2.RecordedSteps:
         """Read the steps that were committed to a recording, also while it is written."""
         name = _name_in(call.key)
-        information = self._on_writer(lambda: self._archive.information(name))
-        path = existing_file(self._folder, name)
-        known = information or read_summary(path)
-        return read_steps(path, request, written=None if known is None else known.steps)
+        information = self._on_writer(lambda: self._archive.information(name), call)
+        existing_file(self._folder, name)
+        written = None if information is None else information.steps
+        return read_steps(files_of(self._folder, name), request, written=written)
+
+    def signals(self, request: recorder_pb2.SignalWindowRequest, call: Call) -> recorder_pb2.SignalWindow:
+        """Read a part of a run's signals."""
+        name = _name_in(call.key)
+        existing_file(self._folder, name)
+        self._refuse_open(name, call)
+        return read_window(self._folder, name, request)
 
     def verify(self, request: recorder_pb2.VerifyRecordingRequest, call: Call) -> recorder_pb2.VerifyResult:
         """Read a closed recording from end to end and say what is wrong with it."""
         del request
         name = _name_in(call.key)
-        self._refuse_open(name)
+        self._refuse_open(name, call)
         return verify(self._folder, name)
 
-    def _describe(self, name: str) -> recorder_pb2.RecordingInfo:
-        information = self._on_writer(lambda: self._archive.information(name))
-        return describe(existing_file(self._folder, name)) if information is None else information
+    def _describe(self, name: str, call: Call) -> recorder_pb2.RecordingInfo:
+        written, waiting = self._on_writer(lambda: (self._archive.information(name), self._archive.waiting(name)), call)
+        existing_file(self._folder, name)
+        information = describe(self._folder, name, written=written)
+        information.waiting = waiting
+        return information
 
-    def _refuse_open(self, name: str) -> None:
-        if name in self._on_writer(self._archive.open_names):
+    def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
+        """Describe a recording of the folder, or nothing where somebody deletes it meanwhile."""
+        try:
+            return self._describe(name, call)
+        except (FileNotFoundError, IndexError, RefusedError):
+            if files_of(self._folder, name):
+                raise
+            return None
+
+    def _refuse_open(self, name: str, call: Call) -> None:
+        if name in self._on_writer(self._archive.open_names, call):
             raise RefusedError(
                 query_pb2.FAULT_CODE_FAILED_PRECONDITION,
                 f"Recording {name!r} is still written; ask again when it is closed.",
@@ -137,12 +185,13 @@ class RecorderService:
             )
 
     def _await_blocks(self, bus: Bus, name: str, played: recorder_pb2.RunPlayed, call: Call) -> None:
-        """Wait until every block of a playback is stored, and have replayed what does not come, for a bounded time."""
-        key = bus.keys.rig_signal(played.rig, played.run)
+        """Wait until every block of a playback is stored; the bus gets what does not come, for a bounded time."""
+        self._marking[rig_pb2.SignalBlock].expect(
+            bus.keys.rig_signal(played.rig, played.run), played.epoch, played.blocks
+        )
         fewest = played.blocks + 1
         deadline = 0.0
-        replay_at = time.monotonic() + _REPLAY_AFTER_SECONDS
-        while gaps := self._on_writer(lambda: self._archive.gaps(name, played)):
+        while gaps := self._on_writer(lambda: self._archive.gaps(name, played), call):
             missing = sum(len(gap) for gap in gaps)
             now = time.monotonic()
             if missing < fewest:
@@ -158,15 +207,7 @@ class RecorderService:
                 )
                 return
             call.progress("waiting for signal blocks", max(0.0, 1.0 - missing / played.blocks))
-            if now >= replay_at:
-                try:
-                    for item in bus.replay(key, rig_pb2.SignalBlock, epoch=played.epoch, ranges=gaps):
-                        self._on_block(item)
-                except FaultError as fault:
-                    self._log.warning("a replay is refused", run=played.run, why=fault.message)
-                replay_at = time.monotonic() + _REPLAY_PERIOD_SECONDS
-            else:
-                time.sleep(_POLL_SECONDS)
+            time.sleep(_POLL_SECONDS)
 
     def _store(self, name: str, step: Step) -> Placement:
         """Store a step and pass it on to its view: on the writer's thread, so that the view sees the log's order."""
@@ -175,30 +216,78 @@ class RecorderService:
             self._views.show_step(name, step.message)
         return placement
 
-    def _on_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
-        self._writer.offer(lambda: self._take_block(item))
+    def _taking(self, take: Callable[[StreamItem[Any]], object]) -> Callable[[StreamItem[Any]], None]:
+        """Return what a subscription calls: it waits while too much is not yet on the disk."""
+
+        def on_item(item: StreamItem[Any]) -> None:
+            self._intake.admit(item)
+            self._writer.offer(lambda: self._take(take, item))
+
+        return on_item
+
+    def _take(self, take: Callable[[StreamItem[Any]], object], item: StreamItem[Any]) -> None:
+        try:
+            take(item)
+        except Exception as error:
+            # Its publisher keeps it until it is told that it need not.
+            self._archive.settle(item)
+            # Anybody may publish on a key that the contract does not know, e.g. iterator/event/start.
+            if not isinstance(error, ValueError):
+                raise
+            self._log.warning("a stream message is refused", key=item.key, why=str(error))
 
     def _take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
         recording = self._archive.take_block(item)
         if recording is not None and self._views is not None:
             self._views.show_block(recording, item.message)
 
-    def _on_state(self, item: StreamItem[rig_pb2.RigState]) -> None:
-        self._writer.offer(lambda: self._archive.take_state(item))
-
-    def _on_event(self, item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
-        self._writer.offer(lambda: self._take_event(item))
+    def _take_state(self, item: StreamItem[rig_pb2.RigState]) -> None:
+        for recording in self._archive.take_state(item):
+            if self._views is not None:
+                self._views.show_state(recording, item.message)
 
     def _take_event(self, item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
         recording = self._archive.take_event(item)
         if recording is not None and self._views is not None:
             self._views.show_status(recording, item.message)
 
-    def _on_writer(self, job: Callable[[], ResultT]) -> ResultT:
-        try:
-            return self._writer.call(job).result()
-        except CancelledError as error:
-            raise RefusedError(query_pb2.FAULT_CODE_UNAVAILABLE, "The recorder is ending; start it again.") from error
+    def _on_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> None:
+        self._writer.offer(lambda: self._take_pose(item), most_waiting=MOST_WAITING_FOR_POSES)
+
+    def _take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> None:
+        recording = self._archive.take_pose(item)
+        if recording is not None and self._views is not None:
+            self._views.show_pose(recording, item.message)
+
+    def _make_safe(self) -> None:
+        """Bring everything to the disk, and tell the publishers that they need not keep it any longer."""
+        self._archive.sync()
+        self._mark()
+
+    def _mark(self) -> None:
+        settled = self._archive.take_settled()
+        if not settled:
+            return
+        self._intake.settle(settled)
+        for kind, subscription in self._marking.items():
+            if positions := [item.position for item in settled if isinstance(item.message, kind)]:
+                subscription.mark(positions)
+
+    def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
+        """Have the writer's thread do something and wait for it; a disk that is slow is told of to the asker."""
+        future = self._writer.call(job)
+        while True:
+            try:
+                return future.result(None if call is None else _SLOW_SECONDS)
+            except FutureTimeoutError:
+                if future.done():
+                    raise
+                if call is not None:
+                    call.progress("waiting for the recorder's disk", 0.0)
+            except CancelledError as error:
+                raise RefusedError(
+                    query_pb2.FAULT_CODE_UNAVAILABLE, "The recorder is ending; start it again."
+                ) from error
 
 
 RequestT = TypeVar("RequestT")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -47,6 +48,15 @@ class StepOrder:
     def hashes(self) -> tuple[str, ...]:
         """SHA-256 (hexadecimal) of each step's payload."""
         return tuple(step.payload_hash for step in self._steps)
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Full name of each step's message."""
+        return tuple(step.type_name for step in self._steps)
+
+    def restore(self, types: Sequence[str], hashes: Sequence[str]) -> None:
+        """Take over the steps that the recording's files hold, in order."""
+        self._steps = [_Stored(*step) for step in zip(types, hashes, strict=True)]
 
     @property
     def ended(self) -> bool:

@@ -2,42 +2,36 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO, Final, cast
+from typing import Final
 
-from mcap.exceptions import EndOfFile
-from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.reader import SeekingReader
+from mcap.records import Channel, McapRecord, Message, Schema
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from recorder.mcap_audit import DAMAGE
-from recorder.recording import STEP_TOPIC
+from recorder.mcap_damage import DAMAGE
+from recorder.mcap_ending import is_finished, scan
+from recorder.recording_content import STEP_TOPIC
 from recorder.refused import RefusedError, invalid
 
 LARGEST_ANSWER: Final = 16 * 1024 * 1024
 """Bytes of steps in one answer, unless a single one is larger."""
 
-_MAGIC_BYTES: Final = 8
-# Every record begins with its kind and its length.
-_RECORD_HEAD: Final = struct.Struct("<BQ")
-
 
 def read_steps(
-    path: Path, request: recorder_pb2.ReadStepsRequest, *, written: int | None
+    files: Sequence[Path], request: recorder_pb2.ReadStepsRequest, *, written: int | None
 ) -> recorder_pb2.RecordedSteps:
-    """Read the committed steps of a recording from its file.
+    """Read the committed steps of a recording from its files.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    files : sequence of Path
+        The recording's files in their order.
     request : ReadStepsRequest
         The first step wanted.
     written : int or None
-        Steps that are known to be in the file: reading ends there, since what follows may be only half there. None
+        Steps that are known to be in the files: reading ends there, since what follows may be only half there. None
         where its recorder was killed: reading ends with the last whole record.
 
     Returns
@@ -48,91 +42,74 @@ def read_steps(
     Raises
     ------
     RefusedError
-        INVALID_ARGUMENT where there is no such step, DATA_LOSS where the file is damaged.
+        INVALID_ARGUMENT where there is no such step, DATA_LOSS where a file is damaged.
     """
     answer = recorder_pb2.RecordedSteps()
+    name = files[0].stem
     room, full = LARGEST_ANSWER, False
     try:
-        with path.open("rb") as stream:
-            whole = _WholeRecords(stream, end=_end_of_whole_records(stream, path.stat().st_size))
-            # It reads as a file does, and nothing else is asked of it.
-            reader = StreamReader(cast("IO[bytes]", whole), validate_crcs=True)
-            for number, step in enumerate(_steps(reader, most=written)):
-                if step.step != number:
-                    raise _damaged(path, f"step {number} is missing, though step {step.step} is there")
-                answer.total = number + 1
-                size = len(step.payload)
-                full = full or (bool(answer.steps) and size > room)
-                if number >= request.first and not full:
-                    answer.steps.append(step)
-                    room -= size
+        for number, step in enumerate(_steps(files)):
+            if number == written:
+                break
+            if step.step != number:
+                raise _damaged(name, f"step {number} is missing, though step {step.step} is there")
+            answer.total = number + 1
+            size = len(step.payload)
+            full = full or (bool(answer.steps) and size > room)
+            if number >= request.first and not full:
+                answer.steps.append(step)
+                room -= size
     except DAMAGE as error:
-        raise _damaged(path, str(error).rstrip(".") or type(error).__name__) from error
+        raise _damaged(name, str(error).rstrip(".") or type(error).__name__) from error
     if written is not None and answer.total < written:
-        raise _damaged(path, f"it ends after {answer.total} of {written} steps")
+        raise _damaged(name, f"it ends after {answer.total} of {written} steps")
     if request.first > answer.total:
-        raise invalid(
-            f"first is {request.first}; recording {path.stem!r} has {answer.total} steps, from 0.", field="first"
-        )
+        raise invalid(f"first is {request.first}; recording {name!r} has {answer.total} steps, from 0.", field="first")
     return answer
 
 
-def _steps(reader: StreamReader, *, most: int | None) -> Iterator[recorder_pb2.RecordedStep]:
-    if most == 0:
-        return
+def _steps(files: Sequence[Path]) -> Iterator[recorder_pb2.RecordedStep]:
+    for path in files:
+        yield from _indexed(path) if is_finished(path) else _scanned(path)
+
+
+def _indexed(path: Path) -> Iterator[recorder_pb2.RecordedStep]:
+    with path.open("rb") as stream:
+        reader = SeekingReader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        channels = {} if summary is None else summary.channels
+        topics = [channel.topic for channel in channels.values() if channel.topic.startswith(STEP_TOPIC)]
+        if not topics:
+            return
+        for schema, _, message in reader.iter_messages(topics=topics, log_time_order=False):
+            yield _step(message, "" if schema is None else schema.name)
+
+
+def _scanned(path: Path) -> list[recorder_pb2.RecordedStep]:
     schemas: dict[int, str] = {}
     channels: dict[int, Channel] = {}
-    found = 0
-    try:
-        for record in reader.records:
-            match record:
-                case Schema():
-                    schemas[record.id] = record.name
-                case Channel():
-                    channels[record.id] = record
-                case Message() if (channel := channels[record.channel_id]).topic.startswith(STEP_TOPIC):
-                    yield recorder_pb2.RecordedStep(
-                        step=record.sequence, message_type=schemas[channel.schema_id], payload=record.data
-                    )
-                    found += 1
-                    if found == most:
-                        return
-    except EndOfFile:
-        return
+    found: list[recorder_pb2.RecordedStep] = []
+
+    def take(record: McapRecord) -> None:
+        match record:
+            case Schema():
+                schemas[record.id] = record.name
+            case Channel():
+                channels[record.id] = record
+            case Message() if (channel := channels[record.channel_id]).topic.startswith(STEP_TOPIC):
+                found.append(_step(record, schemas[channel.schema_id]))
+
+    scan(path, take)
+    return found
 
 
-class _WholeRecords:
-    """A file up to its last whole record: a killed recorder leaves half a one, and all it acknowledged lies before."""
-
-    def __init__(self, stream: IO[bytes], *, end: int) -> None:
-        self._stream = stream
-        self._left = end
-
-    def read(self, size: int) -> bytes:
-        data = self._stream.read(min(size, self._left))
-        self._left -= len(data)
-        return data
+def _step(message: Message, schema: str) -> recorder_pb2.RecordedStep:
+    return recorder_pb2.RecordedStep(step=message.sequence, message_type=schema, payload=message.data)
 
 
-def _end_of_whole_records(stream: IO[bytes], size: int) -> int:
-    """Return where the last whole record ends, from the lengths alone, and go back to the start."""
-    end = _MAGIC_BYTES
-    while end + _RECORD_HEAD.size <= size:
-        stream.seek(end)
-        opcode, length = _RECORD_HEAD.unpack(stream.read(_RECORD_HEAD.size))
-        if opcode == Opcode.FOOTER:
-            end = size
-        elif end + _RECORD_HEAD.size + length > size:
-            break
-        else:
-            end += _RECORD_HEAD.size + length
-    stream.seek(0)
-    return end
-
-
-def _damaged(path: Path, why: str) -> RefusedError:
+def _damaged(name: str, why: str) -> RefusedError:
     return RefusedError(
         query_pb2.FAULT_CODE_DATA_LOSS,
-        f"Recording {path.stem!r} is damaged: {why}; `verify` says more.",
+        f"Recording {name!r} is damaged: {why}; `verify` says more.",
         field="recording",
     )

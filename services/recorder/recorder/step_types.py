@@ -45,6 +45,11 @@ class Step:
         return self.message.DESCRIPTOR.full_name
 
 
+def type_name_of(kind: type[Message]) -> str:
+    """Return the full name of a message, e.g. "duralab.v1.Model"."""
+    return kind.DESCRIPTOR.full_name
+
+
 def _check_names(message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed) -> None:
     for check, name, field in ((check_run, message.run, "run"), (check_rig, message.rig, "rig")):
         try:

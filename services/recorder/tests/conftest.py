@@ -17,6 +17,8 @@ SAMPLE_RATE = 100.0
 SAMPLES = 200
 BLOCK = 50
 CHANNELS = ("left_vertical", "right_vertical")
+STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+PLATE = rig_pb2.MeshShape(vertices=to_array(np.eye(3)), corners=[0, 1, 2])
 
 
 class Campaign:
@@ -47,7 +49,46 @@ class Campaign:
             drives=self.drives,
             responses=self.responses,
             static_response=to_array(np.zeros(2)),
+            bodies=["piston", "wheel"],
+            shapes=[
+                rig_pb2.RigShape(
+                    name="rod",
+                    body="piston",
+                    role=rig_pb2.SHAPE_ROLE_PISTON,
+                    pose=to_array(STILL),
+                    cylinder=rig_pb2.CylinderShape(radius=0.1, length=0.6),
+                ),
+                rig_pb2.RigShape(
+                    name="rim",
+                    body="wheel",
+                    role=rig_pb2.SHAPE_ROLE_SPECIMEN,
+                    pose=to_array(STILL),
+                    box=rig_pb2.BoxShape(x=0.5, y=0.2, z=0.5),
+                ),
+                rig_pb2.RigShape(name="ball", pose=to_array(STILL), sphere=rig_pb2.SphereShape(radius=0.05)),
+                rig_pb2.RigShape(name="plate", pose=to_array(STILL), mesh=PLATE),
+            ],
+            links=[
+                rig_pb2.RigLink(
+                    name="left_vertical",
+                    kind=rig_pb2.LINK_KIND_STRUT,
+                    point_a=to_array(np.array([0.0, 0.0, -1.0])),
+                    body_b="wheel",
+                    point_b=to_array(np.zeros(3)),
+                )
+            ],
+            rest_poses=to_array(np.array([STILL, STILL + np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0])])),
         )
+
+    def poses(self, run: str, *, lift: float = 0.1) -> rig_pb2.PoseBlock:
+        """The wheel goes up by `lift` within the run, the piston stays."""
+        time = np.arange(0.0, SAMPLES / SAMPLE_RATE, 0.1)
+        poses = np.tile(STILL, (len(time), 2, 1))
+        poses[:, 1, 2] = 0.8 + lift * time / time[-1]
+        return rig_pb2.PoseBlock(run=run, time=to_array(time), poses=to_array(poses))
+
+    def state(self, mode: rig_pb2.RigMode, *, reason: str = "", run: str = "") -> rig_pb2.RigState:
+        return rig_pb2.RigState(rig=self.rig, mode=mode, reason=reason, run=run)
 
     def target_in_band(self) -> iterator_pb2.TargetInBand:
         return iterator_pb2.TargetInBand(samples=to_array(self.target))

@@ -12,6 +12,7 @@ from labbus import StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe
 from recorder.mcap_audit import audit
+from recorder.recording_files import files_of
 from recorder.refused import RefusedError
 from recorder.step_order import Placement
 
@@ -45,28 +46,28 @@ def close(archive, step_of, number):
 def test_a_played_run_is_whole_in_its_recording(archive, campaign, step_of, tmp_path):
     play(archive, campaign)
     played = campaign.played("demo.i01", epoch=EPOCH)
-    assert archive.missing_blocks("demo", played) == 0
+    assert archive.gaps("demo", played) == []
     archive.commit("demo", step_of(3, played))
     close(archive, step_of, 4)
-    information = describe(tmp_path / "demo.mcap")
+    information = describe(tmp_path, "demo")
     assert (information.closed, information.steps) == (True, 5)
     assert (information.signal_blocks, information.missing_blocks) == (4, 0)
-    assert audit(tmp_path / "demo.mcap").findings == []
+    assert audit([tmp_path / "demo.mcap"]).findings == []
 
 
 def test_missing_blocks_are_counted_and_told(archive, campaign, step_of, tmp_path):
     play(archive, campaign, leave_out={1, 3})
     played = campaign.played("demo.i01", epoch=EPOCH)
-    assert archive.missing_blocks("demo", played) == 2
+    assert archive.gaps("demo", played) == [range(1, 2), range(3, 4)]
     archive.commit("demo", step_of(3, played))
     close(archive, step_of, 4)
-    assert describe(tmp_path / "demo.mcap").missing_blocks == 2
-    assert "lacks 2 of its 4" in audit(tmp_path / "demo.mcap").findings[0]
+    assert describe(tmp_path, "demo").missing_blocks == 2
+    assert "lacks 2 of its 4" in audit([tmp_path / "demo.mcap"]).findings[0]
 
 
 def test_blocks_of_another_epoch_do_not_stand_in(archive, campaign):
     play(archive, campaign)
-    assert archive.missing_blocks("demo", campaign.played("demo.i01", epoch=EPOCH + 1)) == 4
+    assert archive.gaps("demo", campaign.played("demo.i01", epoch=EPOCH + 1)) == [range(4)]
 
 
 def test_a_block_that_comes_twice_is_stored_once(archive, campaign):
@@ -155,14 +156,16 @@ def fail_to_sync(monkeypatch):
     monkeypatch.setattr(os, "fsync", full)
 
 
-def test_a_step_that_is_not_on_the_disk_is_not_acknowledged(archive, campaign, step_of, monkeypatch):
+def test_a_step_that_is_not_on_the_disk_is_not_acknowledged(archive, campaign, step_of, monkeypatch, tmp_path):
     with monkeypatch.context() as context:
         fail_to_sync(context)
-        with pytest.raises(RefusedError, match="No space left"):
+        with pytest.raises(RefusedError, match="No space left") as caught:
             archive.commit("demo", step_of(3, campaign.model()))
-    with pytest.raises(RefusedError, match="takes nothing more") as caught:
-        archive.commit("demo", step_of(3, campaign.model()))
-    assert caught.value.code == query_pb2.FAULT_CODE_DATA_LOSS
+    assert caught.value.code == query_pb2.FAULT_CODE_RESOURCE_EXHAUSTED
+    assert archive.commit("demo", step_of(3, campaign.model())) is Placement.NEW
+    close(archive, step_of, 4)
+    assert [path.name for path in files_of(tmp_path, "demo")] == ["demo.mcap", "demo.part02.mcap"]
+    assert audit(files_of(tmp_path, "demo")).findings == []
 
 
 def test_a_first_step_that_cannot_be_stored_leaves_no_file(campaign, step_of, tmp_path, monkeypatch):
@@ -178,7 +181,7 @@ def test_a_first_step_that_cannot_be_stored_leaves_no_file(campaign, step_of, tm
 
 def test_stopping_the_recorder_leaves_a_complete_file_that_says_so(archive, tmp_path):
     archive.close()
-    assert describe(tmp_path / "demo.mcap").closed
-    assert audit(tmp_path / "demo.mcap").findings == [
+    assert describe(tmp_path, "demo").closed
+    assert audit([tmp_path / "demo.mcap"]).findings == [
         "The last of its 3 steps is not RecordingClosed: it was cut short."
     ]

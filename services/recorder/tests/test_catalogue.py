@@ -6,7 +6,8 @@ import pytest
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from recorder.archive import Archive
-from recorder.catalogue import describe, existing_file, read_part, recordings_in, verify
+from recorder.catalogue import describe, read_part, verify
+from recorder.recording_files import existing_file, recordings_in
 from recorder.refused import RefusedError
 
 
@@ -52,7 +53,7 @@ def test_the_pieces_are_the_file(folder):
         data += piece.data
         if len(data) == piece.total:
             break
-    assert hashlib.sha256(data).hexdigest() == describe(folder / "demo.mcap").file_hash
+    assert hashlib.sha256(data).hexdigest() == describe(folder, "demo").file_hash
 
 
 @pytest.mark.parametrize(
@@ -98,4 +99,4 @@ def test_a_file_that_was_cut_off_is_not_whole(folder, share):
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
     assert not verify(folder, "demo").whole
-    assert not describe(path).closed
+    assert not describe(folder, "demo").closed

@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from duralab_proto.v1 import iterator_pb2
-from recorder.live_charts import CANVAS, Axes, draw_frf, frequency_ticks
+from duralab_proto.v1 import iterator_pb2, rig_pb2
+from recorder.live_charts import CANVAS, Axes, frequency_ticks
+from recorder.live_frf import draw_frf
+from recorder.live_series import colour_of
 from recorder.live_tables import COLUMNS_SHOWN, error_table, status_document
 from recorder.live_thinning import bucket_samples, keep_extremes
 
@@ -49,7 +51,15 @@ def test_the_corners_of_a_panel_are_its_ranges():
 
 def draw(frf, coherence):
     frequency = np.linspace(0, 50, frf.shape[0])
-    return draw_frf(frequency, frf, coherence, responses=["a [N]", "b [N]"], drives=["u [m]", "v [m]"], band=(1, 40))
+    return draw_frf(
+        frequency,
+        frf,
+        coherence,
+        responses=["a [N]", "b [N]"],
+        drives=["u [m]", "v [m]"],
+        drive_ranges=[0.2, 0.2],
+        band=(1, 40),
+    )
 
 
 def test_lines_without_an_estimate_are_left_out():
@@ -58,9 +68,35 @@ def test_lines_without_an_estimate_are_left_out():
     whole = len(draw(frf, coherence).strips)
     frf[40] = np.nan
     broken = draw(frf, coherence)
-    # Each of the four magnitude curves falls into two pieces.
-    assert len(broken.strips) == whole + 4
+    # Each of the four magnitude curves and the two phases falls into two pieces.
+    assert len(broken.strips) == whole + 6
     assert all(np.isfinite(strip).all() for strip in broken.strips)
+
+
+def test_the_phase_of_a_delay_is_broken_where_it_wraps_and_falls_everywhere_else():
+    # exp(-2 pi j f tau) with tau of 50 ms falls by 360 degrees in 20 Hz: to 40 Hz it wraps twice, at 10 and 30 Hz.
+    frequency = np.linspace(0, 50, 401)
+    frf = np.zeros((401, 2, 2), dtype=complex)
+    frf[:, 0, 0] = frf[:, 1, 1] = np.exp(-2j * np.pi * frequency * 0.05)
+    drawing = draw(frf, np.full((401, 2), 1.0))
+    curves = [
+        strip
+        for strip, colour, width in zip(drawing.strips, drawing.strip_colours, drawing.strip_widths, strict=True)
+        if colour == colour_of(0) and width == 1.4
+    ]
+    assert len(curves) == 3
+    # Downwards on the canvas is down in phase.
+    assert all(np.all(np.diff(strip[:, 1]) > 0) for strip in curves)
+
+
+def test_the_drive_that_moves_a_response_most_is_broad_whatever_a_resonance_of_another_does():
+    frf = np.ones((101, 2, 2), dtype=complex)
+    frf[:, 0, 1] = 0.1
+    frf[90, 0, 1] = 1e6
+    frf[:, 1, 0] = 0.1
+    drawing = draw(frf, np.full((101, 2), 1.0))
+    broad = [c for c, width in zip(drawing.strip_colours, drawing.strip_widths, strict=True) if width == 2.0]
+    assert broad == [colour_of(0), colour_of(1)]
 
 
 def test_an_frf_of_zeros_is_no_error():
@@ -91,3 +127,14 @@ def test_a_fault_is_told(campaign):
     status = campaign.status(iterator_pb2.CAMPAIGN_PHASE_FAULTED)
     status.fault.message = "The rig is interlocked."
     assert "The rig is interlocked." in status_document(status, [])
+
+
+def test_a_latched_interlock_is_the_heading_with_its_reason(campaign):
+    state = campaign.state(rig_pb2.RIG_MODE_INTERLOCKED, reason="left_vertical left its limit")
+    document = status_document(campaign.status(iterator_pb2.CAMPAIGN_PHASE_ITERATING), [], state=state)
+    assert document.splitlines()[0] == "# Rig front_axle: INTERLOCKED: left_vertical left its limit"
+
+
+def test_a_rig_that_plays_is_no_heading(campaign):
+    document = status_document(None, [], state=campaign.state(rig_pb2.RIG_MODE_PLAYING, run="demo.i03"))
+    assert document.splitlines()[0] == "Rig front_axle: playing, run demo.i03"

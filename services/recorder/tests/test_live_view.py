@@ -3,12 +3,19 @@ from __future__ import annotations
 import socket
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
-from duralab_proto.v1 import iterator_pb2
+from duralab_proto.v1 import iterator_pb2, rig_pb2
+from recorder import rebuild_view
+from recorder.live_rig import LINE_COLOURS, ROLE_COLOURS
+from recorder.live_series import CHANNEL_COLOURS, LATEST_COLOUR
+from recorder.live_stream import close_stream
 from recorder.live_view import LiveView
+from recorder.live_views import LiveViews
 
 START_SECONDS = 60.0
 
@@ -23,8 +30,28 @@ def show_campaign(view: LiveView, campaign) -> None:
     for iteration, error in ((1, 0.5), (2, 0.2), (3, 0.1)):
         for block in campaign.blocks(f"demo.i{iteration:02d}", gain=1 - error):
             view.show_block(block)
+        view.show_pose(campaign.poses(f"demo.i{iteration:02d}"))
         view.show_step(campaign.iteration(iteration, error))
+    view.show_state(campaign.state(rig_pb2.RIG_MODE_IDLE))
     view.show_step(campaign.status(iterator_pb2.CAMPAIGN_PHASE_FINISHED))
+
+
+def write_log(path, campaign):
+    """Write the same messages as a recording, with the standard MCAP writer."""
+    messages = [campaign.specification(), campaign.description(), campaign.target_in_band()]
+    messages += [*campaign.blocks("demo.identify"), campaign.model()]
+    for iteration, error in ((1, 0.5), (2, 0.2), (3, 0.1)):
+        run = f"demo.i{iteration:02d}"
+        messages += [*campaign.blocks(run, gain=1 - error), campaign.poses(run), campaign.iteration(iteration, error)]
+    messages += [campaign.state(rig_pb2.RIG_MODE_IDLE), campaign.status(iterator_pb2.CAMPAIGN_PHASE_FINISHED)]
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for message in messages:
+            name = message.DESCRIPTOR.full_name
+            channel = writer.register_channel(name, "protobuf", writer.register_schema(name, "protobuf", b""))
+            writer.add_message(channel, log_time=0, publish_time=0, data=message.SerializeToString())
+        writer.finish()
 
 
 @pytest.fixture
@@ -54,6 +81,12 @@ def test_the_file_is_whole_and_holds_every_curve(live_file, rerun_program, viewe
         "/drive/right_vertical/iteration\\ 02",
         "/error/left_vertical",
         "/rms_response/right_vertical",
+        "/drive/left_vertical/0\\ limits",
+        "/rig/boxes",
+        "/rig/cylinders",
+        "/rig/spheres",
+        "/rig/meshes/0",
+        "/rig/lines",
         "/frf/lines",
         "/campaign/status",
     ):
@@ -115,18 +148,112 @@ def take_picture(process, address, path):
     return False
 
 
-def test_the_viewer_draws_the_curves(headless_viewer, tmp_path):
+def pixels(picture, colour, *, within=40):
+    """Return which pixels (height, width) are of a colour, whatever light falls on it."""
+    bright = picture.max(axis=-1, keepdims=True)
+    hue = np.where(bright > 60, picture * (max(colour) / np.maximum(bright, 1)), 0.0)
+    return (np.abs(hue - np.array(colour)) < within).all(axis=-1) & (bright[..., 0] > 60)
+
+
+def test_the_viewer_draws_curves_and_rig_without_a_click(headless_viewer, tmp_path):
     from PIL import Image
 
     path = tmp_path / "view.png"
     if not take_picture(*headless_viewer, path):
         log = (tmp_path / "viewer.log").read_text()
         pytest.skip(f"Rerun cannot draw here (is mesa-vulkan-drivers installed?): {log[-300:]!r}")
-    picture = np.asarray(Image.open(path).convert("RGB")).astype(int)
-    red, green, blue = picture[..., 0], picture[..., 1], picture[..., 2]
-    orange = (red > 180) & (abs(green - 110) < 50) & (blue < 90)
-    height, width = orange.shape
+    picture = np.asarray(Image.open(path).convert("RGB")).astype(float)
+    height, width, _ = picture.shape
     # The latest response in each of the two plots on the left, and the orange bars of a channel on the right.
-    assert orange[:, : width // 3].sum() > 200
-    assert orange[:, width // 3 : 2 * width // 3].sum() > 200
-    assert orange[: height // 2, 3 * width // 4 :].sum() > 200
+    latest = pixels(picture, LATEST_COLOUR)
+    assert latest[:, : width // 3].sum() > 200
+    assert latest[:, width // 3 : 2 * width // 3].sum() > 200
+    figures = picture[height // 4 : 3 * height // 4, 3 * width // 4 :]
+    assert pixels(figures, CHANNEL_COLOURS[0]).sum() > 200
+    assert pixels(figures, CHANNEL_COLOURS[1]).sum() > 200
+    # The rig above the bars: its box, its piston, its strut.
+    rig = picture[height // 14 : height // 4, 3 * width // 4 :]
+    for colour in (ROLE_COLOURS[rig_pb2.SHAPE_ROLE_SPECIMEN], ROLE_COLOURS[rig_pb2.SHAPE_ROLE_PISTON]):
+        assert pixels(rig, colour).sum() > 30, colour
+    assert pixels(rig, LINE_COLOURS[rig_pb2.LINK_KIND_STRUT]).sum() > 30
+
+
+def test_the_view_of_a_log_is_the_view_that_was_watched(
+    tmp_path, campaign, rerun_program, viewer_environment, live_file
+):
+    log = tmp_path / "recording.mcap"
+    write_log(log, campaign)
+    assert rebuild_view.main([str(log), "--out", str(tmp_path / "again.rrd")]) == 0
+    printed = [
+        run_rerun(rerun_program, viewer_environment, "rrd", "print", path)
+        for path in (live_file, tmp_path / "again.rrd")
+    ]
+    # Those of the recording; the parts of a layout have names of chance.
+    shown = ("/response", "/measured", "/drive", "/rig", "/frf", "/error")
+    entities = [{word for word in text.split() if word.startswith(shown)} for text in printed]
+    assert entities[0] == entities[1]
+    assert "/rig/lines" in " ".join(entities[0])
+
+
+def test_a_log_that_is_none_is_told(tmp_path, capsys):
+    (tmp_path / "x.mcap").write_bytes(b"hello, this is no recording")
+    assert rebuild_view.main([str(tmp_path / "x.mcap"), "--out", str(tmp_path / "x.rrd")]) == 1
+    assert "cannot be shown" in capsys.readouterr().err
+
+
+def test_a_recorder_that_goes_on_with_a_recording_shows_all_of_it(
+    tmp_path, campaign, rerun_program, viewer_environment
+):
+    write_log(tmp_path / "demo.mcap", campaign)
+    (tmp_path / "demo.rrd").write_bytes(b"what the recorder showed before it was killed")
+    views = LiveViews(tmp_path, files=True, viewer=None)
+    views.show_step("demo", campaign.iteration(4, 0.05))
+    views.finish("demo")
+    views.close(10.0)
+    printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", tmp_path / "demo.rrd")
+    for entity in ("/response/left_vertical/iteration\\ 01", "/response/left_vertical/iteration\\ 04", "/rig/boxes"):
+        assert entity in printed, entity
+
+
+def test_a_file_that_was_cut_off_is_made_again_when_its_recording_is_closed(
+    tmp_path, campaign, rerun_program, viewer_environment, monkeypatch
+):
+    write_log(tmp_path / "demo.mcap", campaign)
+    views = LiveViews(tmp_path, files=True, viewer=None)
+    views.show_step("demo", campaign.specification())
+    refused = iter([False])
+    monkeypatch.setattr("recorder.live_view.close_stream", lambda stream: close_stream(stream) and next(refused, True))
+    views.finish("demo")
+    views.close(10.0)
+    printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", tmp_path / "demo.rrd")
+    assert "/response/left_vertical/iteration\\ 03" in printed
+
+
+def test_views_that_are_over_leave_no_thread_behind(tmp_path, campaign):
+    views = LiveViews(tmp_path, files=True, viewer=None)
+
+    def watch(name):
+        for message in (campaign.specification(), campaign.description(), campaign.target_in_band()):
+            views.show_step(name, message)
+        views.finish(name)
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    if not Path("/proc/self/task").is_dir():
+        pytest.skip("threads are counted in /proc")
+    first = [watch(f"a{number}") for number in range(2)][-1]
+    assert max(watch(f"b{number}") for number in range(5)) <= first
+    views.close(10.0)
+
+
+def test_a_rig_that_cannot_be_drawn_costs_nothing_else(tmp_path, campaign, rerun_program, viewer_environment):
+    description = campaign.description()
+    description.shapes[0].body = "nobody"
+    view = LiveView("demo", file=tmp_path / "demo.rrd", viewer=None)
+    view.show_step(campaign.specification())
+    view.show_step(description)
+    view.show_step(campaign.target_in_band())
+    view.show_pose(campaign.poses("demo.i01"))
+    view.close()
+    printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", tmp_path / "demo.rrd")
+    assert "/response/left_vertical/0\\ target" in printed
+    assert "/rig/" not in printed

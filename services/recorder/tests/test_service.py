@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from unittest import mock
 
 import pytest
 from mcap.exceptions import EndOfFile
@@ -17,8 +18,12 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
+from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import BusConfig, FaultError, open_bus
+from labbus import BusConfig, Call, FaultError, StreamItem, open_bus
+from recorder import service
+from recorder.config import RecorderConfig
+from recorder.service import RecorderService
 
 END_SECONDS = 60.0
 
@@ -47,10 +52,27 @@ class Lab:
         self.bus = bus
         self.folder = folder
         self.steps: dict[str, int] = {}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "recorder", "--config", str(config)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+        self._config = config
+        self.process = self._started()
+
+    def _started(self):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "recorder", "--config", str(self._config)],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
         )
-        bus.wait_for_live({("recorder", "main")}, 120.0)
+        self.bus.wait_for_live({("recorder", "main")}, 120.0)
+        return process
+
+    def kill_and_start_again(self, *, meanwhile):
+        self.end(signal.SIGKILL)
+        for pipe in (self.process.stdin, self.process.stderr):
+            pipe.close()
+        until = time.monotonic() + END_SECONDS
+        while self.bus.live("recorder") and time.monotonic() < until:
+            time.sleep(0.02)
+        meanwhile()
+        self.process = self._started()
 
     def commit(self, message, recording="demo", step=None):
         number = self.steps.get(recording, 0) if step is None else step
@@ -217,6 +239,67 @@ def test_acknowledged_steps_survive_a_kill(lab, campaign):
     assert found == list(range(9))
 
 
+def test_a_killed_recorder_goes_on_and_gets_what_was_played_meanwhile(lab, campaign):
+    for message in (campaign.specification(), campaign.description(), campaign.planned("demo.i01")):
+        lab.commit(message)
+    publisher = lab.bus.publisher(lab.bus.keys.rig_signal(campaign.rig, "demo.i01"))
+    blocks = campaign.blocks("demo.i01")
+    for block in blocks[:2]:
+        publisher.put(block)
+
+    def play_on():
+        for block in blocks[2:]:
+            publisher.put(block)
+
+    lab.kill_and_start_again(meanwhile=play_on)
+    # The last step again, as a campaign asks that is resumed.
+    lab.commit(campaign.planned("demo.i01"), step=2)
+    lab.commit(campaign.played("demo.i01", epoch=publisher.epoch))
+    lab.commit(campaign.iteration(1, 0.5))
+    lab.commit(recorder_pb2.RecordingClosed(reason="done"))
+    publisher.close()
+    information = lab.information()
+    assert (information.steps, information.signal_blocks, information.missing_blocks) == (6, 4, 0)
+    assert [file.file for file in information.files] == ["demo.mcap", "demo.part02.mcap"]
+    assert (lab.folder / "damaged" / "demo.mcap").is_file()
+    verdict = lab.bus.query(
+        lab.bus.keys.recording_verify("demo"), recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult
+    )
+    assert verdict.whole, verdict.findings
+    request = recorder_pb2.SignalWindowRequest(run="demo.i01", seconds=2.0)
+    window = lab.bus.query(lab.bus.keys.recording_signals("demo"), request, recorder_pb2.SignalWindow)
+    assert list(window.response.samples.shape) == [2, 200]
+
+
+def test_recordings_are_found_by_what_they_were_about(lab, campaign):
+    record_campaign(lab, campaign)
+    lab.commit(campaign.status(iterator_pb2.CAMPAIGN_PHASE_FINISHED))
+    lab.commit(recorder_pb2.RecordingClosed(reason="done"))
+
+    def found(**wanted):
+        request = recorder_pb2.ListRecordingsRequest(**wanted)
+        answer = lab.bus.query(lab.bus.keys.recordings(), request, recorder_pb2.RecordingList)
+        return [information.recording for information in answer.recordings]
+
+    begun = lab.information().begun
+    assert begun > 0
+    for wanted in (
+        {},
+        {"rig": "front_axle"},
+        {"begun_from": begun, "begun_before": begun + 1},
+        {"phase": iterator_pb2.CAMPAIGN_PHASE_FINISHED},
+    ):
+        assert found(**wanted) == ["demo"], wanted
+    for wanted in (
+        {"rig": "predecessor"},
+        {"target": "belgian"},
+        {"begun_from": begun + 1},
+        {"begun_before": begun},
+        {"outcome": iterator_pb2.OUTCOME_REACHED},
+    ):
+        assert found(**wanted) == [], wanted
+
+
 def test_a_recorder_that_cannot_write_says_so_in_a_sentence(tmp_path):
     (tmp_path / "file").touch()
     config = tmp_path / "recorder.yaml"
@@ -230,3 +313,36 @@ def test_a_recorder_that_cannot_write_says_so_in_a_sentence(tmp_path):
     )
     assert done.returncode == 2
     assert "correct `folder`" in done.stderr.splitlines()[-1]
+
+
+def test_what_nobody_should_publish_is_let_go_and_told_to_its_publisher(tmp_path, campaign):
+    service = RecorderService(RecorderConfig(folder=tmp_path, live_file=False))
+    event = iterator_pb2.CampaignEvent(status=campaign.status(iterator_pb2.CAMPAIGN_PHASE_ITERATING))
+    item = StreamItem(Keys().campaign_event("demo").replace("/demo", "/start"), 1, 0, event)
+    try:
+        service._taking(service._archive.take_event)(item)
+        service._on_writer(service._mark)
+        assert service._intake._bytes == 0
+    finally:
+        service.close()
+
+
+def test_a_recording_that_is_deleted_while_it_is_listed_is_left_out(lab, campaign, monkeypatch):
+    lab.commit(campaign.specification())
+    lab.end(signal.SIGTERM)
+    gone = lab.folder / "gone.mcap"
+    gone.write_bytes((lab.folder / "demo.mcap").read_bytes())
+    recorder = service.RecorderService(RecorderConfig(folder=lab.folder, live_file=False))
+    named = service.recordings_in
+
+    def delete_after_naming(folder):
+        names = named(folder)
+        gone.unlink()
+        return names
+
+    monkeypatch.setattr(service, "recordings_in", delete_after_naming)
+    try:
+        found = recorder.list_recordings(recorder_pb2.ListRecordingsRequest(), mock.create_autospec(Call))
+    finally:
+        recorder.close()
+    assert [information.recording for information in found.recordings] == ["demo"]

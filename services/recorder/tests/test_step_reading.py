@@ -23,7 +23,7 @@ def commit(archive, step_of, messages):
 
 
 def read(path, first=0, *, written=None):
-    return read_steps(path, recorder_pb2.ReadStepsRequest(first=first), written=written)
+    return read_steps([path], recorder_pb2.ReadStepsRequest(first=first), written=written)
 
 
 def test_steps_come_back_in_order_while_the_recording_is_written(archive, campaign, step_of, tmp_path):

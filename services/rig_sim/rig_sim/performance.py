@@ -10,7 +10,7 @@ import structlog
 
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, Call, FaultError, StreamPublisher
+from labbus import Bus, Call, FaultError, SpoolFullError, SpoolSpace, StreamPublisher
 from rig_sim.interlock import Interlock
 from rig_sim.playable import PlayableRig, PlayableRun
 from rig_sim.playback import Block
@@ -22,6 +22,7 @@ COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5
 #: Paced in real time, the player is ahead of the clock by a slice; so a stop is heard within one.
 _PACED_SECONDS = 0.02
+_ROOM_POLL_SECONDS = 0.01
 
 
 class Performance:
@@ -35,8 +36,12 @@ class Performance:
         *,
         responses: Sequence[array_pb2.Channel],
         tell_state: Callable[[], None],
+        spools: SpoolSpace,
+        spool_wait_seconds: float,
     ) -> None:
         self._bus = bus
+        self._spools = spools
+        self._spool_wait_seconds = spool_wait_seconds
         self._rig = rig
         self._interlock = interlock
         self._responses = list(responses)
@@ -71,12 +76,16 @@ class Performance:
         rate = self._rig.specimen.sample_rate
         if request.real_time:
             playback.block_samples = min(playback.block_samples, max(round(_PACED_SECONDS * rate), 1))
-        publisher = self._bus.publisher(self._bus.keys.rig_signal(self._rig.specimen.name, request.run))
+        publisher = self._bus.publisher(
+            self._bus.keys.rig_signal(self._rig.specimen.name, request.run), spools=self._spools, durable=True
+        )
         publish = _Publishing(publisher, request.run, rate, size=self._rig.block_samples)
         clock = _Clock(rate, real_time=request.real_time)
         if self._poses is not None:
             self._poses.begin(request.run)
         try:
+            if shortage := self._lack_of_room(publisher, call, wait=True):
+                raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Nothing was played: {shortage}.")
             self._settle(request.run, playback, clock, call)
             began = time.monotonic()
             self._perform(request.run, playback, publish, clock, call)
@@ -117,7 +126,7 @@ class Performance:
             stopped = self._interlock.wait_for_stop(clock.ahead(block))
             trip = self._watch(block)
             if trip is not None or stopped or call.cancelled:
-                self._break_off(run, playback, None, clock, trip)
+                self._break_off(run, playback, None, clock, "" if trip is None else trip.sentence)
             call.progress("settling", 0.0, detail=run)
 
     def _perform(self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, call: Call) -> None:
@@ -132,10 +141,11 @@ class Performance:
             ended = done == samples and trip is None
             publish(block, last=ended)
             self._show(playback)
-            if ended:
+            if ended and not publish.refusal:
                 return
-            if trip is not None or stopped or call.cancelled:
-                self._break_off(run, playback, publish, clock, trip)
+            shortage = publish.refusal or self._lack_of_room(publish.publisher, call, wait=not clock.real_time)
+            if trip is not None or stopped or call.cancelled or shortage:
+                self._break_off(run, playback, publish, clock, shortage if trip is None else trip.sentence)
             now = time.monotonic()
             self._interlock.fraction = done / samples
             # The bus thins progress out; the state stream goes to everybody.
@@ -158,6 +168,19 @@ class Performance:
                 self._latch(trip.sentence)
             call.progress("ramping down", 1.0, detail=run)
 
+    def _lack_of_room(self, publisher: StreamPublisher, call: Call, *, wait: bool) -> str:
+        """Wait until what is played next can be kept for the recorder; return why it cannot, or an empty text.
+
+        A rig in real time cannot wait; a simulation stands still meanwhile.
+        """
+        deadline = time.monotonic() + (self._spool_wait_seconds if wait else 0.0)
+        while shortage := publisher.shortage:
+            if time.monotonic() >= deadline:
+                return f"{shortage}, the recorder has not stored {publisher.unmarked} blocks; see to the recorder"
+            if self._interlock.wait_for_stop(_ROOM_POLL_SECONDS) or call.cancelled:
+                break
+        return ""
+
     def _watch(self, block: Block) -> Trip | None:
         return first_trip(
             self._rig.watchdogs,
@@ -169,11 +192,14 @@ class Performance:
         )
 
     def _break_off(
-        self, run: str, playback: PlayableRun, publish: _Publishing | None, clock: _Clock, trip: Trip | None
+        self, run: str, playback: PlayableRun, publish: _Publishing | None, clock: _Clock, trouble: str
     ) -> None:
-        """Latch, ramp down and raise what the commander is told; published is what follows a drive that has begun."""
+        """Latch, ramp down and raise what the commander is told; published is what follows a drive that has begun.
+
+        `trouble` is what the rig itself found, empty where it was stopped or its commander went.
+        """
         # Where it was stopped, it is latched already, and the first reason stays.
-        self._latch(COMMANDER_GONE if trip is None else trip.sentence)
+        self._latch(trouble or COMMANDER_GONE)
         reason = self._interlock.state().reason
         if publish is not None:
             publish.flush(last=False)
@@ -187,11 +213,13 @@ class Performance:
                 publish(block, last=following is None)
             block = following
         self._log.warning("ramped down", run=run, reason=reason)
-        if trip is None:
+        if publish is not None and publish.refusal:
+            self._log.error("the end of a run is not published", run=run, reason=publish.refusal)
+        if not trouble:
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, f"run {run!r} was stopped: {reason}.")
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"run {run!r} was broken off: {trip.sentence}; see to it and reset {self._rig.specimen.name}.",
+            f"run {run!r} was broken off: {trouble}; see to it and reset {self._rig.specimen.name}.",
             field="drive.samples",
         )
 
@@ -208,12 +236,14 @@ class _Publishing:
     """Publishes the blocks of one run, slices of a block together, and counts them."""
 
     def __init__(self, publisher: StreamPublisher, run: str, rate: float, *, size: int) -> None:
-        self._publisher = publisher
+        self.publisher = publisher
         self._run = run
         self._rate = rate
         self._size = size
         self._slices: list[Block] = []
         self.blocks = 0
+        self.refusal = ""
+        """Why a block could not be published; it goes out with the next one."""
 
     def __call__(self, block: Block, *, last: bool) -> None:
         self._slices.append(block)
@@ -224,16 +254,20 @@ class _Publishing:
         """Publish what was gathered."""
         if not self._slices:
             return
-        self._publisher.put(
-            rig_pb2.SignalBlock(
-                run=self._run,
-                first_sample=self._slices[0].first_sample,
-                sample_rate=self._rate,
-                drive=to_array(np.hstack([part.drive for part in self._slices])),
-                response=to_array(np.hstack([part.response for part in self._slices])),
-                last=last,
-            )
+        block = rig_pb2.SignalBlock(
+            run=self._run,
+            first_sample=self._slices[0].first_sample,
+            sample_rate=self._rate,
+            drive=to_array(np.hstack([part.drive for part in self._slices])),
+            response=to_array(np.hstack([part.response for part in self._slices])),
+            last=last,
         )
+        try:
+            self.publisher.put(block)
+        except SpoolFullError as error:
+            self.refusal = str(error).rstrip(".")
+            return
+        self.refusal = ""
         self.blocks += 1
         self._slices.clear()
 
@@ -243,13 +277,13 @@ class _Clock:
 
     def __init__(self, rate: float, *, real_time: bool) -> None:
         self._rate = rate
-        self._real_time = real_time
+        self.real_time = real_time
         self._origin: int | None = None
         self._started = time.monotonic()
 
     def ahead(self, block: Block) -> float:
         """Return for how many seconds to wait at the end of a block."""
-        if not self._real_time:
+        if not self.real_time:
             return 0.0
         if self._origin is None:
             self._origin = block.first_sample

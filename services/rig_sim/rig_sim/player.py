@@ -28,6 +28,7 @@ from rig_sim.software import software_hash
 from rig_sim.specimen import Specimen, SpecimenError, load_specimen
 from rig_sim.stability import check_stability
 from rig_sim.step_check import check_step
+from rig_sim.view_geometry import ViewGeometry, view_geometry
 from rig_sim.watchdogs import Watchdog, set_up_watchdogs, when
 
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
@@ -57,6 +58,8 @@ class Rig:
     content_hash: str
     #: Forward kinematics, for a view.
     poses: Poses
+    #: What a view draws.
+    geometry: ViewGeometry
     watchdogs: tuple[Watchdog, ...] = ()
     #: Injected for tests and rehearsals.
     faults: tuple[Fault, ...] = ()
@@ -125,6 +128,7 @@ def load_rig(
         static_response=static,
         content_hash=digest.hexdigest(),
         poses=Poses(tree),
+        geometry=view_geometry(sdf, model.assembly),
         watchdogs=_watchdogs(specimen, model),
         faults=tuple(faults),
     )

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig
+from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolSpace
 from rig_sim.drive_check import DriveError, check_drive
 from rig_sim.engine import EngineChoice
 from rig_sim.faults import Fault
@@ -27,6 +27,7 @@ from rig_sim.playable import PlayableRig, Response
 from rig_sim.player import Rig
 from rig_sim.refused import serve_refusal
 from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
+from rig_sim.view_messages import describe_view
 
 SERVICE = "rig_sim"
 
@@ -51,6 +52,14 @@ class RigSimConfig(ServiceConfig):
     faults: dict[str, tuple[Fault, ...]] = Field(default_factory=dict)
     #: What integrates a rig, by the rig's name; the compiled player where nothing is said.
     engines: dict[str, EngineChoice] = Field(default_factory=dict)
+    #: Where signal blocks lie on disk until the recorder has stored them, so that they survive this process; in memory
+    #: where not given.
+    spool_folder: Path | None = None
+    #: Bound of all of it, in bytes.
+    spool_bytes: int = Field(default=512 * 2**20, ge=16 * 2**20)
+    #: How long a simulation waits for the recorder where there is no more room, in s, before it ramps down. A rig that
+    #: plays in real time cannot wait.
+    spool_wait_seconds: float = Field(default=30.0, ge=0.0, le=3600.0)
 
     @model_validator(mode="after")
     def _serves_something(self) -> Self:
@@ -85,7 +94,7 @@ def find_rigs(config: RigSimConfig) -> dict[str, Path]:
 class RigServer:
     """Serves one rig: description, play, stop, reset, state and its signal stream."""
 
-    def __init__(self, bus: Bus, rig: PlayableRig) -> None:
+    def __init__(self, bus: Bus, rig: PlayableRig, spools: SpoolSpace, *, spool_wait_seconds: float) -> None:
         self._bus = bus
         self._rig = rig
         self._name = rig.specimen.name
@@ -100,6 +109,8 @@ class RigServer:
             self._interlock,
             responses=[_response_channel(channel) for channel in rig.specimen.responses],
             tell_state=self._publish_state,
+            spools=spools,
+            spool_wait_seconds=spool_wait_seconds,
         )
         bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, self._describe)
         bus.serve(keys.rig_frf(self._name), rig_pb2.RigFrfRequest, lambda request, _call: answer_frf(rig, request))
@@ -116,7 +127,7 @@ class RigServer:
 
     def _describe(self, _request: rig_pb2.DescriptionRequest, _call: Call) -> rig_pb2.RigDescription:
         specimen = self._rig.specimen
-        return rig_pb2.RigDescription(
+        description = rig_pb2.RigDescription(
             rig=self._name,
             specimen=specimen.title,
             engine=self._rig.engine_name,
@@ -127,9 +138,11 @@ class RigServer:
             longest_drive_seconds=specimen.longest_drive,
             static_response=to_array(self._rig.static_response),
             block_samples=self._rig.block_samples,
-            bodies=self._rig.poses.bodies if isinstance(self._rig, Rig) else (),
             content_hash=self._rig.content_hash,
         )
+        if isinstance(self._rig, Rig):
+            describe_view(self._rig, description)
+        return description
 
     def _play(self, request: rig_pb2.PlayRequest, call: Call) -> rig_pb2.PlayResult:
         try:
@@ -213,6 +226,7 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     log = structlog.get_logger(SERVICE)
     servers: list[RigServer] = []
     refused: dict[str, str] = {}
+    spools = _open_spools(bus, config)
     try:
         for name, path in find_rigs(config).items():
             try:
@@ -220,7 +234,7 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
             except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
                 refused[name] = str(error)
                 continue
-            servers.append(RigServer(bus, rig))
+            servers.append(RigServer(bus, rig, spools, spool_wait_seconds=config.spool_wait_seconds))
             # Last: whoever sees a rig may ask it.
             bus.declare_live(SERVICE, name)
         if not servers:
@@ -233,3 +247,13 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     finally:
         for server in servers:
             server.close()
+
+
+def _open_spools(bus: Bus, config: RigSimConfig) -> SpoolSpace:
+    """Return where signal blocks are kept; what a killed predecessor left there is offered to the recorder."""
+    if config.spool_folder is None:
+        return SpoolSpace(config.spool_bytes)
+    spools = SpoolFolder(config.spool_folder, largest_bytes=config.spool_bytes)
+    if left := bus.serve_left_spools(spools):
+        structlog.get_logger(SERVICE).warning("streams of a rig that was killed are served again", streams=left)
+    return spools

@@ -1,0 +1,313 @@
+"""Streams, queries and liveliness between real processes on loopback: a section of `bench.py`.
+
+`python benchmarks/bus.py [--seconds S]` writes it alone; the sustained stream takes S seconds, 60 by default.
+"""
+
+import argparse
+import contextlib
+import itertools
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from enum import Enum, auto
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bus_peers import Peer, peers
+from google.protobuf.message import Message as ProtobufMessage
+from mcap.exceptions import McapError
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+import labbus
+from duralab_proto.v1 import recorder_pb2, rig_pb2
+
+RATE = 5000.0
+"""Blocks of 12.8 KB a second that have to be kept up."""
+FAULT_RATE = 2000.0
+"""The same beside faults: 16 channels at 2 kHz in float64, 100 times as fast as real time."""
+PIPE_BLOCKS = 60_000
+BURST_RATE = 15_000.0
+FREEZE_SECONDS = 8.0
+QUERIES, BULK_QUERIES, REPETITIONS = 500, 30, 3
+
+
+def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
+    """Measure everything.
+
+    Parameters
+    ----------
+    seconds : float
+        How long the sustained stream takes.
+
+    Returns
+    -------
+    dict
+        Rates in blocks of 12.8 KB a second, times in s.
+    """
+    with tempfile.TemporaryDirectory() as folder, labbus.open_bus(service="hub") as hub:
+        path = Path(folder)
+        pipe = [[_pipe(hub, path, kind) for kind in PipeKind] for _ in range(REPETITIONS)]
+        bare, on_disk, in_memory = np.median(np.array(pipe), axis=0)
+        return {
+            "sustained": _stream(hub, path, rate=RATE, seconds=seconds),
+            "burst": _stream(hub, path, rate=BURST_RATE, seconds=1.0),
+            "pipe": {
+                "bare_rate": float(bare),
+                "rate_spool_on_disk": float(on_disk),
+                "share_lost_spool_on_disk": float(1.0 - on_disk / bare),
+                "rate_spool_in_memory": float(in_memory),
+                "share_lost_spool_in_memory": float(1.0 - in_memory / bare),
+            },
+            "frozen_receiver": _stream(hub, path, rate=FAULT_RATE, seconds=FREEZE_SECONDS + 4.0, fault=_freeze),
+            "killed_receiver": _stream(hub, path, rate=FAULT_RATE, seconds=8.0, fault=_kill),
+            "real_recorder": _recorder(hub, path, rate=RATE, seconds=seconds / 4.0),
+            "queries": _queries(hub),
+            "noticed": _noticed(hub),
+        }
+
+
+class PipeKind(Enum):
+    """What is between a publisher and an MCAP file."""
+
+    BARE = auto()
+    SPOOL_ON_DISK = auto()
+    SPOOL_IN_MEMORY = auto()
+
+
+def _pipe(hub: labbus.Bus, folder: Path, kind: PipeKind) -> float:
+    """Return the rate of a pipe from publisher to MCAP file, run as fast as it goes."""
+    bare = kind is PipeKind.BARE
+    prefix = "bare_" if bare else ""
+    run = f"pipe-{time.time_ns()}"
+    common = {"endpoint": hub.listening[0], "run": run}
+    with peers() as start:
+        receiver = start(f"{prefix}receive", file=str(folder / "pipe.mcap"), **common)
+        receiver.read()
+        spool_folder = str(folder / run) if kind is PipeKind.SPOOL_ON_DISK else ""
+        spool = {} if bare else {"spool": spool_folder, "rate": 0.0, "seconds": 0.0}
+        publisher = start(f"{prefix}publish", most=PIPE_BLOCKS, **spool, **common)
+        epoch = publisher.read()["epoch"]
+        began = time.time()
+        receiver.tell(str(epoch))
+        receiver.tell(str(PIPE_BLOCKS) if bare else "complete")
+        return PIPE_BLOCKS / (receiver.read()["complete_at"] - began)
+
+
+Fault = Callable[[Callable[[], Peer], Peer], tuple[Peer, float]]
+
+
+def _freeze(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
+    """Freeze the receiver for a while; return it and when it was back."""
+    del restart
+    receiver.process.send_signal(signal.SIGSTOP)
+    time.sleep(FREEZE_SECONDS)
+    receiver.process.send_signal(signal.SIGCONT)
+    return receiver, time.time()
+
+
+def _kill(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
+    """Kill the receiver and start another that takes up what was not marked."""
+    receiver.end()
+    return restart(), time.time()
+
+
+def _stream(
+    hub: labbus.Bus, folder: Path, *, rate: float, seconds: float, fault: Fault | None = None
+) -> dict[str, Any]:
+    """Stream at a rate and count what arrives; with a fault 2 s after the beginning."""
+    common = {"endpoint": hub.listening[0], "run": f"stream-{time.time_ns()}"}
+    files: list[Path] = []
+    with peers() as start:
+
+        def receive() -> Peer:
+            files.append(folder / f"{time.time_ns()}.mcap")
+            peer = start("receive", file=str(files[-1]), **common)
+            peer.read()
+            return peer
+
+        receiver = receive()
+        publisher = start("publish", rate=rate, seconds=seconds, spool=str(folder / common["run"]), **common)
+        epoch = str(publisher.read()["epoch"])
+        receiver.tell(epoch)
+        back_at = 0.0
+        if fault is not None:
+            time.sleep(2.0)
+            after, back_at = fault(receive, receiver)
+            if after is not receiver:
+                after.tell(epoch)
+            receiver = after
+        receiver.tell("complete")
+        complete_at = receiver.read()["complete_at"]
+        publisher.tell("")
+        published = publisher.read()
+        receiver.tell("end")
+        figures = {
+            "rate_asked": rate,
+            "rate": published["blocks"] / published["seconds"],
+            "blocks": published["blocks"],
+            **_counted(receiver.read(), published["blocks"], files),
+            "longest_put": published["longest_put"],
+            "put_p999": published["put_p999"],
+            "waited_for_room": published["waited"],
+            "complete_after_last_block": complete_at - published["ended_at"],
+        }
+    if fault is not None:
+        figures["caught_up"] = _caught_up(published["unmarked"], back_at, rate=rate)
+    for file in files:
+        file.unlink()
+    return figures
+
+
+def _recorder(hub: labbus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, Any]:
+    """Stream at a rate into a recording of the recorder service itself, and have it verified."""
+    config = folder / "recorder.json"  # which is YAML as well
+    settings = {"bus": {"connect": list(hub.listening)}, "folder": str(folder / "recordings"), "live_file": False}
+    config.write_text(json.dumps(settings), encoding="utf-8")
+    while hub.live("recorder"):
+        time.sleep(0.05)
+    run, keys = f"bench-{time.time_ns()}", hub.keys
+    service = subprocess.Popen([sys.executable, "-m", "recorder", "--config", str(config)], stderr=subprocess.DEVNULL)
+    hub.wait_for_live({("recorder", "main")}, 60.0)
+    steps = itertools.count()
+
+    def commit(message: ProtobufMessage) -> None:
+        request = recorder_pb2.CommitRequest(
+            recording=run,
+            step=next(steps),
+            message_type=message.DESCRIPTOR.full_name,
+            payload=message.SerializeToString(deterministic=True),
+        )
+        hub.query(keys.commit(), request, recorder_pb2.CommitAck)
+
+    try:
+        with peers() as start:
+            commit(recorder_pb2.RunPlanned(run=run, rig="bench"))
+            publisher = start(
+                "publish", endpoint=hub.listening[0], run=run, rate=rate, seconds=seconds, spool=str(folder / run)
+            )
+            epoch = publisher.read()["epoch"]
+            publisher.tell("")
+            published = publisher.read()
+            began = time.monotonic()
+            commit(recorder_pb2.RunPlayed(run=run, rig="bench", epoch=epoch, blocks=published["blocks"]))
+            waited = time.monotonic() - began
+            commit(recorder_pb2.RecordingClosed(reason="measured"))
+            info = hub.query(keys.recording(run), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
+            verified = hub.query(
+                keys.recording_verify(run), recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult
+            )
+    finally:
+        service.terminate()
+        service.wait()
+        shutil.rmtree(folder / "recordings", ignore_errors=True)
+    return {
+        "rate": published["blocks"] / published["seconds"],
+        "blocks": published["blocks"],
+        "missing": info.missing_blocks,
+        "stored": info.signal_blocks,
+        "whole": verified.whole,
+        "longest_put": published["longest_put"],
+        "waited_for_room": published["waited"],
+        "complete_after_last_block": waited,
+    }
+
+
+def _counted(received: dict[str, Any], published: int, files: list[Path]) -> dict[str, int]:
+    """Count what is lost, doubled and out of order; over all files where a receiver was killed."""
+    several = len(files) > 1
+    different = len(set().union(*(_sequences(file) for file in files))) if several else received["different"]
+    return {
+        "lost": published - different,
+        "doubled": received["received"] - received["different"],
+        "reordered": received["reordered"],
+    }
+
+
+def _sequences(file: Path) -> set[int]:
+    """Return the numbers in a file, which may have no end."""
+    found = set()
+    with file.open("rb") as stream, contextlib.suppress(McapError):
+        for record in StreamReader(stream).records:
+            if isinstance(record, Message):
+                found.add(record.sequence)
+    return found
+
+
+def _caught_up(unmarked: list[tuple[float, int]], back_at: float, *, rate: float) -> float:
+    """Return after how many seconds what is not on the receiver's disk is what one second makes, or less."""
+    return next(when for when, blocks in unmarked if when > back_at and blocks < rate) - back_at
+
+
+def _queries(hub: labbus.Bus) -> dict[str, float]:
+    with peers() as start:
+        start("serve", endpoint=hub.listening[0]).read()
+        hub.wait_for_live({("rig_sim", "bench")}, 60.0)
+        keys = hub.keys
+        small = [
+            _timed(lambda: hub.query(keys.rig_state("bench"), rig_pb2.StateRequest(), rig_pb2.RigState))
+            for _ in range(QUERIES)
+        ]
+        bulk = [
+            _timed(
+                lambda: hub.query(keys.rig_description("bench"), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
+            )
+            for _ in range(BULK_QUERIES)
+        ]
+    return {
+        "round_trip_p50": float(np.median(small)),
+        "round_trip_p99": float(np.quantile(small, 0.99)),
+        "reply_of_2_MB_p50": float(np.median(bulk)),
+    }
+
+
+def _noticed(hub: labbus.Bus) -> dict[str, float]:
+    """Return how long it takes until a query waiting on a service that is dead or frozen ends, the worst of a few."""
+    figures: dict[str, float] = {}
+    for name, number in (("dead", signal.SIGKILL), ("frozen", signal.SIGSTOP)):
+        figures[name] = max(_noticed_once(hub, number) for _ in range(REPETITIONS))
+    return figures
+
+
+def _noticed_once(hub: labbus.Bus, number: signal.Signals) -> float:
+    with peers() as start:
+        peer = start("serve", endpoint=hub.listening[0])
+        peer.read()
+        hub.wait_for_live({("rig_sim", "bench")}, 60.0)
+        ended: list[float] = []
+
+        def ask() -> None:
+            try:
+                hub.query(hub.keys.rig_frf("bench"), rig_pb2.RigFrfRequest(), rig_pb2.RigFrf)
+            except labbus.FaultError:
+                ended.append(time.monotonic())
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        time.sleep(1.0)
+        struck = time.monotonic()
+        peer.process.send_signal(number)
+        asking.join()
+        peer.end()
+        while hub.live("rig_sim"):
+            time.sleep(0.05)
+    return ended[0] - struck
+
+
+def _timed(work: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Measure streams, queries and liveliness on loopback.")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of the sustained stream")
+    sys.stdout.write(json.dumps(measure_bus(seconds=parser.parse_args().seconds), indent=2) + "\n")

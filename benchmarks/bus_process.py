@@ -1,0 +1,269 @@
+"""The processes that `bus.py` measures: publishers and receivers, with labbus and with Zenoh alone.
+
+Each takes its settings as one JSON text, says `ready` when it may begin, and writes its figures as JSON at its end.
+"""
+
+import json
+import os
+import queue
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import structlog
+import zenoh
+from mcap.writer import CompressionType, Writer
+
+import labbus
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import query_pb2, rig_pb2
+
+CHANNELS, SAMPLES = 8, 100
+SYNC_SECONDS = 0.25
+MOST_AHEAD = 6000
+"""Blocks by which a publisher without a rate of its own may be ahead of what its receiver stored."""
+
+KEY = "duralab/v1/local/rig/bench/signal/{run}"
+POSITION = struct.Struct("<QQ")
+
+
+def main() -> None:
+    """Play the role of the settings."""
+    # Standard output is for the benchmark.
+    structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))
+    settings = json.loads(sys.argv[1])
+    figures = ROLES[settings.pop("role")](**settings)
+    say(json.dumps(figures))
+
+
+def say(line: str) -> None:
+    """Tell the benchmark."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def block(run: str, number: int, drive: Any, response: Any) -> rig_pb2.SignalBlock:
+    """Return a block of 12.8 KB of samples: eight drives and eight responses, as a rig with that many makes them."""
+    return rig_pb2.SignalBlock(
+        run=run, first_sample=number * SAMPLES, sample_rate=2000.0, drive=to_array(drive), response=to_array(response)
+    )
+
+
+def publish(*, endpoint: str, run: str, rate: float, seconds: float, spool: str, most: int = 0) -> dict[str, Any]:
+    """Publish at a rate, or as fast as it goes where that is 0, for so many seconds or blocks; wait for room."""
+    drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
+    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
+        bus.wait_for_live({("recorder", "main")}, 60.0)
+        # On disk where a folder is given, in memory otherwise.
+        spools = labbus.SpoolFolder(Path(spool)) if spool else labbus.SpoolSpace(512 * 2**20)
+        publisher = bus.publisher(KEY.format(run=run), spools=spools, durable=True)
+        time.sleep(1.0)
+        say(json.dumps({"epoch": publisher.epoch}))
+        stalls, waited, number = [], 0.0, 0
+        unmarked, next_look = [], 0.0
+        began = time.monotonic()
+        while (number < most) if most else (time.monotonic() - began < seconds):
+            while publisher.shortage or (not rate and publisher.unmarked > MOST_AHEAD):
+                time.sleep(0.001)
+                waited += 0.001
+            message = block(run, number, drive, response)
+            before = time.monotonic()
+            publisher.put(message)
+            stalls.append(time.monotonic() - before)
+            number += 1
+            if before > next_look:
+                unmarked.append((time.time(), publisher.unmarked))
+                next_look = before + 0.05
+            if rate and (ahead := number / rate - (time.monotonic() - began)) > 0.002:
+                time.sleep(ahead)
+        took = time.monotonic() - began
+        ended_at = time.time()
+        publisher.close()
+        sys.stdin.readline()  # Its spool is served until the receiver has all.
+    return {
+        "blocks": number,
+        "seconds": took,
+        "ended_at": ended_at,
+        "longest_put": max(stalls),
+        "put_p999": float(np.quantile(stalls, 0.999)),
+        "waited": waited,
+        "unmarked": unmarked,
+    }
+
+
+def receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
+    """Write a stream to an MCAP file as a recorder does; end when told, with what came."""
+    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="recorder") as bus:
+        writing = McapWriting(Path(file))
+        subscription = bus.subscribe(
+            KEY.format(run=run),
+            rig_pb2.SignalBlock,
+            lambda item: writing.put(item.payload, item.seq, item.position),
+            repair=True,
+        )
+        writing.stored = subscription.mark
+        bus.declare_live("recorder", "main")
+        say("ready")
+        epoch = int(sys.stdin.readline())
+        # What each line asks: how far is it, as soon as it is complete.
+        for line in sys.stdin:
+            while not (line.strip() == "end" or subscription.proof(KEY.format(run=run), epoch).complete):
+                time.sleep(0.002)
+            if line.strip() == "end":
+                break
+            say(json.dumps({"complete_at": time.time()}))
+        subscription.close()
+        return writing.close()
+
+
+class McapWriting:
+    """One writer thread: 1 MiB chunks, on the disk four times a second."""
+
+    def __init__(self, path: Path) -> None:
+        self.stored: Callable[[list[tuple[str, int, int]]], None] | None = None
+        self._queue: queue.Queue[tuple[bytes, int, Any] | None] = queue.Queue(4096)
+        self._stream = path.open("wb")
+        self._writer = Writer(self._stream, chunk_size=2**20, compression=CompressionType.LZ4)
+        self._writer.start()
+        schema = self._writer.register_schema("none", "", b"")
+        self._channel = self._writer.register_channel("blocks", "protobuf", schema)
+        self._seqs: list[int] = []
+        self.last_at = 0.0
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def put(self, payload: bytes, seq: int, position: Any) -> None:
+        """Queue a block; waits where the disk is too slow."""
+        self._queue.put((payload, seq, position))
+
+    def close(self) -> dict[str, Any]:
+        """Write the rest; return how many came, and how."""
+        self._queue.put(None)
+        self._thread.join()
+        self._writer.finish()
+        self._stream.close()
+        seqs = np.array(self._seqs)
+        return {
+            "received": len(seqs),
+            "different": len(np.unique(seqs)),
+            "reordered": int((np.diff(seqs) < 0).sum()),
+            "highest": int(seqs.max(initial=-1)),
+            "last_at": self.last_at,
+        }
+
+    def _run(self) -> None:
+        due, positions = time.monotonic() + SYNC_SECONDS, []
+        while True:
+            try:
+                entry = self._queue.get(timeout=max(0.0, due - time.monotonic()))
+            except queue.Empty:
+                entry = ()
+            if entry is None:
+                return
+            if entry:
+                payload, seq, position = entry
+                now = time.time_ns()
+                self._writer.add_message(self._channel, now, payload, now, seq)
+                self._seqs.append(seq)
+                positions.append(position)
+                self.last_at = time.time()
+            if time.monotonic() >= due:
+                self._writer.flush()
+                os.fsync(self._stream.fileno())
+                if self.stored is not None and positions:
+                    self.stored(positions)
+                positions = []
+                due = time.monotonic() + SYNC_SECONDS
+
+
+def bare_session(endpoint: str) -> zenoh.Session:
+    """Open a plain session beside a hub."""
+    config = {
+        "mode": "peer",
+        "listen": {"endpoints": ["tcp/127.0.0.1:0"]},
+        "connect": {"endpoints": [endpoint]},
+        "scouting": {"multicast": {"enabled": False}},
+        "transport": {"shared_memory": {"enabled": False}},
+    }
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+
+
+def bare_publish(*, endpoint: str, run: str, most: int) -> dict[str, Any]:
+    """Publish blocks with Zenoh alone, as fast as a blocking link takes them."""
+    drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
+    with bare_session(endpoint) as session:
+        publisher = session.declare_publisher(KEY.format(run=run), congestion_control=zenoh.CongestionControl.BLOCK)
+        time.sleep(1.5)
+        say(json.dumps({"epoch": 1}))
+        began = time.monotonic()
+        for number in range(most):
+            payload = block(run, number, drive, response).SerializeToString()
+            publisher.put(payload, attachment=POSITION.pack(1, number))
+        took = time.monotonic() - began
+        sys.stdin.readline()
+    return {"blocks": most, "seconds": took}
+
+
+def bare_receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
+    """Write what comes to an MCAP file, with Zenoh and mcap alone."""
+    with bare_session(endpoint) as session:
+        writing = McapWriting(Path(file))
+        samples: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+
+        def pass_on() -> None:
+            while True:
+                sample = samples.get()
+                writing.put(sample.payload.to_bytes(), POSITION.unpack(sample.attachment.to_bytes())[1], None)
+
+        threading.Thread(target=pass_on, daemon=True).start()
+        subscriber = session.declare_subscriber(
+            KEY.format(run=run), zenoh.handlers.Callback(samples.put, indirect=False)
+        )
+        say("ready")
+        sys.stdin.readline()
+        expected = int(sys.stdin.readline())
+        while len(writing._seqs) < expected:  # noqa: SLF001 - nobody else asks
+            time.sleep(0.002)
+        say(json.dumps({"complete_at": time.time()}))
+        sys.stdin.readline()
+        subscriber.undeclare()
+        return writing.close()
+
+
+def serve(*, endpoint: str) -> dict[str, Any]:
+    """Answer queries on a rig's keys: at once, and with 2 MB."""
+    bulk = to_array(np.zeros(250_000))
+    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
+        bus.serve(bus.keys.rig_state("bench"), rig_pb2.StateRequest, lambda *_: rig_pb2.RigState(rig="bench"))
+        bus.serve(
+            bus.keys.rig_description("bench"),
+            rig_pb2.DescriptionRequest,
+            lambda *_: rig_pb2.RigDescription(static_response=bulk),
+        )
+
+        def wait(*_: object) -> query_pb2.Progress:
+            threading.Event().wait()
+            raise AssertionError
+
+        bus.serve(bus.keys.rig_frf("bench"), rig_pb2.RigFrfRequest, wait)
+        bus.declare_live("rig_sim", "bench")
+        say("ready")
+        sys.stdin.readline()
+    return {}
+
+
+ROLES: dict[str, Callable[..., dict[str, Any]]] = {
+    "publish": publish,
+    "receive": receive,
+    "bare_publish": bare_publish,
+    "bare_receive": bare_receive,
+    "serve": serve,
+}
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""The recordings of a lab: which there are, whether they are whole, and parts of their signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+
+from duralab._asking import Asking
+from duralab.recorded_result import Result
+from duralab.signals import Signals
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+
+_NANOSECONDS: Final = 10**9
+
+
+_OUTCOMES: Final = {
+    iterator_pb2.OUTCOME_REACHED: Result.REACHED,
+    iterator_pb2.OUTCOME_ITERATIONS_USED: Result.ITERATIONS_USED,
+    iterator_pb2.OUTCOME_DIVERGED: Result.DIVERGED,
+    iterator_pb2.OUTCOME_NO_IMPROVEMENT: Result.NO_IMPROVEMENT,
+    iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: Result.DAMAGE_BUDGET_USED,
+}
+_PHASES: Final = {
+    iterator_pb2.CAMPAIGN_PHASE_FINISHED: Result.FINISHED,
+    iterator_pb2.CAMPAIGN_PHASE_FAULTED: Result.FAULTED,
+    iterator_pb2.CAMPAIGN_PHASE_STOPPED: Result.STOPPED,
+}
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """One recording of a lab.
+
+    Parameters
+    ----------
+    id : str
+        Its name, which is the campaign's.
+    rig, target : str
+        What it was about; empty where it is no campaign's.
+    begun : datetime or None
+        When its first step was stored, UTC; None where it holds none.
+    result : Result
+        How it ended.
+    closed : bool
+        Whether its files are complete; not so while it is written.
+    steps, signal_blocks, missing_blocks : int
+        What it holds, and what is known to be missing.
+    files : tuple of str
+        Names in the recorder's folder.
+    bytes : int
+        Of all files.
+    waiting : str
+        Why it cannot be written now; empty where it can.
+    """
+
+    id: str
+    rig: str
+    target: str
+    begun: datetime | None
+    result: Result
+    closed: bool
+    steps: int
+    signal_blocks: int
+    missing_blocks: int
+    files: tuple[str, ...]
+    bytes: int
+    waiting: str
+
+
+def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
+    result = _OUTCOMES.get(information.outcome) or _PHASES.get(information.phase, Result.NOT_ENDED)
+    return CatalogueEntry(
+        id=information.recording,
+        rig=information.rig,
+        target=information.target,
+        begun=datetime.fromtimestamp(information.begun / _NANOSECONDS, tz=UTC) if information.begun else None,
+        result=result,
+        closed=information.closed,
+        steps=information.steps,
+        signal_blocks=information.signal_blocks,
+        missing_blocks=information.missing_blocks,
+        files=tuple(file.file for file in information.files),
+        bytes=information.bytes,
+        waiting=information.waiting,
+    )
+
+
+def _nanoseconds(moment: datetime | None) -> int:
+    return 0 if moment is None else int(moment.timestamp() * _NANOSECONDS)
+
+
+class Catalogue:
+    """What the recorder of a lab holds; `Lab.catalogue`."""
+
+    def __init__(self, ask: Asking) -> None:
+        self._ask = ask
+
+    def search(
+        self,
+        *,
+        rig: str = "",
+        target: str = "",
+        begun_from: datetime | None = None,
+        begun_before: datetime | None = None,
+        result: Result | None = None,
+    ) -> list[CatalogueEntry]:
+        """Return the recordings that fit, the oldest first.
+
+        Parameters
+        ----------
+        rig : str
+            On this rig only.
+        target : str
+            Where the target's source holds these characters, whatever their case.
+        begun_from, begun_before : datetime, optional
+            Begun then or later; before then.
+        result : Result, optional
+            Ended so only.
+        """
+        request = recorder_pb2.ListRecordingsRequest(
+            rig=rig,
+            target=target,
+            begun_from=_nanoseconds(begun_from),
+            begun_before=_nanoseconds(begun_before),
+        )
+        answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
+        entries = [_entry(information) for information in answer.recordings]
+        wanted = [entry for entry in entries if result is None or entry.result is result]
+        return sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id))
+
+    def verify(self, id: str) -> list[str]:
+        """Have a recording read from end to end; return what is wrong with it, a sentence each.
+
+        Parameters
+        ----------
+        id : str
+            The recording; it is not written any more.
+
+        Raises
+        ------
+        InputError
+            There is no such recording.
+        LabError
+            It is still written.
+        """
+        key = self._ask.key("id", self._ask.bus.keys.recording_verify, id)
+        answer = self._ask.query(key, recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult)
+        return list(answer.findings)
+
+    def signals(
+        self, id: str, run: str, *, first_second: float, seconds: float, channels: Sequence[str] = ()
+    ) -> tuple[Signals, Signals]:
+        """Read a part of what was played and measured; only that part is read from the disk and sent.
+
+        Parameters
+        ----------
+        id : str
+            The recording; it is not written any more.
+        run : str
+            The run on the rig, e.g. demo.i03.
+        first_second, seconds : float
+            From the run's start, in seconds, 0 or more; and how long, greater than 0.
+        channels : sequence of str
+            Names of drives and responses; all where empty.
+
+        Returns
+        -------
+        drive, response : Signals
+            Shorter than asked for where the run ended.
+
+        Raises
+        ------
+        InputError
+            There is no such recording, run, time or channel.
+        """
+        key = self._ask.key("id", self._ask.bus.keys.recording_signals, id)
+        request = recorder_pb2.SignalWindowRequest(
+            run=run, first_second=first_second, seconds=seconds, channels=channels
+        )
+        answer = self._ask.query(key, request, recorder_pb2.SignalWindow)
+        return (
+            Signals.from_message(answer.drive, field="drive"),
+            Signals.from_message(answer.response, field="response"),
+        )

@@ -1,0 +1,19 @@
+"""How a recorded campaign ended, as one looks for it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Result(StrEnum):
+    """How a recorded campaign ended."""
+
+    REACHED = "reached"
+    ITERATIONS_USED = "iterations used"
+    DIVERGED = "diverged"
+    NO_IMPROVEMENT = "no improvement"
+    DAMAGE_BUDGET_USED = "damage budget used"
+    FINISHED = "finished"
+    FAULTED = "faulted"
+    STOPPED = "stopped"
+    NOT_ENDED = "not ended"

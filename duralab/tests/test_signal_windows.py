@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+import synthetic_campaign
+
+import duralab
+from duralab import signal_windows
+from duralab.errors import InputError
+
+RUN = "demo.i01"
+
+
+def write(path, campaign, blocks, **options):
+    return synthetic_campaign.write(path, [*synthetic_campaign.steps(campaign), *blocks], **options)
+
+
+@pytest.fixture(scope="module")
+def blocks(campaign):
+    return [
+        synthetic_campaign.signal_blocks(drive, response, run=f"demo.i{number:02d}")
+        for number, (drive, response) in enumerate(zip(campaign.drives, campaign.responses, strict=True), start=1)
+    ]
+
+
+@pytest.fixture(scope="module")
+def path(campaign, blocks, tmp_path_factory):
+    every = [block for run in blocks for block in run]
+    return write(tmp_path_factory.mktemp("windows") / "r.mcap", campaign, every, chunk_size=50_000)
+
+
+@pytest.fixture
+def chunks_read(monkeypatch):
+    read = []
+    original = signal_windows._read
+
+    def counting(place):
+        read.append(place)
+        return original(place)
+
+    monkeypatch.setattr(signal_windows, "_read", counting)
+    return read
+
+
+def test_a_window_is_what_was_played_and_measured(path, campaign):
+    recording = duralab.open(path)
+    for dataset, written in ((recording.drives(RUN), campaign.drives), (recording.responses(RUN), campaign.responses)):
+        window = dataset.isel(time=slice(1234, 2345))
+        assert tuple(window.data_vars) == synthetic_campaign.NAMES
+        np.testing.assert_array_equal(window.to_array().values, written[0][:, 1234:2345])
+        np.testing.assert_array_equal(window.time, np.arange(1234, 2345) / synthetic_campaign.RATE)
+
+
+def test_all_iterations_are_one_dataset(path, campaign):
+    dataset = duralab.open(path).responses()
+    assert dataset.sizes["run"] == 4
+    assert list(dataset.iteration.values) == [1, 2, 3, 4]
+    third = dataset.isel(run=int(np.argmax(dataset.iteration.values == 3)))
+    np.testing.assert_array_equal(third.left_lateral, campaign.responses[2][1])
+    expected = np.stack(campaign.responses)[1:3, 0, 50:10:-7]
+    np.testing.assert_array_equal(dataset.left_vertical[1:3, 50:10:-7], expected)
+
+
+def test_channels_carry_unit_name_and_limits(path):
+    recording = duralab.open(path)
+    response = recording.responses(RUN).left_vertical
+    assert response.attrs["units"] == "N"
+    channel = recording.rig.responses[0]
+    assert (response.attrs["minimum"], response.attrs["maximum"]) == (channel.minimum, channel.maximum)
+    assert recording.drives(RUN).left_vertical.attrs["units"] == "m"
+    assert recording.drives(RUN).time.attrs["units"] == "s"
+
+
+def test_opening_a_dataset_reads_no_more_than_the_ends_of_its_runs_and_a_window_no_more_than_itself(path, chunks_read):
+    dataset = duralab.open(path).responses(RUN)
+    assert len(chunks_read) == 1
+    chunks_read.clear()
+    dataset.isel(time=slice(6000, 6100)).load()
+    # Six channels of a window that lies in one or two chunks, beside the first, which tells the size of a block.
+    assert len(chunks_read) <= 3
+
+
+def test_a_block_that_came_late_is_found(tmp_path, campaign, blocks):
+    late = [*blocks[0][:3], *blocks[0][4:], blocks[0][3]]
+    recording = duralab.open(write(tmp_path / "r.mcap", campaign, late, chunk_size=50_000))
+    window = recording.responses(RUN).isel(time=slice(250, 450))
+    np.testing.assert_array_equal(window.to_array().values, campaign.responses[0][:, 250:450])
+
+
+def test_a_missing_block_is_reported_where_it_is_asked_for_and_only_there(tmp_path, campaign, blocks):
+    recording = duralab.open(write(tmp_path / "r.mcap", campaign, [*blocks[0][:3], *blocks[0][4:]], chunk_size=50_000))
+    dataset = recording.responses(RUN)
+    np.testing.assert_array_equal(dataset.isel(time=slice(0, 300)).left_vertical, campaign.responses[0][0, :300])
+    with pytest.raises(InputError, match=r"lacks the samples 300 to 399 of the run 'demo.i01'"):
+        dataset.isel(time=slice(250, 450)).load()
+
+
+def test_a_recording_split_into_files_is_one(tmp_path, campaign, blocks):
+    write(tmp_path / "r.mcap", campaign, blocks[0][:7])
+    synthetic_campaign.write(tmp_path / "r.part02.mcap", blocks[0][7:])
+    window = duralab.open(tmp_path / "r.mcap").responses(RUN).isel(time=slice(650, 750))
+    np.testing.assert_array_equal(window.to_array().values, campaign.responses[0][:, 650:750])
+
+
+def test_runs_of_different_lengths_are_not_put_together(tmp_path, campaign, blocks):
+    short = synthetic_campaign.signal_blocks(
+        campaign.drives[1][:, :500], campaign.responses[1][:, :500], run="demo.i02"
+    )
+    recording = duralab.open(write(tmp_path / "r.mcap", campaign, [*blocks[0], *short]))
+    with pytest.raises(InputError, match=r"differ in length or sample rate \(demo.i01 12 s, demo.i02 0.5 s\)"):
+        recording.responses("demo.i01", "demo.i02")
+
+
+def test_an_unknown_run_names_those_there_are(path):
+    with pytest.raises(InputError, match=r"holds no signals of a run 'x'; it holds demo.i01, demo.i02"):
+        duralab.open(path).responses("x")
+
+
+def test_a_file_without_an_index_says_what_to_do(tmp_path, campaign, blocks):
+    path = write(tmp_path / "r.mcap", campaign, blocks[0], finish=False)
+    with pytest.raises(InputError, match="start the recorder on its folder, which repairs it"):
+        duralab.open(path).responses(RUN)
+
+
+def test_figures_are_a_dataset_over_iterations_and_channels(path, campaign):
+    figures = duralab.open(path).iterations.to_xarray()
+    np.testing.assert_array_equal(
+        figures.relative_rms_error.sel(iteration=2, channel="right_lateral"), campaign.errors[1][4]
+    )
+    assert list(figures.slope.values) == [3, 5, 8]

@@ -1,0 +1,162 @@
+"""Receiving streams: as they come, or whole and in order."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, Generic
+
+import structlog
+import zenoh
+
+from labbus._encoding import MessageT
+from labbus._faults import FaultError
+from labbus._replay_client import ReplayClient
+from labbus._stream_item import StreamItem, read_item
+from labbus._stream_order import StreamProof
+from labbus._stream_repair import StreamRepair
+
+MOST_WAITING: Final = 8192
+"""Messages that wait for the callback, in Zenoh's own memory: its threads never wait for Python's lock. When there are
+more, the oldest are dropped, and with repair fetched again."""
+
+_JOIN_SECONDS: Final = 2.0
+
+
+class Subscription(Generic[MessageT]):
+    """Receives what is published on a key expression; made by `Bus.subscribe`, ended by `close`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key_expression: str,
+        message_type: type[MessageT],
+        callback: Callable[[StreamItem[MessageT]], None],
+        *,
+        on_problem: Callable[[FaultError], None] | None,
+        largest_bytes: int,
+        client: ReplayClient | None,
+        on_close: Callable[[Subscription[MessageT]], None],
+    ) -> None:
+        self._type = message_type
+        self._callback = callback
+        self._on_problem = on_problem or self._log_problem
+        self._largest_bytes = largest_bytes
+        self._on_close = on_close
+        self._closed = False
+        self._log = structlog.get_logger("labbus").bind(key=key_expression)
+        # One message after the other, whichever thread has it. Closing may be asked for by the callback itself.
+        self._delivering = threading.RLock()
+        self._rest: list[zenoh.Sample] = []
+        self._repair: StreamRepair[MessageT] | None = None
+        if client is not None:
+            self._repair = StreamRepair(client, key_expression, message_type, deliver=self._deliver)
+        self._subscriber = session.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
+        self._waiting = self._subscriber.handler
+        # A daemon: a callback that is stuck must not keep the process from ending.
+        self._thread = threading.Thread(target=self._run, name=f"labbus-{message_type.DESCRIPTOR.name}", daemon=True)
+        self._thread.start()
+
+    def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
+        """Tell the publishers that messages are stored, or will never be: they need not keep them any longer.
+
+        Only for the one receiver that stores a stream, which then has to mark everything that it was given: publishers
+        wait for it.
+
+        Parameters
+        ----------
+        positions : iterable of (str, int, int)
+            `StreamItem.position` of what is safe now, in any order.
+        """
+        self._repaired.mark(positions)
+
+    def expect(self, key: str, epoch: int, count: int) -> None:
+        """Say how many messages an epoch of a stream has, where that is known from elsewhere: those missing are got."""
+        self._repaired.expect(key, epoch, count)
+
+    def proof(self, key: str, epoch: int) -> StreamProof:
+        """Return what is known of an epoch of a stream: whether every message of it was delivered."""
+        return self._repaired.proof(key, epoch)
+
+    def close(self) -> None:
+        """Receive no more; what was received before is delivered first, also what was held back behind a gap."""
+        if self._closed:
+            return
+        if self._repair is not None:
+            self._repair.close()
+        # Not for a callback that is stuck.
+        free = self._delivering.acquire(timeout=_JOIN_SECONDS)
+        try:
+            self._closed = True
+            waiting = list(iter(self._waiting.try_recv, None)) if free else []
+            self._subscriber.undeclare()
+        finally:
+            if free:
+                self._delivering.release()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_JOIN_SECONDS if free else 0.0)
+        if free:
+            # The thread may have had one more in its hands.
+            items = [item for sample in [*waiting, *self._rest] if (item := self._read(sample)) is not None]
+            items.sort(key=lambda item: item.position)
+            self._deliver(items)
+            self._deliver_held()
+        self._on_close(self)
+
+    @property
+    def _repaired(self) -> StreamRepair[MessageT]:
+        if self._repair is None:
+            raise ValueError("This subscription takes messages as they come; subscribe with repair=True.")
+        return self._repair
+
+    def _run(self) -> None:
+        while True:
+            try:
+                sample = self._waiting.recv()
+            except zenoh.ZError:
+                return  # The subscription or its session is closed.
+            with self._delivering:
+                if self._closed:
+                    self._rest.append(sample)
+                    return
+                item = self._read(sample)
+                if item is not None:
+                    self._deliver([item])
+
+    def _deliver(self, items: Sequence[StreamItem[MessageT] | None]) -> None:
+        """Hand on what may be handed on now that these are here; None stands for a gap that is given up."""
+        with self._delivering:
+            for item in items:
+                if self._repair is not None:
+                    for each in self._repair.take(item):
+                        self._call(each)
+                elif item is not None:
+                    self._call(item)
+
+    def _deliver_held(self) -> None:
+        if self._repair is not None:
+            with self._delivering:
+                for each in self._repair.release():
+                    self._call(each)
+
+    def _call(self, item: StreamItem[MessageT]) -> None:
+        try:
+            self._callback(item)
+        except Exception:  # noqa: BLE001 - what the owner's callback raises must not keep the others from it
+            self._log.exception("A callback failed.", seq=item.seq)
+
+    def _read(self, sample: zenoh.Sample) -> StreamItem[MessageT] | None:
+        try:
+            return read_item(
+                sample, key=str(sample.key_expr), message_type=self._type, largest_bytes=self._largest_bytes
+            )
+        except FaultError as fault:
+            try:
+                self._on_problem(fault)
+            except Exception:  # noqa: BLE001 - nor may what it raises here
+                self._log.exception("A callback failed.")
+            return None
+
+    @staticmethod
+    def _log_problem(fault: FaultError) -> None:
+        structlog.get_logger("labbus").warning("A stream message was refused.", reason=fault.message)

@@ -1,0 +1,50 @@
+"""How much of the streams is in memory and not yet safe: who delivers too much is held up, and nothing is dropped."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, Final
+
+from labbus import StreamItem
+
+MOST_BYTES: Final = 128 * 1024 * 1024
+# A parsed message and what Python keeps about it.
+_OVERHEAD_BYTES: Final = 1024
+
+
+class Intake:
+    """Counts the stream messages between their delivery and the disk. Safe for threads.
+
+    Parameters
+    ----------
+    most_bytes : int
+        From here on deliverers wait; what they do not deliver stays in the publishers' spools.
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self._most_bytes = most_bytes
+        self._bytes = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    def admit(self, item: StreamItem[Any]) -> None:
+        """Take note of a delivered message; wait while there is no room for it."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._bytes < self._most_bytes)
+            self._bytes += _size(item)
+
+    def settle(self, items: list[StreamItem[Any]]) -> None:
+        """Take note of messages that are safe, or that nothing is to be done about."""
+        with self._changed:
+            self._bytes -= sum(_size(item) for item in items)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Hold nobody up any more."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+def _size(item: StreamItem[Any]) -> int:
+    return len(item.payload) + _OVERHEAD_BYTES

@@ -1,0 +1,80 @@
+"""Recordings whose disk refused a write: what is safe of their files, and what waits to be written again."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from labbus import StreamItem
+
+RETRY_SECONDS: Final = 1.0
+
+
+@dataclass
+class _Interruption:
+    why: str
+    file: tuple[Path, int] | None
+    held: list[StreamItem[Any]] = field(default_factory=list)
+    retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
+
+
+class Interruptions:
+    """The recordings that wait for their disk, by name."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, _Interruption] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._waiting
+
+    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
+        """Note that a recording waits.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+        why : str
+            What the disk said.
+        file : tuple of Path and int, optional
+            The file that could not be written, and how many of its bytes are on the disk for certain. What follows
+            them may be in memory only, though it reads well: it is cut off, now or when the disk allows.
+        """
+        self._waiting[name] = _Interruption(why, file)
+        with contextlib.suppress(OSError):
+            self.cut(name)
+
+    def cut(self, name: str) -> None:
+        """Cut off what is not certain to be on the disk; raises OSError where the disk refuses even that."""
+        file = self._waiting[name].file
+        if file is not None:
+            path, safe = file
+            os.truncate(path, min(safe, path.stat().st_size))
+            # Once: what is there afterwards was written when the disk took it again.
+            self._waiting[name].file = None
+
+    def hold(self, name: str, items: Iterable[StreamItem[Any]]) -> None:
+        """Keep stream messages until the recording is taken up."""
+        self._waiting[name].held += items
+
+    def why(self, name: str) -> str:
+        """Return what the disk said."""
+        return self._waiting[name].why
+
+    def due(self) -> list[str]:
+        """Return the recordings that may be tried again."""
+        now = time.monotonic()
+        return [name for name, waiting in self._waiting.items() if now >= waiting.retry_at]
+
+    def postpone(self, name: str) -> None:
+        """Try it again a little later."""
+        self._waiting[name].retry_at = time.monotonic() + RETRY_SECONDS
+
+    def end(self, name: str) -> list[StreamItem[Any]]:
+        """Return what was held; the recording waits no more."""
+        return self._waiting.pop(name).held

@@ -1,0 +1,88 @@
+"""Which files belong to a recording: `<id>.mcap`, `<id>.part02.mcap`, …, and how they are named."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from duralab_proto.keys import check_id
+from duralab_proto.v1 import query_pb2
+from recorder.refused import RefusedError, invalid
+
+DAMAGED_FOLDER: Final = "damaged"
+"""Beside the recordings: the files as a killed recorder left them, kept when they are repaired."""
+
+# An id holds no dot, so no id's first file can be taken for another's second.
+_FILE = re.compile(r"(?P<id>[^.]+)(\.part(?P<number>\d{2,}))?\.mcap")
+
+
+class Part(StrEnum):
+    """What is kept of a recording."""
+
+    RECORDING = "recording"
+    LIVE = "live"
+
+
+_SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
+
+
+def checked_name(name: str, *, field: str) -> str:
+    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it."""
+    try:
+        return check_id(name)
+    except ValueError as error:
+        raise invalid(str(error), field=field) from error
+
+
+def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
+    """Return where a file of a recording lies; the id is checked again here, where it becomes a path."""
+    place = f".part{number:02d}" if number > 1 else ""
+    return folder / (checked_name(name, field="recording") + place + _SUFFIX[part])
+
+
+def files_of(folder: Path, name: str) -> list[Path]:
+    """Return the MCAP files of a recording in their order; empty where there is none.
+
+    A number that is missing ends the list: what follows it is not known to belong to what lies before.
+    """
+    files: list[Path] = []
+    # A link could lead out of the folder.
+    while (path := recording_path(folder, name, number=len(files) + 1)).is_file() and not path.is_symlink():
+        files.append(path)
+    return files
+
+
+def recordings_in(folder: Path) -> list[str]:
+    """Return the ids of the recordings in a folder, sorted; other files are passed over."""
+    names = []
+    for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
+        match = _FILE.fullmatch(path.name)
+        if match is None or match["number"] is not None:
+            continue
+        try:
+            names.append(check_id(match["id"]))
+        except ValueError:
+            continue
+    return sorted(names)
+
+
+def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
+    """Return a file of a recording, or refuse with NOT_FOUND."""
+    path = recording_path(folder, name, part, number=number)
+    # A link could lead out of the folder.
+    if path.is_symlink() or not path.is_file():
+        raise RefusedError(
+            query_pb2.FAULT_CODE_NOT_FOUND,
+            f"There is no file {path.name}; recorder/recording/list names the recordings.",
+            field="recording",
+        )
+    return path
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 (hexadecimal) of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,216 @@
+"""Recordings that are not ended, taken up again from their files, also after a kill or where a disk failed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import structlog
+from google.protobuf.message import DecodeError
+from mcap.reader import SeekingReader
+
+from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from recorder.mcap_damage import DAMAGE
+from recorder.mcap_ending import MAGIC, finish, is_finished, scan
+from recorder.mcap_log import sync_folder
+from recorder.recording import Recording, Stored
+from recorder.recording_content import SCENARIO_METADATA, STEP_TOPIC, Content
+from recorder.recording_files import DAMAGED_FOLDER, files_of
+from recorder.recording_summary import SUMMARY_METADATA, Runs, Summary, read_summary
+from recorder.refused import RefusedError
+from recorder.step_order import StepOrder
+
+KILLED: Final = "Its recorder was killed."
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """A recording as its files hold it.
+
+    Parameters
+    ----------
+    recording : Recording
+        Goes on with the next file.
+    runs : dict
+        Its playbacks.
+    descriptions : dict of str to RigDescription
+        Its rigs.
+    """
+
+    recording: Recording
+    runs: Runs
+    descriptions: dict[str, rig_pb2.RigDescription]
+
+    @property
+    def ended(self) -> bool:
+        """Whether its last step is stored."""
+        return self.recording.order.ended
+
+
+def is_ended(folder: Path, name: str) -> bool:
+    """Tell quickly whether a recording is complete: its last file is finished and says so."""
+    summary = read_summary(files_of(folder, name)[-1])
+    return summary is not None and summary.ended
+
+
+def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED) -> Reopened | None:
+    """Take a recording up again; a file without an end is given one.
+
+    Parameters
+    ----------
+    folder : Path
+        Where its files are.
+    name : str
+        Its id.
+    keep_original : bool
+        Whether a file that is repaired is copied as it is before.
+    reason : str
+        Why the file has no end.
+
+    Returns
+    -------
+    Reopened or None
+        None where there is nothing to take up: no file, or one that was begun and holds no step, which is put aside.
+
+    Raises
+    ------
+    RefusedError
+        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with.
+    OSError
+        The disk refuses the repair; nothing is lost by that.
+    """
+    files = files_of(folder, name)
+    if not files:
+        return None
+    content, unfinished = Content(), not is_finished(files[-1])
+    try:
+        known = _seed(content, files[:-1] if unfinished else files)
+        for path in files[known : -1 if unfinished else None]:
+            content.begin_file()
+            scan(path, content.take)
+        if unfinished:
+            content.begin_file()
+            if not _repair(files[-1], content, name=name, keep_original=keep_original, reason=reason):
+                _put_aside(files.pop())
+    except (*DAMAGE, DecodeError) as error:
+        raise _unreadable(name, files[-1], str(error)) from error
+    if not files:
+        return None
+    if not content.steps:
+        raise _unreadable(name, files[-1], "it holds no step")
+    if content.step_numbers != list(range(len(content.steps))):
+        raise _unreadable(name, files[-1], "a step is missing in it")
+    summary = content.summary_now(name, reason=reason)
+    order = StepOrder(name)
+    order.restore(summary.step_types, summary.step_hashes)
+    stored = Stored(
+        files=len(files),
+        attachments=summary.attachments,
+        scenario=content.scenario,
+        story=summary.story,
+    )
+    return Reopened(Recording(name, folder, order=order, stored=stored), summary.runs, content.descriptions)
+
+
+def _seed(content: Content, files: Sequence[Path]) -> int:
+    """Take over what the last finished file says about all before it; return how many files that spares reading."""
+    for number in range(len(files), 0, -1):
+        summary = read_summary(files[number - 1])
+        if summary is None or len(summary.step_types) != len(summary.step_hashes) or not summary.step_types:
+            continue
+        _take_over(content, summary)
+        for path in files[:number]:
+            with path.open("rb") as stream:
+                for metadata in SeekingReader(stream).iter_metadata():
+                    if metadata.name == SCENARIO_METADATA:
+                        content.scenario = dict(metadata.metadata)
+                stream.seek(0)
+                topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
+                for _, _, message in SeekingReader(stream, validate_crcs=True).iter_messages(topics=[topic]):
+                    description = rig_pb2.RigDescription.FromString(message.data)
+                    content.descriptions[description.rig] = description
+        return number
+    return 0
+
+
+def _take_over(content: Content, summary: Summary) -> None:
+    steps = zip(summary.step_types, summary.step_hashes, strict=True)
+    content.steps = dict(enumerate(steps))
+    content.attachments = dict(summary.attachments)
+    content.story = summary.story
+    for (rig, name), run in summary.runs.items():
+        content.planned.append(recorder_pb2.RunPlanned(run=name, rig=rig))
+        if run.played is not None:
+            content.played.append(run.played)
+        for epoch, continuity in run.epochs.items():
+            content.blocks[rig, name, epoch] = continuity
+
+
+def _repair(path: Path, content: Content, *, name: str, keep_original: bool, reason: str) -> bool:
+    """Give a file an ending; return False where it was only begun and there is nothing in it to end."""
+    with path.open("rb") as stream:
+        begin = stream.read(len(MAGIC))
+    if not MAGIC.startswith(begin):
+        raise ValueError("it is no MCAP file")
+    found = scan(path, content.take)
+    if not content.messages:
+        return False
+    size = path.stat().st_size
+    if keep_original:
+        _keep(path)
+    finish(path, found, metadata={SUMMARY_METADATA: content.summary_now(name, reason=reason).to_metadata()})
+    structlog.get_logger("recorder").warning(
+        "a file without an end was repaired",
+        recording=name,
+        file=path.name,
+        steps=len(content.steps),
+        cut_off_bytes=size - found.end,
+        why=reason,
+    )
+    return True
+
+
+def _free_place(path: Path) -> Path:
+    """Return a name in the folder of damaged files that nothing has."""
+    folder = path.parent / DAMAGED_FOLDER
+    folder.mkdir(exist_ok=True)
+    sync_folder(path.parent)
+    place, number = folder / path.name, 1
+    while place.exists():
+        number += 1
+        place = folder / f"{path.name}.{number}"
+    return place
+
+
+def _keep(path: Path) -> None:
+    place = _free_place(path)
+    temporary = place.with_name(place.name + ".copying")
+    try:
+        with path.open("rb") as source, temporary.open("wb") as copy:
+            shutil.copyfileobj(source, copy, 1024 * 1024)
+            copy.flush()
+            os.fsync(copy.fileno())
+        temporary.replace(place)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(place.parent)
+
+
+def _put_aside(path: Path) -> None:
+    """Nothing in it was acknowledged, so its name is free again; the bytes are kept all the same."""
+    path.replace(_free_place(path))
+    sync_folder(path.parent)
+
+
+def _unreadable(name: str, path: Path, why: str) -> RefusedError:
+    return RefusedError(
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        f"There is a recording {name!r} from before ({path.name}) that cannot be gone on with: {why}; choose another "
+        "id.",
+        field="recording",
+    )

@@ -1,0 +1,263 @@
+"""A part of a run's signals, read through the index: nothing else of a file is read than the chunks that count."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import IO, Final
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, ChunkIndex, Message
+from mcap.stream_reader import breakup_chunk
+from mcap.summary import Summary
+
+from duralab_proto.arrays import from_array, to_record
+from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
+from recorder.mcap_damage import DAMAGE
+from recorder.mcap_ending import is_finished
+from recorder.recording_content import EPOCH, STEP_TOPIC
+from recorder.recording_files import files_of
+from recorder.refused import RefusedError, invalid
+
+LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
+
+_RECORD_HEAD: Final = struct.Struct("<BQ")
+# Of a message index: channel and the length of its entries, 16 bytes each.
+_INDEX_HEAD: Final = struct.Struct("<BQHI")
+_INDEX_ENTRY_BYTES: Final = 16
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A chunk with blocks of the run: where, and how many."""
+
+    path: Path
+    chunk: ChunkIndex
+    channel: int
+    count: int
+
+
+def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowRequest) -> recorder_pb2.SignalWindow:
+    """Read a part of the signals of one run.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the recording's files are; those that are finished are read.
+    name : str
+        Id of the recording.
+    request : SignalWindowRequest
+        Run, time within it, channels.
+
+    Returns
+    -------
+    recorder_pb2.SignalWindow
+        With as many samples as the run has in that time.
+
+    Raises
+    ------
+    RefusedError
+        INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run, DATA_LOSS where blocks are
+        missing within the window or a file is damaged.
+    """
+    _check_time(request)
+    try:
+        channels = _Channels.of(_description(folder, name), request.channels)
+        places = _newest_epoch(list(_places(folder, name, request.run)))
+        if not places:
+            raise RefusedError(
+                query_pb2.FAULT_CODE_NOT_FOUND,
+                f"Recording {name!r} holds no finished signals of a run {request.run!r}; its RunPlanned steps name the "
+                "runs.",
+                field="run",
+            )
+        blocks, first, last = _blocks(places, request)
+    except DAMAGE as error:
+        raise RefusedError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Recording {name!r} is damaged: {error}; `verify` says more.",
+            field="recording",
+        ) from error
+    return _joined(request.run, blocks, first=first, last=last, channels=channels)
+
+
+def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
+    if not (math.isfinite(request.first_second) and request.first_second >= 0.0):
+        raise invalid(f"first_second is {request.first_second}; it must be 0 or more.", field="first_second")
+    if not (math.isfinite(request.seconds) and request.seconds > 0.0):
+        raise invalid(f"seconds is {request.seconds}; it must be greater than 0.", field="seconds")
+
+
+@dataclass(frozen=True)
+class _Channels:
+    """The channels that are wanted, and their rows."""
+
+    drives: list[array_pb2.Channel]
+    drive_rows: list[int]
+    responses: list[array_pb2.Channel]
+    response_rows: list[int]
+
+    @staticmethod
+    def of(description: rig_pb2.RigDescription, names: Sequence[str]) -> _Channels:
+        known = [channel.name for channel in (*description.drives, *description.responses)]
+        if unknown := [name for name in names if name not in known]:
+            raise invalid(f"The rig has no channel {unknown[0]!r}; it has {', '.join(known)}.", field="channels")
+        drive_rows, response_rows = (
+            [row for row, channel in enumerate(of) if not names or channel.name in names]
+            for of in (description.drives, description.responses)
+        )
+        return _Channels(
+            [description.drives[row] for row in drive_rows],
+            drive_rows,
+            [description.responses[row] for row in response_rows],
+            response_rows,
+        )
+
+
+def index_of(path: Path) -> Summary:
+    """Return the index of a file; that of a file that is not finished is empty."""
+    status = path.stat()
+    return _index(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _index(path: Path, size: int, changed: int) -> Summary:
+    del size, changed  # They are the cache's key: another file of that name has others.
+    if not is_finished(path):
+        return Summary()
+    with path.open("rb") as stream:
+        return SeekingReader(stream).get_summary() or Summary()
+
+
+def forget_indexes() -> None:
+    """Read every index again, as a process that has just begun does."""
+    _index.cache_clear()
+
+
+def _description(folder: Path, name: str) -> rig_pb2.RigDescription:
+    topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
+    for path in files_of(folder, name):
+        summary = index_of(path)
+        wanted = {id for id, channel in summary.channels.items() if channel.topic == topic}
+        for chunk in summary.chunk_indexes:
+            for id in wanted & chunk.message_index_offsets.keys():
+                return rig_pb2.RigDescription.FromString(_messages(path, chunk, id)[0])
+    raise RefusedError(
+        query_pb2.FAULT_CODE_NOT_FOUND, f"Recording {name!r} holds no description of its rig.", field="recording"
+    )
+
+
+def _places(folder: Path, name: str, run: str) -> Iterator[tuple[int, _Place]]:
+    """Yield epoch and place of every chunk that holds blocks of the run, in the order they were written."""
+    for path in files_of(folder, name):
+        summary = index_of(path)
+        wanted = {id: channel for id, channel in summary.channels.items() if _is_of_run(channel, run)}
+        if not wanted:
+            continue
+        with path.open("rb") as stream:
+            for chunk in summary.chunk_indexes:
+                for id in wanted.keys() & chunk.message_index_offsets.keys():
+                    count = _entries(stream, chunk.message_index_offsets[id])
+                    yield int(wanted[id].metadata[EPOCH]), _Place(path, chunk, id, count)
+
+
+def _is_of_run(channel: Channel, run: str) -> bool:
+    return channel.topic.endswith(f"/signal/{run}") and EPOCH in channel.metadata
+
+
+def _entries(stream: IO[bytes], offset: int) -> int:
+    stream.seek(offset)
+    _, _, _, length = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
+    return length // _INDEX_ENTRY_BYTES
+
+
+def _newest_epoch(places: list[tuple[int, _Place]]) -> list[_Place]:
+    """Return the places of the last epoch: a run that was repeated after a fault has several."""
+    newest = max((epoch for epoch, _ in places), default=0)
+    return [place for epoch, place in places if epoch == newest]
+
+
+def _blocks(
+    places: list[_Place], request: recorder_pb2.SignalWindowRequest
+) -> tuple[list[rig_pb2.SignalBlock], int, int]:
+    """Return the blocks that cover the window, and its first sample and the one after its last."""
+    begin = min(_read(places[0]), key=lambda block: block.first_sample)
+    rate, size = begin.sample_rate, begin.response.shape[-1]
+    first = math.floor(request.first_second * rate + 0.5)
+    last = first + max(1, math.floor(request.seconds * rate + 0.5))
+    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
+    if (last - first) * row_bytes > LARGEST_WINDOW_BYTES:
+        raise invalid(
+            f"seconds is {request.seconds:g}, {(last - first) * row_bytes} bytes; at most {LARGEST_WINDOW_BYTES} are "
+            "answered at once.",
+            field="seconds",
+        )
+    # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
+    likely: list[_Place] = []
+    before = 0
+    for place in places:
+        if before * size < last and (before + place.count) * size > first:
+            likely.append(place)
+        before += place.count
+    blocks = _covering(likely, first, last)
+    if not _covers(blocks, first, last):
+        blocks = _covering(places, first, last)
+        if not _covers(blocks, first, last):
+            raise RefusedError(
+                query_pb2.FAULT_CODE_DATA_LOSS,
+                f"Run {request.run!r} has no whole signals from {request.first_second:g} s on for {request.seconds:g} "
+                "s; it is shorter, or blocks are missing: `verify` says more.",
+                field="first_second",
+            )
+    return blocks, first, min(last, blocks[-1].first_sample + blocks[-1].response.shape[-1])
+
+
+def _covering(places: list[_Place], first: int, last: int) -> list[rig_pb2.SignalBlock]:
+    found = {
+        block.first_sample: block
+        for place in places
+        for block in _read(place)
+        if block.first_sample < last and block.first_sample + block.response.shape[-1] > first
+    }
+    return [found[sample] for sample in sorted(found)]
+
+
+def _covers(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> bool:
+    if not blocks or blocks[0].first_sample > first:
+        return False
+    ends = [block.first_sample + block.response.shape[-1] for block in blocks]
+    contiguous = all(end == block.first_sample for end, block in zip(ends, blocks[1:], strict=False))
+    return contiguous and (ends[-1] >= last or blocks[-1].last)
+
+
+def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
+    return [rig_pb2.SignalBlock.FromString(data) for data in _messages(place.path, place.chunk, place.channel)]
+
+
+def _messages(path: Path, chunk: ChunkIndex, channel: int) -> list[bytes]:
+    with path.open("rb") as stream:
+        stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
+        records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+    return [record.data for record in records if isinstance(record, Message) and record.channel_id == channel]
+
+
+def _joined(
+    run: str, blocks: list[rig_pb2.SignalBlock], *, first: int, last: int, channels: _Channels
+) -> recorder_pb2.SignalWindow:
+    begin = blocks[0].first_sample
+    rows = slice(first - begin, last - begin)
+    drive = np.concatenate([from_array(block.drive, field="drive") for block in blocks], axis=1)
+    response = np.concatenate([from_array(block.response, field="response") for block in blocks], axis=1)
+    rate = blocks[0].sample_rate
+    return recorder_pb2.SignalWindow(
+        run=run,
+        first_sample=first,
+        drive=to_record(channels.drives, rate, np.ascontiguousarray(drive[channels.drive_rows, rows])),
+        response=to_record(channels.responses, rate, np.ascontiguousarray(response[channels.response_rows, rows])),
+    )

@@ -1,0 +1,165 @@
+"""A disk that is full, read-only or short of room: the recording waits, nothing that was acknowledged is harmed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+import pytest
+
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import query_pb2, recorder_pb2
+from labbus import StreamItem
+from recorder.archive import Archive
+from recorder.catalogue import describe, verify
+from recorder.refused import RefusedError
+from recorder.step_order import Placement
+
+EPOCH = 11
+SIZE = 2 * 1024 * 1024
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 2 MiB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "tmpfs", str(folder)]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("there is no mount command here")
+    if done.returncode != 0:
+        pytest.skip(f"mounting a small file system is not allowed here: {done.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def fill(folder, *, leave):
+    """Take all of the disk but a few bytes, as another program does."""
+    free = os.statvfs(folder)
+    (folder / "filler").write_bytes(b"\1" * max(0, free.f_bavail * free.f_frsize - leave))
+
+
+def remount(folder, how):
+    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
+
+
+@pytest.fixture
+def archive(small_disk, campaign, step_of, monkeypatch):
+    monkeypatch.setattr("recorder.interruptions.RETRY_SECONDS", 0.0)
+    archive = Archive(small_disk, least_free_bytes=64 * 1024)
+    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned("demo.i01")]):
+        archive.commit("demo", step_of(number, message))
+    yield archive
+    archive.close()
+
+
+def blocks_of(campaign, *, first=0, stop=4):
+    key = Keys().rig_signal(campaign.rig, "demo.i01")
+    return [StreamItem(key, EPOCH, seq, block) for seq, block in enumerate(campaign.blocks("demo.i01"))][first:stop]
+
+
+def finish(archive, campaign, step_of):
+    archive.commit("demo", step_of(3, campaign.played("demo.i01", epoch=EPOCH)))
+    archive.commit("demo", step_of(4, recorder_pb2.RecordingClosed(reason="done")))
+
+
+def refused(archive, step):
+    with pytest.raises(RefusedError) as caught:
+        archive.commit("demo", step)
+    assert caught.value.code == query_pb2.FAULT_CODE_RESOURCE_EXHAUSTED
+    return caught.value.message
+
+
+def test_a_full_disk_interrupts_and_the_recording_goes_on_whole_when_there_is_room(
+    archive, small_disk, campaign, step_of
+):
+    for item in blocks_of(campaign, stop=2):
+        archive.take_block(item)
+    archive.sync()
+    acknowledged = (small_disk / "demo.mcap").read_bytes()
+    fill(small_disk, leave=0)
+    for item in blocks_of(campaign, first=2):
+        archive.take_block(item)
+    archive.sync()
+    assert archive.waiting("demo")
+    refused(archive, step_of(3, campaign.played("demo.i01", epoch=EPOCH)))
+    # Not one of the blocks that are only in memory counts as safe.
+    assert {item.seq for item in archive.take_settled()} == {0, 1}
+    assert (small_disk / "demo.mcap").read_bytes()[: len(acknowledged)] == acknowledged
+    (small_disk / "filler").unlink()
+    archive.sync()
+    assert not archive.waiting("demo")
+    archive.sync()
+    assert {item.seq for item in archive.take_settled()} == {2, 3}
+    finish(archive, campaign, step_of)
+    result = verify(small_disk, "demo")
+    assert result.whole, result.findings
+    assert describe(small_disk, "demo").signal_blocks == 4
+
+
+def test_blocks_that_come_while_it_waits_are_held_and_written_later(archive, small_disk, campaign, step_of):
+    fill(small_disk, leave=0)
+    message = campaign.model()
+    refused(archive, step_of(3, message))
+    for item in blocks_of(campaign):
+        assert archive.take_block(item) is None
+    assert archive.take_settled() == []
+    (small_disk / "filler").unlink()
+    finish(archive, campaign, step_of)
+    assert verify(small_disk, "demo").whole
+
+
+def test_a_campaign_pauses_before_the_disk_is_full(archive, small_disk, campaign, step_of):
+    fill(small_disk, leave=32 * 1024)
+    message = refused(archive, step_of(3, campaign.planned("demo.i02")))
+    assert "MiB are kept free" in message
+    # What was measured already still finds its place.
+    for item in blocks_of(campaign):
+        assert archive.take_block(item) == "demo"
+    archive.commit("demo", step_of(3, campaign.played("demo.i01", epoch=EPOCH)))
+    assert not archive.waiting("demo")
+    (small_disk / "filler").unlink()
+    assert archive.commit("demo", step_of(4, campaign.planned("demo.i02"))) is Placement.NEW
+
+
+def test_a_folder_that_turns_read_only_interrupts_too(archive, small_disk, campaign, step_of):
+    # Nothing may be open for writing when a file system turns read-only; the next file needs the folder.
+    archive.close()
+    archive.recover()
+    remount(small_disk, "ro")
+    try:
+        assert "Read-only" in refused(archive, step_of(3, campaign.played("demo.i01", epoch=EPOCH)))
+    finally:
+        remount(small_disk, "rw")
+    for item in blocks_of(campaign):
+        archive.take_block(item)
+    finish(archive, campaign, step_of)
+    assert verify(small_disk, "demo").whole
+
+
+def test_a_disk_that_fills_up_again_and_again_costs_nothing(archive, small_disk, campaign, step_of):
+    for item in blocks_of(campaign):
+        fill(small_disk, leave=0)
+        archive.take_block(item)
+        archive.sync()
+        (small_disk / "filler").unlink()
+        archive.sync()
+    finish(archive, campaign, step_of)
+    result = verify(small_disk, "demo")
+    assert result.whole, result.findings
+
+
+def test_a_recorder_that_starts_on_a_full_disk_waits_with_its_repair(small_disk, archive, campaign, step_of):
+    for item in blocks_of(campaign):
+        archive.take_block(item)
+    archive.sync()
+    fill(small_disk, leave=0)
+    after = Archive(small_disk, least_free_bytes=64 * 1024)
+    after.recover()
+    assert after.waiting("demo")
+    refused(after, step_of(3, campaign.played("demo.i01", epoch=EPOCH)))
+    (small_disk / "filler").unlink()
+    finish(after, campaign, step_of)
+    assert verify(small_disk, "demo").whole

@@ -1,0 +1,77 @@
+"""Parts of a run's signals, by time and channel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from duralab_proto.arrays import from_record
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import query_pb2, recorder_pb2
+from labbus import StreamItem
+from recorder.archive import Archive
+from recorder.refused import RefusedError
+from recorder.signal_windows import read_window
+
+RUN = "demo.i01"
+ORDER = {"in order": [0, 1, 2, 3], "one late": [0, 2, 3, 1], "the first last": [1, 2, 3, 0]}
+
+
+@pytest.fixture(params=ORDER)
+def folder(request, tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, least_free_bytes=0)
+    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
+        archive.commit("demo", step_of(number, message))
+    blocks = campaign.blocks(RUN)
+    for seq in ORDER[request.param]:
+        archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, blocks[seq]))
+        # Each in a chunk of its own.
+        archive.sync()
+    archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="done")))
+    return tmp_path
+
+
+def window(folder, first, seconds, channels=(), run=RUN):
+    request = recorder_pb2.SignalWindowRequest(run=run, first_second=first, seconds=seconds, channels=channels)
+    return read_window(folder, "demo", request)
+
+
+@pytest.mark.parametrize(("first", "seconds"), [(0.0, 2.0), (0.4, 0.3), (0.5, 0.5), (1.99, 0.01), (0.0, 0.01)])
+def test_a_window_holds_the_samples_of_its_time(folder, campaign, first, seconds):
+    found = window(folder, first, seconds)
+    begin, end = round(first * 100), round((first + seconds) * 100)
+    _, rate, response = from_record(found.response, field="response")
+    _, _, drive = from_record(found.drive, field="drive")
+    assert (found.first_sample, rate) == (begin, 100.0)
+    np.testing.assert_array_equal(response, campaign.target[:, begin:end] * 0.9)
+    np.testing.assert_array_equal(drive, campaign.target[:, begin:end] * 1e-6)
+
+
+def test_a_window_beyond_the_end_holds_what_there_is(folder):
+    assert from_record(window(folder, 1.9, 5.0).response, field="response")[2].shape == (2, 10)
+
+
+def test_only_the_channels_asked_for_come(folder, campaign):
+    found = window(folder, 0.0, 1.0, channels=["right_vertical"])
+    # A drive and a response have that name.
+    assert [channel.name for channel in found.response.channels] == ["right_vertical"]
+    np.testing.assert_array_equal(from_record(found.response, field="response")[2], campaign.target[1:, :100] * 0.9)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "field", "code"),
+    [
+        ({"first": -1.0, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": float("nan"), "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 0.0, "seconds": 0.0}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 0.0, "seconds": 1e300}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 1e300, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
+        ({"first": 7.0, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
+        ({"first": 0.0, "seconds": 1.0, "channels": ["x"]}, "channels", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 0.0, "seconds": 1.0, "run": "demo.i02"}, "run", query_pb2.FAULT_CODE_NOT_FOUND),
+    ],
+)
+def test_what_is_not_there_is_refused_by_name(folder, wrong, field, code):
+    with pytest.raises(RefusedError) as caught:
+        window(folder, **wrong)
+    assert (caught.value.field, caught.value.code) == (field, code)

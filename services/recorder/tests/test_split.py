@@ -1,0 +1,118 @@
+"""A long recording in several files: without a gap, chained by their hashes, and read as one."""
+
+from __future__ import annotations
+
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import array_pb2, identifier_pb2, recorder_pb2
+from labbus import StreamItem
+from recorder.archive import Archive
+from recorder.catalogue import describe, read_part, verify
+from recorder.recording_files import files_of
+from recorder.step_reading import read_steps
+
+EPOCH = 11
+RUNS = 5
+
+
+@pytest.fixture
+def folder(tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, split_bytes=12_000, least_free_bytes=0)
+    steps = [campaign.specification(), campaign.description(), campaign.model()]
+    for number, message in enumerate(steps):
+        archive.commit("demo", step_of(number, message))
+    number = len(steps)
+    for iteration in range(1, RUNS + 1):
+        run = f"demo.i{iteration:02d}"
+        archive.commit("demo", step_of(number, campaign.planned(run)))
+        for seq, block in enumerate(campaign.blocks(run)):
+            archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, run), EPOCH, seq, block))
+            archive.sync()
+        archive.commit("demo", step_of(number + 1, campaign.iteration(iteration, 0.5 / iteration)))
+        archive.commit("demo", step_of(number + 2, campaign.played(run, epoch=EPOCH)))
+        number += 3
+    archive.commit("demo", step_of(number, recorder_pb2.RecordingClosed(reason="done")))
+    return tmp_path
+
+
+def test_the_files_are_one_whole_recording(folder):
+    files = files_of(folder, "demo")
+    assert len(files) > 3
+    result = verify(folder, "demo")
+    assert result.whole, result.findings
+    information = describe(folder, "demo")
+    assert (information.steps, information.signal_blocks, information.missing_blocks) == (4 + 3 * RUNS, 4 * RUNS, 0)
+    assert [file.file for file in information.files] == [path.name for path in files]
+    assert information.bytes == sum(path.stat().st_size for path in files)
+    assert all(file.file_hash for file in information.files)
+    assert information.ended
+    answer = read_steps(files, recorder_pb2.ReadStepsRequest(), written=None)
+    assert [step.step for step in answer.steps] == list(range(4 + 3 * RUNS))
+
+
+def test_each_file_alone_is_a_complete_mcap_file_with_its_scenario(folder):
+    for path in files_of(folder, "demo"):
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            names = {entry.name for entry in reader.iter_metadata()}
+            assert names == {"software", "part", "scenario", "summary"}
+            for _, channel, _, decoded in reader.iter_decoded_messages():
+                if "/signal/" in channel.topic:
+                    # Standard tools see numbers: two channels of 50 samples.
+                    assert len(decoded.response.data) == 100
+                    assert isinstance(decoded.response.data[0], float)
+
+
+def test_a_file_that_is_lost_is_found_missing(folder):
+    files = files_of(folder, "demo")
+    files[-1].unlink()
+    assert any("with which the recording goes on" in finding for finding in verify(folder, "demo").findings)
+
+
+def test_a_byte_changed_in_an_early_file_is_found_twice(folder):
+    first = files_of(folder, "demo")[0]
+    content = bytearray(first.read_bytes())
+    content[len(content) // 3] ^= 1
+    first.write_bytes(content)
+    findings = verify(folder, "demo").findings
+    assert any("damaged" in finding for finding in findings)
+    assert any("its hash differs" in finding for finding in findings)
+
+
+def test_every_file_can_be_fetched(folder):
+    for number, path in enumerate(files_of(folder, "demo"), start=1):
+        request = recorder_pb2.ReadRecordingRequest(length=2**20, part="recording", number=number)
+        assert read_part(folder, "demo", request).data == path.read_bytes()
+
+
+def test_drives_and_models_are_files_within_the_files(folder, campaign):
+    found = {}
+    for path in files_of(folder, "demo"):
+        with path.open("rb") as stream:
+            found |= {entry.name: entry for entry in make_reader(stream).iter_attachments()}
+    drives = sorted(name for name in found if name.startswith("drive/"))
+    assert drives == [f"drive/iteration_{number:02d}.binpb" for number in range(1, RUNS + 1)]
+    assert found[drives[0]].media_type == "application/protobuf;duralab.v1.Record"
+    record = array_pb2.Record.FromString(found[drives[0]].data)
+    assert record.SerializeToString() == campaign.iteration(1, 0.5).drive.SerializeToString()
+    (model,) = (entry for name, entry in found.items() if name.startswith("model/"))
+    assert model.media_type == "application/protobuf;duralab.v1.Model"
+    decoded = identifier_pb2.Model.FromString(model.data)
+    assert decoded.SerializeToString() == campaign.model().SerializeToString()
+
+
+def test_every_file_passes_the_check_of_another_code_base(folder, rerun_program, viewer_environment):
+    import subprocess
+
+    for path in files_of(folder, "demo")[:3]:
+        done = subprocess.run(
+            [rerun_program, "mcap", "check", str(path)],
+            env=viewer_environment,
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,229 @@
+"""Malformed queries to every key: each is answered, with a fault that is not the service's own defect, or a result."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from labbus import encoding_of
+
+from .disturbed_campaign import Operator, Round
+from .keys_of_contract import ContractKey, contract_keys, odd_name_in
+from .lab_under_fault import RIG, LabUnderFault
+from .malformed import Malformation, malformed
+from .raw_session import Answer, ask, raw_session
+from .reference import Reference
+from .templates import template
+
+WRONG_ENCODING = "wrong encodings and attachments"
+ODD_NAME = "odd names in the key"
+KINDS = (*(kind.value for kind in Malformation), WRONG_ENCODING, ODD_NAME)
+_LONGEST_SENTENCE = 2000
+_ENCODINGS = (None, "", "text/plain", "application/protobuf", "application/protobuf;duralab.v1.Nothing", "x" * 200)
+_DEFECTS = (query_pb2.FAULT_CODE_INTERNAL, query_pb2.FAULT_CODE_UNSPECIFIED)
+_MOST_FINDINGS = 50
+GROWTH_MEBIBYTES = 100.0
+"""Most that a service may grow under all the messages, after it has grown warm under a tenth of them."""
+
+
+@dataclass
+class Tally:
+    """What became of the malformed queries to one service."""
+
+    sent: int = 0
+    answers: dict[str, int] = field(default_factory=dict)
+    findings: list[str] = field(default_factory=list)
+    slowest_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Query:
+    """One malformed query, and how it came about."""
+
+    origin: str
+    selector: str
+    payload: bytes | None
+    encoding: str | None
+    attachment: bytes | None = None
+
+
+@dataclass(frozen=True)
+class Target:
+    """The lab that is asked.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where it listens.
+    keys : Keys
+        Its keys.
+    campaign, model : str
+        Of a campaign that it has recorded, and of the model that this one identified.
+    """
+
+    endpoint: str
+    keys: Keys
+    campaign: str
+    model: str
+
+
+def send_malformed(target: Target, reference: Reference, *, seed: int, each: int) -> dict[str, Tally]:
+    """Ask every key so many malformed questions of each kind; the services are asked side by side.
+
+    Returns
+    -------
+    dict
+        What became of them, by service.
+    """
+    queries: dict[str, list[ContractKey]] = {}
+    for key in contract_keys(target.keys):
+        if not key.stream:
+            queries.setdefault(_path(key, target).split("/")[3], []).append(key)
+    tallies = {service: Tally() for service in queries}
+    with ThreadPoolExecutor(len(queries)) as pool:
+        asking = [
+            pool.submit(_ask_service, target, keys, tallies[service], reference=reference, seed=seed, each=each)
+            for service, keys in queries.items()
+        ]
+    for each_service in asking:
+        each_service.result()
+    return tallies
+
+
+def _ask_service(
+    target: Target, keys: list[ContractKey], tally: Tally, *, reference: Reference, seed: int, each: int
+) -> None:
+    with raw_session(target.endpoint) as session:
+        for key in keys:
+            sound = template(key.kind, reference.recording)
+            for kind in KINDS:
+                # One sequence of random numbers for each key and kind: a finding is made again by its number alone.
+                random = np.random.default_rng([seed, zlib.crc32(f"{key.name} {kind}".encode())])
+                for number in range(each):
+                    query = _made(target, key, sound, kind=kind, number=number, random=random)
+                    _ask(session, target, query, tally)
+
+
+def _path(key: ContractKey, target: Target) -> str:
+    known = target.model if key.name in ("model", "prediction", "convergence") else target.campaign
+    return key.make(*(RIG if name == "rig" else known for name in key.names))
+
+
+def _made(
+    target: Target, key: ContractKey, sound: Message, *, kind: str, number: int, random: np.random.Generator
+) -> Query:
+    origin = f"{key.name}, {kind}, number {number}"
+    _rename(sound, f"m{zlib.crc32(origin.encode())}", target)
+    path, whole, encoding = _path(key, target), sound.SerializeToString(), encoding_of(sound)
+    if kind == WRONG_ENCODING:
+        if random.random() < 0.3:
+            return Query(origin, path, whole, encoding, attachment=random.bytes(int(random.integers(0, 3000))))
+        payload = None if random.random() < 0.2 else whole
+        return Query(origin, path, payload, _ENCODINGS[int(random.integers(len(_ENCODINGS)))])
+    if kind == ODD_NAME:
+        return Query(origin, odd_name_in(path, key, random), whole, encoding)
+    return Query(origin, path, malformed(sound, Malformation(kind), random), encoding)
+
+
+def _rename(sound: Message, name: str, target: Target) -> None:
+    """Give what would be begun a name that is free, so that it is checked beyond its name."""
+    match sound:
+        case iterator_pb2.CampaignSpec():
+            sound.id = name
+        case iterator_pb2.ResumeCampaignRequest():
+            sound.new_id = name
+        case rig_pb2.PlayRequest() | identifier_pb2.IdentifyRequest():
+            sound.run = name
+        case identifier_pb2.AdviceRequest():
+            sound.model_id = target.model
+
+
+def _ask(session: zenoh.Session, target: Target, query: Query, tally: Tally) -> None:
+    began = time.monotonic()
+    try:
+        answer = ask(session, query.selector, query.payload, encoding=query.encoding, attachment=query.attachment)
+    except zenoh.ZError:
+        return
+    tally.sent += 1
+    tally.slowest_seconds = max(tally.slowest_seconds, time.monotonic() - began)
+    code = query_pb2.FaultCode.Name(answer.fault.code) if answer.fault is not None else answer.result or "no answer"
+    short = code.removeprefix("FAULT_CODE_").removeprefix("duralab.v1.")
+    tally.answers[short] = tally.answers.get(short, 0) + 1
+    tally.findings += [f"{query.origin}: {finding}" for finding in _judge(query, answer)]
+    del tally.findings[_MOST_FINDINGS:]
+    _tidy_up(session, target, answer)
+
+
+def _judge(query: Query, answer: Answer) -> Iterator[str]:
+    if answer.none and not query.origin.endswith("main"):
+        # A key that nobody serves has no answer either; that is the contract.
+        if ODD_NAME not in query.origin:
+            yield "no answer"
+        return
+    if answer.fault is None:
+        return
+    sentence = answer.fault.message
+    if answer.fault.code in _DEFECTS:
+        yield f"a defect: {sentence}"
+    if not sentence or "\n" in sentence or "Traceback" in sentence or len(sentence) > _LONGEST_SENTENCE:
+        yield f"not one sentence of at most {_LONGEST_SENTENCE} characters: {sentence[:200]!r}"
+
+
+def _tidy_up(session: zenoh.Session, target: Target, answer: Answer) -> None:
+    """Stop what was begun, and clear the latch, so that the next question is answered as this one was."""
+    if answer.fault is None and answer.result == iterator_pb2.CampaignStatus.DESCRIPTOR.full_name:
+        status = iterator_pb2.CampaignStatus.FromString(answer.payload)
+        if status.id != target.campaign:
+            stop = iterator_pb2.StopCampaignRequest(reason="the test goes on")
+            ask(session, target.keys.campaign_stop(status.id), stop.SerializeToString(), encoding=encoding_of(stop))
+            _reset(session, target)
+    elif answer.result == rig_pb2.RigState.DESCRIPTOR.full_name:
+        _reset(session, target)
+
+
+def _reset(session: zenoh.Session, target: Target) -> None:
+    reset = rig_pb2.ResetRequest()
+    ask(session, target.keys.rig_reset(RIG), reset.SerializeToString(), encoding=encoding_of(reset))
+
+
+def send_to_lab(lab: LabUnderFault, reference: Reference, *, seed: int, each: int) -> dict[str, Tally]:
+    """Send the malformed queries to a lab that then still gives the bytes of the undisturbed campaign.
+
+    Returns
+    -------
+    dict
+        By service; under `lab` what is wrong with all of them afterwards.
+    """
+    before, after = Round("malformed queries", 1), Round("malformed queries", 2)
+    Operator(lab, reference, before).perform(lambda _stack: "", moment=0.0)
+    campaign = before.recordings[0]
+    steps = lab.bus.query(
+        lab.bus.keys.recording_steps(campaign), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps
+    )
+    model = next(
+        identifier_pb2.Model.FromString(step.payload)
+        for step in steps.steps
+        if step.message_type == identifier_pb2.Model.DESCRIPTOR.full_name
+    )
+    target = Target(lab.endpoint, lab.bus.keys, campaign, model.id)
+    # Once to warm up: buffers for the largest messages, and the models and campaigns that are kept.
+    send_malformed(target, reference, seed=seed + 1, each=max(1, each // 10))
+    resident = lab.resident_mebibytes()
+    tallies = send_malformed(target, reference, seed=seed, each=each)
+    whole = tallies["lab"] = Tally()
+    for name, size in lab.resident_mebibytes().items():
+        if size - resident[name] > GROWTH_MEBIBYTES:
+            whole.findings.append(f"{name} grew from {resident[name]:.0f} to {size:.0f} MiB")
+    whole.findings += [f"{name} ended by itself" for name in lab.dead()]
+    Operator(lab, reference, after).perform(lambda _stack: "", moment=0.0)
+    whole.findings += [*before.findings, *after.findings, *lab.defects()]
+    return tallies
