@@ -2,6 +2,10 @@
 
 A segment begins with key and epoch, then each message follows with its lengths and a checksum. What a process wrote is
 the system's to keep when the process is killed; nothing is synced, so a power cut may take the last seconds.
+
+A segment that nobody needs any more is written again from its beginning: its pages are in memory and its blocks on the
+disk already, so a stream that is marked in time costs copies and no disk. Epoch and number go into each checksum, so
+what is left of the former messages behind the new ones is nothing.
 """
 
 from __future__ import annotations
@@ -22,10 +26,13 @@ if TYPE_CHECKING:
 
 SEGMENT_BYTES: Final = 4 * 2**20
 SUFFIX: Final = ".spool"
-_MAGIC: Final = b"DURASPL1"
+_MAGIC: Final = b"DURASPL2"
 _HEAD: Final = struct.Struct("<8sI")
 _RECORD: Final = struct.Struct("<IHI")
-"""Bytes of the payload plus one, so that no record begins with zeros; bytes of the encoding; CRC-32 of both."""
+"""Bytes of the payload plus one, so that no record begins with zeros; bytes of the encoding; CRC-32 of epoch, number,
+encoding and payload."""
+_POSITION: Final = struct.Struct("<QQ")
+_MOST_SPARES: Final = 3
 
 
 @dataclass
@@ -34,6 +41,7 @@ class _Segment:
 
     path: Path
     descriptor: int
+    epoch: int
     first: int
     size: int
     end: int
@@ -47,10 +55,10 @@ class _Segment:
         """Return a message, or None where its record is damaged."""
         offset = self.offsets[seq - self.first]
         stop = self.offsets[seq - self.first + 1] if seq + 1 < self.stop else self.end
-        return _parse(os.pread(self.descriptor, stop - offset, offset), seq)
+        return _parse(os.pread(self.descriptor, stop - offset, offset), self.epoch, seq)
 
 
-def _parse(record: bytes, seq: int) -> Spooled | None:
+def _parse(record: bytes, epoch: int, seq: int) -> Spooled | None:
     if len(record) < _RECORD.size:
         return None
     length, encoding_length, checksum = _RECORD.unpack_from(record)
@@ -58,7 +66,7 @@ def _parse(record: bytes, seq: int) -> Spooled | None:
     if length == 0 or len(body) < length - 1 + encoding_length:
         return None
     body = body[: length - 1 + encoding_length]
-    if zlib.crc32(body) != checksum:
+    if zlib.crc32(body, zlib.crc32(_POSITION.pack(epoch, seq))) != checksum:
         return None
     return Spooled(seq, payload=bytes(body[encoding_length:]), encoding=str(body[:encoding_length], "utf-8"))
 
@@ -76,7 +84,7 @@ class DiskStore:
         header = json.dumps({"key": key, "epoch": epoch}).encode()
         self._header = _HEAD.pack(_MAGIC, len(header)) + header
         self._segments: list[_Segment] = []
-        self._spare: Path | None = None
+        self._spares: list[Path] = []
         self._refusal = ""
         if writable:
             self._reserve()
@@ -101,7 +109,8 @@ class DiskStore:
     def append(self, message: Spooled) -> None:
         """Write the next message; OSError where the disk refuses it."""
         encoding = message.encoding.encode()
-        checksum = zlib.crc32(message.payload, zlib.crc32(encoding))
+        position = zlib.crc32(_POSITION.pack(self._epoch, message.seq))
+        checksum = zlib.crc32(message.payload, zlib.crc32(encoding, position))
         record = _RECORD.pack(len(message.payload) + 1, len(encoding), checksum)
         size = len(record) + len(encoding) + len(message.payload)
         if not self._segments or self._segments[-1].end + size > self._segments[-1].size:
@@ -129,7 +138,7 @@ class DiskStore:
         """Delete the oldest segment, unless it is being written; return the lowest number that is left."""
         if len(self._segments) < 2:
             return None
-        self._delete(self._segments.pop(0))
+        self._release(self._segments.pop(0))
         return self._segments[0].first
 
     def close(self, *, delete: bool) -> None:
@@ -140,15 +149,20 @@ class DiskStore:
             else:
                 os.close(segment.descriptor)
         self._segments.clear()
-        if self._spare is not None:
-            self._spare.unlink(missing_ok=True)
+        for spare in self._spares:
+            spare.unlink(missing_ok=True)
             self._folder.count(-SEGMENT_BYTES)
-            self._spare = None
+        self._spares.clear()
 
     def adopt(self, path: Path, first: int, content: bytes) -> None:
         """Take over a segment of this key and epoch that a process left behind, up to its first damaged message."""
-        segment = _Segment(path, os.open(path, os.O_RDONLY), first, size=len(content), end=len(self._header))
-        while (message := _parse(content[segment.end :][: _longest(content, segment.end)], segment.stop)) is not None:
+        segment = _Segment(
+            path, os.open(path, os.O_RDONLY), self._epoch, first, size=len(content), end=len(self._header)
+        )
+        while True:
+            record = content[segment.end :][: _longest(content, segment.end)]
+            if (message := _parse(record, self._epoch, segment.stop)) is None:
+                break
             segment.offsets.append(segment.end)
             segment.end += _RECORD.size + len(message.encoding.encode()) + len(message.payload)
         self._segments.append(segment)
@@ -162,15 +176,15 @@ class DiskStore:
     def _begin(self, first: int, *, least: int) -> None:
         size = max(SEGMENT_BYTES, len(self._header) + least)
         path = self._folder.path / f"{self._epoch}-{first:020}{SUFFIX}"
-        if size == SEGMENT_BYTES and self._spare is not None:
-            self._spare.rename(path)
-            self._spare = None
+        if size == SEGMENT_BYTES and self._spares:
+            self._spares.pop().rename(path)
         else:
             self._take(path, size)
         descriptor = os.open(path, os.O_RDWR)
         os.pwrite(descriptor, self._header, 0)
-        self._segments.append(_Segment(path, descriptor, first, size=size, end=len(self._header)))
-        self._reserve()
+        self._segments.append(_Segment(path, descriptor, self._epoch, first, size=size, end=len(self._header)))
+        if not self._spares:
+            self._reserve()
 
     def _reserve(self) -> None:
         spare = self._folder.path / f"{self._epoch}.reserve"
@@ -179,7 +193,7 @@ class DiskStore:
         except OSError as error:
             self._refusal = f"the disk of the spool {self._folder.path} refuses more: {error.strerror or error}"
         else:
-            self._spare = spare
+            self._spares.append(spare)
             self._refusal = ""
 
     def _take(self, path: Path, size: int) -> None:
@@ -193,6 +207,17 @@ class DiskStore:
         finally:
             os.close(descriptor)
         self._folder.count(size)
+
+    def _release(self, segment: _Segment) -> None:
+        """Keep a segment to be written again, or delete it where room is short."""
+        roomy = self._folder.used_bytes < self._folder.largest_bytes // 2
+        if segment.size != SEGMENT_BYTES or len(self._spares) >= _MOST_SPARES or not roomy or self._refusal:
+            self._delete(segment)
+            return
+        os.close(segment.descriptor)
+        spare = segment.path.with_suffix(".reserve")
+        segment.path.rename(spare)
+        self._spares.append(spare)
 
     def _delete(self, segment: _Segment) -> None:
         os.close(segment.descriptor)

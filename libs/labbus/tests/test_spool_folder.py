@@ -73,6 +73,31 @@ def test_killed_process_leaves_every_message_that_is_not_marked(killed):
     assert list(killed.iterdir()) == []
 
 
+def test_segments_that_are_written_again_show_nothing_of_what_they_held(tmp_path):
+    spools = labbus.SpoolFolder(tmp_path)
+    spool = spool_in(spools, epoch=7)
+    segments = set()
+    for number in range(20):
+        fill(spool, 100)
+        spool.mark(100 * number + 50)
+        segments |= {path.stat().st_ino for path in tmp_path.glob("*/*")}
+    # 2000 messages of 10 KB would have taken more than these, had none been used twice.
+    assert len(segments) <= 5
+    content = {path.name: path.read_bytes() for path in tmp_path.glob("*/7-*.spool")}
+    left = tmp_path / "of the dead"
+    left.mkdir()
+    for name, written in content.items():
+        (left / name).write_bytes(written)
+    (taken,) = (one.spool for one in labbus.SpoolFolder(tmp_path).take_over())
+    extent = taken.extent
+    assert extent.first <= 1950
+    assert extent.next == 2000
+    read = taken.read(extent.first, extent.next, most=2000)
+    assert [int.from_bytes(message.payload[:4], "big") for message in read] == [
+        seq % 100 for seq in range(extent.first, 2000)
+    ]
+
+
 def test_spool_that_nobody_marks_now_is_there_at_the_next_start_again(killed):
     first = labbus.SpoolFolder(killed)
     for left in first.take_over():
@@ -106,7 +131,7 @@ def test_damaged_message_ends_what_is_taken_over(killed):
 
 def test_strange_files_are_left_alone(tmp_path):
     (tmp_path / "old").mkdir()
-    for name, content in (("1-0.spool", b""), ("2-x.spool", b"DURASPL1"), ("readme.txt", b"text")):
+    for name, content in (("1-0.spool", b""), ("2-x.spool", b"DURASPL2"), ("readme.txt", b"text")):
         (tmp_path / "old" / name).write_bytes(content)
     spools = labbus.SpoolFolder(tmp_path)
     assert spools.take_over() == []
