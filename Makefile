@@ -6,14 +6,16 @@ PYTHON ?=
 VIEW ?=
 ARGS ?=
 UPGRADE ?=
+FUZZ ?= 3000
+SEED ?= 1000
 export PYTHON
 
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 figure_7_8_9 \
 	algorithms_on_random_plants rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
-CHECKS := format lint types imports generated contract determinism
+CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench faults studies test check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench faults studies docs test fuzz check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -34,10 +36,20 @@ faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 
 studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)
 	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -I{} $(BIN)/python studies/{}.py
 
+docs: setup ## build the documentation's site into out/site; a warning is an error
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 test: setup ## run all tests (ARGS="-k name" for some)
 	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile $(ARGS)
 
-check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, determinism
+examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it against a lab (minutes, the first time)
+	@cargo build --quiet --locked --manifest-path examples/bare_zenoh/rust/Cargo.toml
+	@$(BIN)/python -m pytest -q tests/test_examples.py -k rust
+
+fuzz: setup ## damage files of every format and read them, long (FUZZ=20000 of each, SEED=1000: other ones)
+	@DURALAB_FUZZ_EXAMPLES=$(FUZZ) DURALAB_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -q --numprocesses=2 duralab/tests/test_formats_fuzz.py
+
+check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, docs, determinism
 
 check-format: setup
 	@$(BIN)/ruff format --quiet --check . || { echo "Run: make format" >&2; exit 1; }
@@ -57,6 +69,8 @@ check-generated: setup
 check-contract: setup
 	@$(BIN)/python proto/check_breaking.py
 
+check-docs: docs
+
 check-determinism: setup ## two campaigns with one seed give the same bytes of drive and response
 	@$(BIN)/python scripts/check_determinism.py
 
@@ -72,5 +86,5 @@ format: setup ## format and mend what ruff can
 	@$(BIN)/ruff format --quiet .
 
 clean: ## remove .venv, tools, results and caches
-	@rm -rf .venv .tools out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
+	@rm -rf .venv .tools out examples/bare_zenoh/rust/target .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

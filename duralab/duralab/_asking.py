@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import MappingProxyType
 from typing import Final, TypeVar
 
 from google.protobuf.message import Message
 
-from duralab.errors import InputError, LabError
+from duralab._patience import FOREVER, Patience
+from duralab.errors import (
+    BusyError,
+    InputError,
+    LabError,
+    LabTimeoutError,
+    NotReadyError,
+    StoppedError,
+    UnavailableError,
+)
 from duralab_proto.v1 import query_pb2
 from labbus import Bus, FaultError
 
-_INPUT_FAULTS: Final = frozenset(
+_ERRORS: Final = MappingProxyType(
     {
-        query_pb2.FAULT_CODE_INVALID_ARGUMENT,
-        query_pb2.FAULT_CODE_NOT_FOUND,
-        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        query_pb2.FAULT_CODE_INVALID_ARGUMENT: InputError,
+        query_pb2.FAULT_CODE_NOT_FOUND: InputError,
+        query_pb2.FAULT_CODE_ALREADY_EXISTS: InputError,
+        query_pb2.FAULT_CODE_BUSY: BusyError,
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION: NotReadyError,
+        query_pb2.FAULT_CODE_CANCELLED: StoppedError,
+        query_pb2.FAULT_CODE_UNAVAILABLE: UnavailableError,
+        query_pb2.FAULT_CODE_DEADLINE_EXCEEDED: LabTimeoutError,
     }
 )
 
@@ -51,16 +66,20 @@ class Asking:
         kind: type[MessageT],
         *,
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
+        patience: Patience = FOREVER,
+        what: str = "The answer",
     ) -> MessageT:
-        """Ask and wait for the answer; raises LabError."""
+        """Ask and wait for the answer; raises LabError, where the patience is over one about `what`."""
         try:
-            return self.bus.query(key, request, kind, on_progress=on_progress)
+            cancel = patience if patience.limited else None
+            return self.bus.query(key, request, kind, on_progress=on_progress, cancel=cancel)
         except FaultError as fault:
+            if fault.code == query_pb2.FAULT_CODE_CANCELLED and patience.is_set():
+                raise patience.error(what) from fault
             raise self.explained(fault) from fault
 
     def explained(self, fault: FaultError) -> LabError:
         """Return a fault as an error for the user: the end of a service explains what it broke."""
         if (ended := self.failure()) is not None:
             return ended
-        kind = InputError if fault.code in _INPUT_FAULTS else LabError
-        return kind(fault.message, field=fault.field, service=fault.service)
+        return _ERRORS.get(fault.code, LabError)(fault.message, field=fault.field, service=fault.service)

@@ -9,13 +9,12 @@ from typing import Final
 
 from duralab._asking import Asking
 from duralab._fetching import fetch_result
-from duralab._following import RunProgress, follow_campaign, progress_of
+from duralab._following import ENDED, OnProgress, follow_campaign, progress_of
+from duralab._patience import FOREVER, Patience
 from duralab.campaign_result import CampaignResult
-from duralab.errors import CampaignFaultError, LabError
+from duralab.errors import CampaignFaultError, LabError, LabTimeoutError, StoppedError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import BusError, FaultError
-
-OnProgress = Callable[[RunProgress], None]
 
 SILENCE_SECONDS: Final = 10.0
 _STOP_SILENCE_SECONDS: Final = 2.0
@@ -34,19 +33,30 @@ def free_id(ask: Asking, name: str) -> str:
 
 
 def followed(
-    ask: Asking, id: str, *, begin: Callable[[], iterator_pb2.CampaignStatus], tell: OnProgress
+    ask: Asking,
+    id: str,
+    *,
+    begin: Callable[[], iterator_pb2.CampaignStatus],
+    tell: OnProgress,
+    patience: Patience = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and follow it to its end; an interrupt stops it."""
+    """Begin a campaign and follow it to its end; an interrupt and the end of the patience stop it."""
 
     def on_status(status: iterator_pb2.CampaignStatus) -> None:
         if (ended := ask.failure()) is not None:
             raise ended
         tell(progress_of(status))
+        if patience.is_set() and status.phase not in ENDED:
+            raise patience.error(f"The campaign {id!r}")
 
     try:
         return follow_campaign(ask.bus, id, begin=begin, on_status=on_status)
     except FaultError as fault:
         raise ask.explained(fault) from fault
+    except (StoppedError, LabTimeoutError) as error:
+        with suppress(FaultError, BusError):
+            stop_campaign(ask, id, reason=str(error))
+        raise type(error)(f"{error} What was played until then is in its recording.") from error
     except KeyboardInterrupt:
         # Best effort: whoever interrupts does not want to wait for a service that is gone.
         with suppress(FaultError, BusError):

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duralab.errors import InputError
 from duralab.rig import Rig
-from duralab.signals import Signals
+from duralab.signals import Channel, Signals
 from duralab_proto.arrays import ArrayError
 
 if TYPE_CHECKING:
     import xarray
 
 
-def drive_signals(drive: np.ndarray | xarray.DataArray | Signals, rig: Rig) -> Signals:
-    """Return the drive with the rig's channels and sample rate.
+def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals, rig: Rig) -> Signals:
+    """Return the drive with the rig's channels, in its order.
 
     Parameters
     ----------
     drive : array or Signals, shape (drives, samples)
-        In the units and the order of the rig's description.
+        A plain array in the units, the order and at the sample rate of the rig's description; with names in any order.
     rig : Rig
         That shall play it.
 
     Returns
     -------
     Signals
-        The same.
+        The same; where the names are other ones they are left as they are, for the rig to refuse.
 
     Raises
     ------
@@ -36,7 +37,10 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | Signals, rig: Rig) -> S
         The shape does not fit, or a value is not finite.
     """
     if isinstance(drive, Signals):
-        return drive
+        return _in_order(drive, rig)
+    # Not an import of xarray for who has none: only a dataset, or an array with names, is told by name.
+    if hasattr(drive, "data_vars") or "channel" in getattr(drive, "coords", ()):
+        return _checked(_in_order(Signals.from_xarray(drive), rig))  # type: ignore[arg-type]
     samples = np.ascontiguousarray(drive, dtype=np.float64)
     if samples.ndim != 2 or samples.shape[0] != len(rig.drives):
         names = ", ".join(channel.name for channel in rig.drives)
@@ -44,7 +48,24 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | Signals, rig: Rig) -> S
             f"The drive has the shape {samples.shape}; rig {rig.name!r} needs ({len(rig.drives)}, samples): {names}.",
             field="drive.samples",
         )
-    signals = Signals(rig.drives, rig.sample_rate, samples)
+    return _checked(Signals(rig.drives, rig.sample_rate, samples))
+
+
+def _in_order(signals: Signals, rig: Rig) -> Signals:
+    wanted = [channel.name for channel in rig.drives]
+    if sorted(signals.names) != sorted(wanted):
+        return signals
+    rows = [signals.names.index(name) for name in wanted]
+    channels = tuple(_described(signals.channels[row], drive) for row, drive in zip(rows, rig.drives, strict=True))
+    return replace(signals, channels=channels, samples=np.ascontiguousarray(signals.samples[rows]))
+
+
+def _described(channel: Channel, drive: Channel) -> Channel:
+    """Return the rig's own words for a channel, unless it is in another unit: the rig refuses that."""
+    return drive if channel.unit in ("", drive.unit) else channel
+
+
+def _checked(signals: Signals) -> Signals:
     try:
         signals.to_message()
     except ArrayError as error:

@@ -30,6 +30,7 @@ class Stage(StrEnum):
     TARGET = "target"
     CAMPAIGN = "campaign"
     IDENTIFICATION = "identification"
+    PLAYBACK = "playback"
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class RunProgress:
     Parameters
     ----------
     stage : Stage
-        Making the target, or the campaign itself.
+        What it works on.
     activity : str
         What is done now, in words.
     fraction : float
@@ -55,6 +56,14 @@ class RunProgress:
     fraction: float
     remaining_seconds: float
     iterations: IterationTable | None = None
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds >= 0 else ""
+        return f"{self.stage}: {self.activity} ({self.fraction:.0%}{left})"
+
+
+OnProgress = Callable[[RunProgress], None]
 
 
 def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:

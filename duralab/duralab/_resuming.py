@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from duralab._asking import Asking
-from duralab._campaigns import OnProgress, collect, followed, free_id
+from duralab._campaigns import collect, followed, free_id
+from duralab._following import OnProgress
 from duralab._outputs import OUTPUTS, require_free
+from duralab._patience import Patience
 from duralab._specification import stop_message, update_message
 from duralab.campaign_file import Campaign
 from duralab.campaign_result import CampaignResult
@@ -64,6 +66,7 @@ def resume_campaign(
     folder: Callable[[str], Path],
     replace: bool,
     tell: OnProgress,
+    patience: Patience,
 ) -> CampaignResult:
     """Resume a campaign and collect what it leaves; see `Lab.resume`.
 
@@ -100,7 +103,7 @@ def resume_campaign(
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
         require_free([folder(name) / file for file in OUTPUTS], replace=replace)
         request.new_id = name if name != id else ""
-        return followed(ask, name, begin=begin, tell=tell)
+        return followed(ask, name, begin=begin, tell=tell, patience=patience)
 
     name, status = id, None
     if settings is None and from_iteration == 0:

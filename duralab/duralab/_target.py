@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from duralab._target_file import map_channels, read_target_file
 from duralab.campaign_file import Campaign, MeasuredRoad, SyntheticRoad, Target
 from duralab.errors import InputError
 from duralab.rig import Rig
-from duralab.signals import Channel, Signals
+from duralab.signals import Signals
+from duralab.target_editing import EditedTarget, edit_signals
 
 LEAD_IN_SECONDS: Final = 1.0
 """The vehicle rolls from flat ground onto the road, and off it, in this time."""
 
+LARGEST_RATE_ERROR: Final = 1e-5
+"""Of a target's sample rate, as a share: a file whose time step is rounded is 36 ms off after an hour."""
+
 SHORTEST_ROAD: Final = 60.0
 """Metres; the synthesis needs a road longer than its longest wave of 50 m."""
-
-LARGEST_TIME_STEP_ERROR: Final = 1e-3
-"""How far a time stamp of a file may lie from an even grid, as a share of the step."""
 
 _POTHOLES: Final = 1
 """Number of the seed sequence that places the potholes, beside the road's own."""
@@ -67,7 +67,7 @@ def describe_target(target: Target) -> str:
     return f"file {target.file.name if target.file else ''}"
 
 
-def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> Signals:
+def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> EditedTarget:
     """Make the target of a campaign.
 
     Parameters
@@ -83,17 +83,23 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
 
     Returns
     -------
-    Signals
-        All responses of the rig, in its order and at its sample rate.
+    EditedTarget
+        All responses of the rig, in its order and at its sample rate; and what each step of editing did.
 
     Raises
     ------
     InputError
-        The road or the file does not fit the rig.
+        The road or the file does not fit the rig, or a step of editing does not fit them.
     """
-    target = campaign.target
+    edited = edit_signals(_source(campaign, rig=rig, vehicle=vehicle, play=play), campaign.target.edit)
+    require_playable(edited.signals, rig=rig)
+    return replace(edited, signals=replace(edited.signals, sample_rate=rig.sample_rate))
+
+
+def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> Signals:
+    target, watched = campaign.target, campaign.update.watch
     if target.file is not None:
-        return read_target_file(campaign.folder / target.file, rig=rig, watched=campaign.update.watch)
+        return read_target_file(campaign.folder / target.file, rig=rig, channels=target.channels, watched=watched)
     if vehicle is None or play is None:
         raise ValueError("A road needs a vehicle that plays it.")
     if vehicle.sample_rate != rig.sample_rate:
@@ -103,7 +109,29 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
             field="target.vehicle",
         )
     driven = play(road_inputs(campaign, vehicle=vehicle))
-    return select_channels(driven, rig=rig, source=f"vehicle {vehicle.name!r}", watched=campaign.update.watch)
+    return map_channels(
+        driven,
+        rig=rig,
+        watched=watched,
+        source=f"vehicle {vehicle.name!r}",
+        remedy="take another vehicle, or watch the response (update.watch)",
+    )
+
+
+def require_playable(signals: Signals, *, rig: Rig) -> None:
+    """Refuse a target that the rig could not play for its sample rate or its length; raises InputError."""
+    if abs(signals.sample_rate / rig.sample_rate - 1) > LARGEST_RATE_ERROR:
+        raise InputError(
+            f"target is sampled at {signals.sample_rate:g} Hz; rig {rig.name!r} plays {rig.sample_rate:g} Hz only, so "
+            f"end target.edit with 'resample: {{rate: {rig.sample_rate:g}}}'.",
+            field="target.edit",
+        )
+    if signals.duration > rig.longest_drive_seconds:
+        raise InputError(
+            f"target lasts {signals.duration:g} s; rig {rig.name!r} plays {rig.longest_drive_seconds:g} s at most, so "
+            "cut or shorten it in target.edit.",
+            field="target.edit",
+        )
 
 
 def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
@@ -189,106 +217,3 @@ def _measured(road: MeasuredRoad, *, folder: Path, length: float):  # noqa: ANN2
             field="target.opencrg.path",
         ) from error
     return roads.repeat_mirrored(roads.level(surface), length)
-
-
-def select_channels(signals: Signals, *, rig: Rig, source: str, watched: Collection[str] = ()) -> Signals:
-    """Put signals into the order of the rig's responses; every response must be there, in its unit.
-
-    Of one that is `watched` there may be none: its target is silent, and nothing is told relative to it.
-    """
-    rows = {channel.name: (channel.unit, row) for row, channel in enumerate(signals.channels)}
-    wanted = [channel.name for channel in rig.responses]
-    missing = [name for name in wanted if name not in rows and name not in watched]
-    if missing:
-        raise InputError(
-            f"target: {source} lacks {', '.join(missing)}; the rig {rig.name!r} needs {', '.join(wanted)}, "
-            "but for those in update.watch.",
-            field="target",
-        )
-    for channel in rig.responses:
-        if channel.name in rows and rows[channel.name][0] != channel.unit:
-            raise InputError(
-                f"target: {source} has {channel.name} in {rows[channel.name][0]}; it must be in {channel.unit}.",
-                field="target",
-            )
-    silent = np.zeros(signals.samples.shape[1])
-    samples = np.stack([signals.samples[rows[name][1]] if name in rows else silent for name in wanted])
-    return Signals(rig.responses, signals.sample_rate, samples)
-
-
-def read_target_file(path: Path, *, rig: Rig, watched: Collection[str] = ()) -> Signals:
-    """Read a target from a CSV file: a column 'time [s]', then one column '<response> [<unit>]' for each response.
-
-    Those that are `watched` may be missing.
-
-    Raises
-    ------
-    InputError
-        No such file, no samples, a column is missing, a value is no finite number, or another sample rate.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [line for line in csv.reader(stream) if line]
-    except OSError as error:
-        raise InputError(
-            f"target.file is {str(path)!r}, which cannot be read: {error.strerror}.", field="target.file"
-        ) from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"target.file {path} is not CSV text: {error}.", field="target.file") from error
-    if len(lines) < 3:
-        raise InputError(
-            f"target.file {path} holds {max(0, len(lines) - 1)} samples; it needs a header and 2 samples or more.",
-            field="target.file",
-        )
-    channels = [_column(path, heading) for heading in lines[0]]
-    if (channels[0].name, channels[0].unit) != ("time", "s"):
-        raise InputError(f"target.file {path} starts with {lines[0][0]!r}; it must be 'time [s]'.", field="target.file")
-    values = _numbers(path, lines)
-    _require_rate(path, values[0], rig.sample_rate)
-    given = Signals(tuple(channels[1:]), rig.sample_rate, values[1:])
-    return select_channels(given, rig=rig, source=f"file {path}", watched=watched)
-
-
-def _column(path: Path, heading: str) -> Channel:
-    name, opened, unit = heading.strip().partition("[")
-    if not opened or not unit.endswith("]"):
-        raise InputError(
-            f"target.file {path} has the column {heading!r}; it must name a unit, e.g. 'left_vertical [N]'.",
-            field="target.file",
-        )
-    return Channel(name=name.strip(), unit=unit[:-1].strip())
-
-
-def _numbers(path: Path, lines: list[list[str]]) -> np.ndarray:
-    values = np.empty((len(lines[0]), len(lines) - 1))
-    for index, line in enumerate(lines[1:]):
-        try:
-            values[:, index] = [float(cell) for cell in line]
-        except ValueError as error:
-            raise InputError(
-                f"target.file {path}, line {index + 2}: {error}; {len(lines[0])} numbers are needed.",
-                field="target.file",
-            ) from error
-    if not np.isfinite(values).all():
-        row, index = np.argwhere(~np.isfinite(values))[0]
-        raise InputError(
-            f"target.file {path}, line {index + 2}: {lines[0][row].strip()} is {values[row, index]}; every value must "
-            "be finite.",
-            field="target.file",
-        )
-    return values
-
-
-def _require_rate(path: Path, time: np.ndarray, sample_rate: float) -> None:
-    steps = np.diff(time)
-    step = float(np.median(steps))
-    if not (math.isfinite(step) and step > 0 and np.ptp(steps) <= 2 * LARGEST_TIME_STEP_ERROR * step):
-        raise InputError(
-            f"target.file {path} has time steps from {steps.min():g} to {steps.max():g} s; they must be equal.",
-            field="target.file",
-        )
-    if abs(step * sample_rate - 1) > LARGEST_TIME_STEP_ERROR:
-        raise InputError(
-            f"target.file {path} is sampled at {1 / step:g} Hz; the rig plays {sample_rate:g} Hz only, so resample it.",
-            field="target.file",
-        )

@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from duralab.campaign_values import Levels, Positive, Range, Section, Seed
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
 from duralab.iteration_section import AtLimits, StopSection, UpdateSection
+from duralab.target_edit_section import EditStep, SourceChannel
 
 
 class Potholes(Section):
@@ -55,11 +56,17 @@ class Target(Section):
     file: Path | None = Field(
         default=None,
         strict=False,
-        description="CSV file of the target, relative to the campaign file: a column 'time [s]' and one column for "
-        "each response channel of the rig, named 'left_vertical [N]' and so on.",
+        description="Measured target, relative to the campaign file: RPC III, MDF4, UFF58, TDMS, MAT, Parquet or CSV.",
+    )
+    channels: dict[str, SourceChannel] = Field(
+        default_factory=dict,
+        description="Channel of the file, its unit and its sign for each response; left out: the one of its name.",
     )
     vehicle: str | None = Field(default=None, description="The rig that plays roads, whose responses are the target.")
     speed: Positive = Field(default=15.0, le=60, description="Speed of the vehicle, in metres per second.")
+    edit: tuple[EditStep, ...] = Field(
+        default=(), strict=False, description="What is done with it before it is reproduced, one step after the other."
+    )
 
     @model_validator(mode="after")
     def _check_one_source(self) -> Self:
@@ -71,6 +78,8 @@ class Target(Section):
             raise ValueError(f"has a {sources[0]} but no vehicle to drive on it; name one, e.g. 'vehicle: predecessor'")
         if self.file is not None and self.vehicle is not None:
             raise ValueError("has a file and a vehicle; a file is the target already, so leave the vehicle out")
+        if self.file is None and self.channels:
+            raise ValueError("has channels but no file; the responses of a vehicle have their names already")
         return self
 
 

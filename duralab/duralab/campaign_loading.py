@@ -6,34 +6,19 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
-import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from duralab.campaign_file import Campaign
 from duralab.campaign_values import ONE_NUMBER, PER_CHANNEL
 from duralab.errors import InputError
+from duralab.settings_text import parse_mapping, read_text
+from duralab.target_edit_section import EditStep
 
 _SUFFIX = ".yaml"
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """YAML in which a key stands once: the second of two equal keys would silently win."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return the mapping of a node, refusing a key that stands twice."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            name = str(key.value)
-            if name in seen:
-                line = key.start_mark.line + 1
-                raise yaml.MarkedYAMLError(
-                    problem=f"the key {name!r} of line {line} stands there already", problem_mark=key.start_mark
-                )
-            seen.add(name)
-        return super().construct_mapping(node, deep=deep)
 
 
 def shipped_campaigns() -> list[str]:
@@ -70,39 +55,52 @@ def load_campaign(source: str | Path) -> Campaign:
         raise InputError(
             f"There is no campaign file {str(source)!r}; give the path of one, or a shipped one: {shipped}."
         )
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path} is not a text file in UTF-8 (byte {error.start}); a campaign is YAML text."
-        ) from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    text = read_text(path, what="a campaign")
     return parse_campaign(text, name=str(path), folder=path.parent)
 
 
 def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
     """Check the text of a campaign file; see `load_campaign`."""
-    try:
-        content = yaml.load(text, Loader=_StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise InputError(f"{name} is not valid YAML{place}: {error.problem}.") from error
-    except yaml.YAMLError as error:
-        raise InputError(f"{name} is not valid YAML: {' '.join(str(error).split())}.") from error
-    if not isinstance(content, dict):
-        what = "is empty" if content is None else f"holds a {type(content).__name__}"
-        raise InputError(f"{name} {what}; a campaign file holds the keys {_listed(Campaign.model_fields)}.")
+    content = parse_mapping(text, name=name, what="a campaign file", keys=Campaign.model_fields)
     try:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
-        findings = _without_echoes(error.errors(include_url=False))
-        sentence = "; ".join(_finding(finding) for finding in findings)
-        raise InputError(
-            f"{name}: {sentence}{'' if sentence.endswith('?') else '.'}", field=_path(findings[0]["loc"])
-        ) from error
+        raise explained(error, name=f"{name}: ") from error
     return campaign.read_from(folder=folder, text=text)
+
+
+def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[EditStep, ...]:
+    """Check steps of a target editor that a script gives as they would stand under `target.edit` of a campaign file.
+
+    Raises
+    ------
+    InputError
+        A key or value is not allowed.
+    """
+    try:
+        return TypeAdapter(tuple[EditStep, ...]).validate_python(tuple(steps))
+    except ValidationError as error:
+        raise explained(error, place=("target", "edit")) from error
+
+
+def explained(error: ValidationError, *, name: str = "", place: tuple[str, ...] = ()) -> InputError:
+    """Return what is wrong with a campaign, or with a part of one, in one sentence.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What was found.
+    name : str
+        Begin of the sentence.
+    place : tuple of str
+        Keys of the campaign that lead to the part.
+    """
+    findings = error.errors(include_url=False)
+    for finding in findings:
+        finding["loc"] = (*place, *finding["loc"])
+    findings = _without_echoes(findings)
+    sentence = "; ".join(_finding(finding) for finding in findings)
+    return InputError(f"{name}{sentence}{'' if sentence.endswith('?') else '.'}", field=_path(findings[0]["loc"]))
 
 
 def _without_echoes(findings: list[ErrorDetails]) -> list[ErrorDetails]:
@@ -112,7 +110,7 @@ def _without_echoes(findings: list[ErrorDetails]) -> list[ErrorDetails]:
         for finding in findings
         if finding["type"] == "extra_forbidden"
         and (model := _model_at(finding["loc"][:-1])) is not None
-        and (close := get_close_matches(str(finding["loc"][-1]), model.model_fields, n=1))
+        and (close := get_close_matches(str(finding["loc"][-1]), _keys(model), n=1))
     }
     return [finding for finding in findings if finding["type"] != "missing" or finding["loc"] not in meant]
 
@@ -122,7 +120,8 @@ def _finding(finding: ErrorDetails) -> str:
     context = finding.get("ctx", {})
     location, value = tuple(p for p in finding["loc"] if p not in (ONE_NUMBER, PER_CHANNEL)), finding["input"]
     model, key = _model_at(location[:-1]), str(location[-1]) if location else ""
-    description = model.model_fields[key].description if model and key in model.model_fields else None
+    keys = _keys(model) if model else {}
+    description = keys[key].description if key in keys else None
     hint = f" ({description.rstrip('.')})" if description else ""
     match finding["type"]:
         case "extra_forbidden":
@@ -141,7 +140,7 @@ def _finding(finding: ErrorDetails) -> str:
 
 
 def _unknown_key(location: Sequence[int | str], model: type[BaseModel] | None) -> str:
-    key, allowed = str(location[-1]), list(model.model_fields) if model else []
+    key, allowed = str(location[-1]), list(_keys(model)) if model else []
     place = f" in {_path(location[:-1])}" if location[:-1] else ""
     close = get_close_matches(key, allowed, n=1)
     guess = f"; did you mean {close[0]!r}?" if close else ""
@@ -161,16 +160,26 @@ def _path(location: Sequence[int | str]) -> str:
     return ".".join(str(part) for part in location if part not in (ONE_NUMBER, PER_CHANNEL))
 
 
+def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a section by the names that the file has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
 def _model_at(location: Sequence[int | str]) -> type[BaseModel] | None:
     """Return the section that stands at a place of the file, or None where no section does."""
     model: type[BaseModel] = Campaign
+    named_by_user = False
     for part in location:
-        field = model.model_fields.get(str(part))
+        # The place in a list, or a channel's name: the section is that of the list or of the mapping.
+        if named_by_user or isinstance(part, int):
+            named_by_user = False
+            continue
+        field = _keys(model).get(part)
         if field is None:
             return None
         candidates = (field.annotation, *get_args(field.annotation))
         section = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
         if section is None:
             return None
-        model = section
+        model, named_by_user = section, get_origin(field.annotation) is dict
     return model

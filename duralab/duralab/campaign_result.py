@@ -52,7 +52,17 @@ class CampaignResult:
 
         return write_report(self.recording, path or self.recording_path.with_name("report.html"))
 
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"CampaignResult({self.status.id}: {self.verdict.judgement})"
+
     def __str__(self) -> str:
-        """Return the table, the verdict and what is worth knowing besides as text."""
-        remarks = "".join(f"\n- {remark}" for remark in self.status.remarks)
-        return f"{self.iterations}\n{self.verdict.sentence}{remarks}"
+        """Return it as a table."""
+        from duralab.showing.campaigns import result_text
+
+        return result_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.campaigns import result_html
+
+        return result_html(self)

@@ -69,6 +69,23 @@ class CatalogueEntry:
     waiting: str
 
 
+class CatalogueEntries(tuple[CatalogueEntry, ...]):
+    """Recordings that were found, the oldest first; prints as a table."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.campaigns import catalogue_text
+
+        return catalogue_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.campaigns import catalogue_html
+
+        return catalogue_html(self)
+
+
 def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
     result = _OUTCOMES.get(information.outcome) or _PHASES.get(information.phase, Result.NOT_ENDED)
     return CatalogueEntry(
@@ -105,7 +122,7 @@ class Catalogue:
         begun_from: datetime | None = None,
         begun_before: datetime | None = None,
         result: Result | None = None,
-    ) -> list[CatalogueEntry]:
+    ) -> CatalogueEntries:
         """Return the recordings that fit, the oldest first.
 
         Parameters
@@ -128,7 +145,7 @@ class Catalogue:
         answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
         entries = [_entry(information) for information in answer.recordings]
         wanted = [entry for entry in entries if result is None or entry.result is result]
-        return sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id))
+        return CatalogueEntries(sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id)))
 
     def verify(self, id: str) -> list[str]:
         """Have a recording read from end to end; return what is wrong with it, a sentence each.

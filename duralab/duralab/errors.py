@@ -1,4 +1,15 @@
-"""What can go wrong for someone who uses the lab, each said in one sentence."""
+"""What can go wrong for someone who uses the lab, each said in one sentence.
+
+LabError                    whatever goes wrong; the others are kinds of it
+├── InputError              a value is not allowed, or a name is unknown or taken: correct it and ask again
+├── NotReadyError           not in the state the lab is in: a rig is latched, a recording is still written
+├── BusyError               the rig plays, or all workers of a service are taken: ask again later
+├── StoppedError            somebody stopped it: a person, another script, or this one
+├── LabTimeoutError         it took longer than was allowed, or a service is silent; a TimeoutError too
+├── UnavailableError        who is asked is not on the bus, or left it before the answer
+├── ServiceEndedError       a service that this process started ended by itself
+└── CampaignFaultError      a campaign ended before its last playback
+"""
 
 from __future__ import annotations
 
@@ -25,6 +36,26 @@ class LabError(Exception):
 
 class InputError(LabError):
     """A value that the user gave is not allowed: correct it and ask again."""
+
+
+class NotReadyError(LabError):
+    """It cannot be done in the state the lab is in, e.g. a rig is latched: change that, then ask again."""
+
+
+class BusyError(LabError):
+    """The rig plays something else, or all workers of a service are taken: ask again later."""
+
+
+class StoppedError(LabError):
+    """It was stopped on request before it was done."""
+
+
+class LabTimeoutError(LabError, TimeoutError):
+    """It took longer than `timeout_seconds` allowed, or a service gave no sign of life."""
+
+
+class UnavailableError(LabError):
+    """Who was asked is not on the bus, or left it before the answer."""
 
 
 class ServiceEndedError(LabError):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from duralab._following import RunProgress, Stage
+from duralab._patience import Patience, patience
 from duralab._specification import estimator_message, excitation_message
 from duralab.errors import InputError
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
@@ -35,6 +38,12 @@ class ExperimentPlan:
     lines: int
     band: tuple[float, float]
 
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.models import plan_text
+
+        return plan_text(self)
+
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
@@ -47,6 +56,19 @@ class Convergence:
     converging_share: float
     sentence: str
 
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Convergence({self.sentence})"
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.sentence
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.models import convergence_html
+
+        return convergence_html(self)
+
 
 @dataclass(frozen=True, eq=False)
 class LevelAdvice:
@@ -56,6 +78,12 @@ class LevelAdvice:
     wanted_rms: np.ndarray
     largest_rms: np.ndarray
     sentences: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.models import advice_text
+
+        return advice_text(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +114,19 @@ class Identifier:
         Describes a rig.
     keys : Keys
         Of the lab.
+    halting : callable
+        Makes the context in which the end of the patience stops a rig.
     """
 
-    def __init__(self, *, query: Callable[..., Any], describe: Callable[[str], Rig], keys: Keys) -> None:
-        self._query, self._describe, self._keys = query, describe, keys
+    def __init__(
+        self,
+        *,
+        query: Callable[..., Any],
+        describe: Callable[[str], Rig],
+        keys: Keys,
+        halting: Callable[[str, Patience], AbstractContextManager[None]],
+    ) -> None:
+        self._query, self._describe, self._keys, self._halting = query, describe, keys, halting
 
     def plan(
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
@@ -123,8 +160,25 @@ class Identifier:
         *,
         seed: int = 0,
         on_progress: Callable[[RunProgress], None] | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
     ) -> Model:
         """Run an experiment on a rig and return the model.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+        on_progress : callable, optional
+            Called with a `RunProgress` about once a second.
+        timeout_seconds : float, optional
+            Longest time to wait; then the rig is stopped and latched.
+        cancel : threading.Event, optional
+            Set from another thread, it does the same.
 
         Raises
         ------
@@ -132,7 +186,16 @@ class Identifier:
             The rig could not play it (`InputError`), or it did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
-        message = self._query(self._keys.identify(), request, identifier_pb2.Model, on_progress=_report_to(on_progress))
+        end = patience(timeout_seconds, cancel)
+        with self._halting(rig, end):
+            message = self._query(
+                self._keys.identify(),
+                request,
+                identifier_pb2.Model,
+                on_progress=_report_to(on_progress),
+                patience=end,
+                what=f"The identification of rig {rig!r}",
+            )
         return Model.from_message(message)
 
     def levels(

@@ -127,17 +127,20 @@ class IterationTable:
             coords={"iteration": list(self.numbers), "channel": list(self.channels), "slope": list(DAMAGE_SLOPES)},
         )
 
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"IterationTable({len(self)} playbacks, {len(self.channels)} channels)"
+
     def __str__(self) -> str:
         """Return the table as text: relative RMS error (RMS response) for each playback and channel."""
-        marks = (" (watched)" if watched else "" for watched in self.watched)
-        names = (f"{name.replace('_', ' ')}{mark}" for name, mark in zip(self.channels, marks, strict=True))
-        headings = ["playback", *names, "overall"]
-        rows = [[str(number), *self.cells(row), f"{self.overall[row]:.3f}"] for row, number in enumerate(self.numbers)]
-        widths = [max(len(line[i]) for line in (headings, *rows)) for i in range(len(headings))]
-        lines = [
-            "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in (headings, *rows)
-        ]
-        return "\n".join(("relative RMS error (RMS response), 0 (1) is perfect", *lines))
+        from duralab.showing.campaigns import iterations_text
+
+        return iterations_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.campaigns import iterations_html
+
+        return iterations_html(self)
 
     def cells(self, row: int) -> list[str]:
         """Return error and response of one playback for each channel, as text."""

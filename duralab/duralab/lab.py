@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 import uuid
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from duralab._asking import Asking
-from duralab._campaigns import OnProgress, collect, followed, free_id, stop_campaign
-from duralab._drive_signals import drive_signals
-from duralab._following import RunProgress, Stage, progress_of
+from duralab._campaigns import collect, followed, free_id, stop_campaign
+from duralab._following import OnProgress, RunProgress, Stage, progress_of
+from duralab._patience import Patience, patience
 from duralab._resuming import resume_campaign
 from duralab._specification import build_specification, check_against_rig
 from duralab._supervisor import Supervisor
@@ -20,20 +21,19 @@ from duralab.campaign_file import Campaign
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
 from duralab.catalogue import Catalogue
-from duralab.errors import InputError, LabError
-from duralab.identification import Identifier
-from duralab.played import Played
-from duralab.recording_content import actuator_use
-from duralab.rig import Rig
+from duralab.errors import LabError
+from duralab.lab_rigs import LabRigs, tell_nobody
 from duralab.signals import Signals
-from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
+from duralab.watching import Watch, Watched
+from duralab_proto.keys import ANY
+from duralab_proto.v1 import iterator_pb2
 from labbus import Bus, FaultError
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 
-class Lab:
+class Lab(LabRigs):
     """A lab on the bus; made by `start` and `connect`.
 
     Parameters
@@ -50,7 +50,7 @@ class Lab:
         self.out = out
         self._bus = bus
         self._supervisor = supervisor
-        self._ask = Asking(bus, self.failure)
+        super().__init__(Asking(bus, self.failure))
 
     @property
     def endpoints(self) -> tuple[str, ...]:
@@ -66,98 +66,49 @@ class Lab:
         """Process id of each service that this process started."""
         return self._supervisor.process_ids if self._supervisor is not None else {}
 
-    def rig_names(self) -> list[str]:
-        """Return the names of all rigs that are there; one that cannot be used says why when it is asked."""
-        return sorted(instance for _, instance in self._bus.live("rig_sim"))
-
-    @property
-    def identifier(self) -> Identifier:
-        """Identifies rigs without a campaign around it."""
-        return Identifier(query=self._ask.query, describe=self.describe, keys=self._bus.keys)
-
     @property
     def catalogue(self) -> Catalogue:
         """Finds and checks the recordings that the lab's recorder holds."""
         return Catalogue(self._ask)
 
-    def rigs(self) -> list[Rig]:
-        """Return all rigs that are there, by name; raises `LabError` where one of them cannot be used."""
-        return [self.describe(name) for name in self.rig_names()]
-
-    def describe(self, rig: str) -> Rig:
-        """Return what a rig is and what it can play.
-
-        Raises
-        ------
-        InputError
-            There is no such rig.
-        """
-        key = self._ask.key("rig", self._bus.keys.rig_description, rig)
-        known = self.rig_names()
-        if rig not in known and self.failure() is None:
-            there = (
-                f"there are {', '.join(known)}"
-                if known
-                else "no rig is on the bus, or not yet: see whether rig_sim runs"
-            )
-            raise InputError(f"There is no rig {rig!r}; {there}.", field="rig")
-        return Rig.from_message(self._ask.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
-
-    def play(
+    def watch(
         self,
-        rig: str,
-        drive: np.ndarray | xarray.DataArray | Signals,
         *,
-        run: str | None = None,
-        seed: int = 0,
-        real_time: bool = False,
-        on_progress: OnProgress | None = None,
-    ) -> Played:
-        """Play a drive on a rig and wait for its response.
+        rig: str = ANY,
+        campaign: str = ANY,
+        kinds: Sequence[Watched] = tuple(Watched),
+        timeout_seconds: float | None = None,
+    ) -> Watch:
+        """Watch the lab live: an iterator over what rigs play, what they do, and how far campaigns are.
 
         Parameters
         ----------
         rig : str
-            Its name.
-        drive : array or Signals, shape (drives, samples)
-            In the units, the order and at the sample rate of the rig's description.
-        run : str, optional
-            Name of the playback, unique on the rig; a new one where not given.
-        seed : int
-            Of what is random in a simulated rig.
-        real_time : bool
-            Play no faster than real time.
-        on_progress : callable, optional
-            Called with a `RunProgress` about once a second.
+            Of this rig only.
+        campaign : str
+            Of this campaign only; after its end the iterator ends. All, and without end, where not given.
+        kinds : sequence of Watched
+            What to listen to: signals, rig states, campaigns.
+        timeout_seconds : float, optional
+            Longest silence; for ever where not given.
+
+        Returns
+        -------
+        Watch
+            It listens from now on, until its `with` statement ends or `close` is called.
 
         Raises
         ------
-        LabError
-            The rig refused the drive (`InputError`), stopped, or is gone.
+        InputError
+            There is no such campaign.
         """
-        description = self.describe(rig)
-        signals = drive_signals(drive, description)
-        name = run or f"script-{uuid.uuid4().hex[:12]}"
-        request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=real_time)
-
-        def report(progress: query_pb2.Progress) -> None:
-            if on_progress is not None:
-                on_progress(
-                    RunProgress(
-                        stage=Stage.TARGET,
-                        activity=progress.phase,
-                        fraction=progress.fraction,
-                        remaining_seconds=progress.remaining_seconds,
-                    )
-                )
-
-        key = self._ask.key("rig", self._bus.keys.rig_play, rig)
-        result = self._ask.query(key, request, rig_pb2.PlayResult, on_progress=report)
-        return Played(
-            run=result.run,
-            response=Signals.from_message(result.response, field="response"),
-            actuators=actuator_use(result.actuators),
-            real_time_factor=result.real_time_factor,
+        return Watch(
+            self._ask,
+            describe=self.describe,
+            rig=rig,
+            campaign=campaign,
+            kinds=frozenset(kinds),
+            timeout_seconds=timeout_seconds,
         )
 
     def run(
@@ -166,6 +117,8 @@ class Lab:
         *,
         out: str | Path | None = None,
         on_progress: OnProgress | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
     ) -> CampaignResult:
         """Run a campaign to its end: make the target, identify the rig, iterate the drive, fetch the recording.
 
@@ -177,6 +130,10 @@ class Lab:
             Folder for `recording.mcap` and `live.rrd`; `<lab.out>/<name of the campaign>` where not given.
         on_progress : callable, optional
             Called with every `RunProgress`, on this thread.
+        timeout_seconds : float, optional
+            Longest time from now to the campaign's end; then it is stopped, and a rig that plays is latched.
+        cancel : threading.Event, optional
+            Set from another thread, it stops the campaign within about a second.
 
         Returns
         -------
@@ -188,11 +145,14 @@ class Lab:
             The campaign does not fit the rig, or a service refused a value.
         CampaignFaultError
             The campaign ended before its last playback.
+        StoppedError, LabTimeoutError
+            `cancel` was set, or the time was over.
         LabError
             A service is not there or ended.
         """
+        end = patience(timeout_seconds, cancel)
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
-        tell = on_progress or _tell_nobody
+        tell = on_progress or tell_nobody
         id = free_id(self._ask, plan.name)
         tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
         rig = self.describe(plan.rig)
@@ -202,11 +162,14 @@ class Lab:
 
         def drive_road(inputs: Signals) -> Signals:
             driven.append(inputs)
-            return self._drive_road(plan, id, inputs, tell)
+            return self._drive_road(plan, id, inputs, tell=tell, end=end)
 
         target = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
         tell(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
-        specification = build_specification(plan, id=id, rig=rig, target=target, source=describe_target(plan.target))
+        specification = build_specification(
+            plan, id=id, rig=rig, target=target.signals, source=describe_target(plan.target)
+        )
+        specification.target_steps.extend(record.to_message() for record in target.records)
         for inputs in driven:
             # With these the target can be made again, sample by sample.
             specification.target_drive.CopyFrom(inputs.to_message())
@@ -215,7 +178,7 @@ class Lab:
         def begin() -> iterator_pb2.CampaignStatus:
             return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
 
-        status = followed(self._ask, id, begin=begin, tell=tell)
+        status = followed(self._ask, id, begin=begin, tell=tell, patience=end)
         return collect(self._ask, specification, status, folder=Path(out) if out is not None else self.out / id)
 
     def resume(
@@ -227,6 +190,8 @@ class Lab:
         out: str | Path | None = None,
         replace: bool = True,
         on_progress: OnProgress | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
     ) -> CampaignResult:
         """Go on with a campaign that a crash broke off, or take up an ended one again; nothing committed is replayed.
 
@@ -240,7 +205,7 @@ class Lab:
             A campaign file whose sections `update` and `stop` take the place of the campaign's own.
         from_iteration : int
             The last playback to build on, from 1; 0 is the last there is.
-        out, on_progress
+        out, on_progress, timeout_seconds, cancel
             As for `run`.
         replace : bool
             False refuses to go on where an output would take the place of an existing file.
@@ -259,7 +224,8 @@ class Lab:
             describe=self.describe,
             folder=lambda name: Path(out) if out is not None else self.out / name,
             replace=replace,
-            tell=on_progress or _tell_nobody,
+            tell=on_progress or tell_nobody,
+            patience=patience(timeout_seconds, cancel),
         )
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
@@ -282,12 +248,12 @@ class Lab:
         except FaultError as fault:
             raise self._ask.explained(fault) from fault
 
-    def _drive_road(self, plan: Campaign, id: str, inputs: Signals, tell: OnProgress) -> Signals:
+    def _drive_road(self, plan: Campaign, id: str, inputs: Signals, *, tell: OnProgress, end: Patience) -> Signals:
         vehicle = plan.target.vehicle or ""
         tell(RunProgress(Stage.TARGET, f"driving {vehicle} over the road", 0.0, -1.0))
         run = f"{id}.target-{uuid.uuid4().hex[:8]}"
-        return self.play(vehicle, inputs, run=run, seed=plan.seed, on_progress=tell).response
 
+        def tell_of_target(progress: RunProgress) -> None:
+            tell(replace(progress, stage=Stage.TARGET))
 
-def _tell_nobody(progress: RunProgress) -> None:
-    del progress
+        return self._play(vehicle, inputs, run=run, seed=plan.seed, tell=tell_of_target, end=end).response

@@ -12,8 +12,9 @@ from typing import Final
 from pydantic import ValidationError
 
 from duralab._supervisor import Supervisor, lab_services
-from duralab.errors import InputError, LabError
+from duralab.errors import InputError, UnavailableError
 from duralab.lab import Lab
+from duralab.running_labs import the_running_lab
 from labbus import Bus, BusConfig, BusError, FaultError, open_bus
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
@@ -75,29 +76,39 @@ def start(
 
 
 @contextmanager
-def connect(endpoint: str = DEFAULT_ENDPOINT, *, out: str | Path | None = None) -> Iterator[Lab]:
+def connect(
+    endpoint: str | None = None, *, out: str | Path | None = None, timeout_seconds: float = FIND_SECONDS
+) -> Iterator[Lab]:
     """Join a lab that runs already, e.g. by `duralab up`.
 
     Parameters
     ----------
-    endpoint : str
-        Where it listens.
+    endpoint : str, optional
+        Where it listens; left out, the one lab that `duralab up` keeps running on this machine, or where that is known
+        of none, `tcp/127.0.0.1:7474`.
     out : str or Path, optional
         Folder for results; a temporary one, removed at the end, where not given.
+    timeout_seconds : float
+        Longest time to meet the services of the lab.
 
     Raises
     ------
     InputError
-        Nothing listens there, or no service is on that bus.
+        Nothing listens there, or several labs run here and none is named.
+    UnavailableError
+        A service of the lab is not on that bus.
     """
+    if endpoint is None:
+        running = the_running_lab()
+        endpoint = running.endpoint if running is not None else DEFAULT_ENDPOINT
     with ExitStack() as stack:
         private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
         bus = stack.enter_context(_open(listen=(FREE_ENDPOINT,), connect=(endpoint,)))
         needed = {(service, "main") for service in ("identifier", "iterator", "recorder")}
         try:
-            bus.wait_for_live(needed, FIND_SECONDS)
+            bus.wait_for_live(needed, timeout_seconds)
         except FaultError as fault:
-            raise LabError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
+            raise UnavailableError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
         _wait_until_all_are_known(bus)
         yield Lab(bus, out=Path(out) if out is not None else private / "out")
 

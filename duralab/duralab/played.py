@@ -28,3 +28,18 @@ class Played:
     response: Signals
     actuators: tuple[ActuatorUse, ...]
     real_time_factor: float
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Played({self.run}: {self.response!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.values import played_text
+
+        return played_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.values import played_html
+
+        return played_html(self)

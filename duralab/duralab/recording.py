@@ -108,18 +108,26 @@ class Recording:
             return Model.from_message(message) if message is not None else None
 
     @cached_property
-    def _iterations(self) -> list[tuple[iterator_pb2.IterationMetrics, tuple[ActuatorUse, ...]]]:
-        return [(step.metrics, actuator_use(step.actuators)) for step in self.messages(iterator_pb2.IterationStep)]
+    def _iterations(self) -> list[tuple[iterator_pb2.IterationMetrics, tuple[ActuatorUse, ...], tuple[str, ...]]]:
+        return [
+            (step.metrics, actuator_use(step.actuators), tuple(step.remarks))
+            for step in self.messages(iterator_pb2.IterationStep)
+        ]
 
     @cached_property
     def iterations(self) -> IterationTable:
         """The figures of every playback."""
-        return IterationTable.from_messages([metrics for metrics, _ in self._iterations])
+        return IterationTable.from_messages([metrics for metrics, _, _ in self._iterations])
 
     @cached_property
     def actuators(self) -> list[tuple[ActuatorUse, ...]]:
         """How the actuators were used, for each playback."""
-        return [use for _, use in self._iterations]
+        return [use for _, use, _ in self._iterations]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was said of each playback: limits that its drive would have passed, targets out of reach."""
+        return tuple(remark for _, _, remarks in self._iterations for remark in remarks)
 
     def playback(self, number: int) -> Playback:
         """Read one playback.
@@ -251,6 +259,21 @@ class Recording:
         """SHA-256 of the file, hexadecimal."""
         with self.path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Recording({str(self.path)!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.campaigns import recording_text
+
+        return recording_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.campaigns import recording_html
+
+        return recording_html(self)
 
 
 def open_recording(path: str | Path) -> Recording:

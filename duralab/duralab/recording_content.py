@@ -69,6 +69,62 @@ class Playback:
     response_in_band: Signals
     actuators: tuple[ActuatorUse, ...]
 
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Playback({self.number}, {self.run}: {self.response!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.values import playback_text
+
+        return playback_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.values import playback_html
+
+        return playback_html(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Distortion:
+    """What of a response is nonlinear and what is noise, from an experiment that tells them apart.
+
+    Parameters
+    ----------
+    noise_psd, distortion_psd : np.ndarray, shape (lines, responses)
+        Density of the noise and of the stochastic nonlinear distortion, unit²/Hz; the latter is a difference of two
+        estimates and may lie below 0 where there is none, as may the next two.
+    odd_distortion_psd, even_distortion_psd : np.ndarray, shape (lines, responses) or (0, responses)
+        Of the detection lines of odd and even orders; empty where the excitation leaves none out.
+    distortion_share, noise_share : np.ndarray, shape (responses)
+        RMS over that of the response in the band.
+    """
+
+    noise_psd: np.ndarray
+    distortion_psd: np.ndarray
+    odd_distortion_psd: np.ndarray
+    even_distortion_psd: np.ndarray
+    distortion_share: np.ndarray
+    noise_share: np.ndarray
+
+    @classmethod
+    def from_message(cls, message: identifier_pb2.Distortion, *, lines: int, responses: int) -> Distortion:
+        """Decode what was found."""
+
+        def densities(name: str) -> np.ndarray:
+            if not message.HasField(name):
+                return np.zeros((0, responses))
+            return from_array(getattr(message, name), field=name, shape=(lines, responses), finite=False)
+
+        return cls(
+            noise_psd=densities("noise_psd"),
+            distortion_psd=densities("distortion_psd"),
+            odd_distortion_psd=densities("odd_distortion_psd"),
+            even_distortion_psd=densities("even_distortion_psd"),
+            distortion_share=from_array(message.distortion_share, field="distortion_share", shape=(responses,)),
+            noise_share=from_array(message.noise_share, field="noise_share", shape=(responses,)),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -100,6 +156,8 @@ class Model:
         How linear each response is, in words; empty in older recordings.
     warnings : tuple of str
         What the identifier found suspicious, in words.
+    distortion : Distortion or None
+        None where the experiment does not tell noise and nonlinearity apart.
     """
 
     id: str
@@ -116,6 +174,7 @@ class Model:
     frf_deviation: np.ndarray
     verdicts: tuple[str, ...]
     warnings: tuple[str, ...]
+    distortion: Distortion | None = None
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
@@ -145,6 +204,11 @@ class Model:
             ),
             verdicts=tuple(message.verdicts),
             warnings=tuple(warning.sentence for warning in message.warnings),
+            distortion=(
+                Distortion.from_message(message.distortion, lines=lines, responses=n_y)
+                if message.HasField("distortion")
+                else None
+            ),
         )
 
     def to_xarray(self) -> xarray.Dataset:
@@ -165,6 +229,21 @@ class Model:
             },
             attrs={"id": self.id},
         )
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Model({self.id[:12]}: {len(self.responses)} responses, {len(self.drives)} drives)"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        from duralab.showing.models import model_text
+
+        return model_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.models import model_html
+
+        return model_html(self)
 
 
 def playback_of(step: iterator_pb2.IterationStep) -> Playback:

@@ -61,3 +61,35 @@ class Rig:
             ),
             content_hash=message.content_hash,
         )
+
+    def __repr__(self) -> str:
+        """Return it on one line."""
+        return f"Rig({self.name}: {len(self.drives)} drives, {len(self.responses)} responses, {self.sample_rate:g} Hz)"
+
+    def __str__(self) -> str:
+        """Return its channels and limits as a table."""
+        from duralab.showing.values import rig_text
+
+        return rig_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.values import rig_html
+
+        return rig_html(self)
+
+
+class Rigs(tuple[Rig, ...]):
+    """Rigs of a lab, by name; prints as a table."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Return one line for each rig."""
+        from duralab.showing.values import rigs_text
+
+        return rigs_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.values import rigs_html
+
+        return rigs_html(self)

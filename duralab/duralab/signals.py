@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -87,11 +88,14 @@ class Signals:
         Samples per second, in hertz, greater than 0.
     samples : np.ndarray, shape (channels, samples)
         float64, each row in its channel's unit.
+    attributes : mapping of str to str
+        What else the file they were read from says of them; see `duralab.formats`.
     """
 
     channels: tuple[Channel, ...]
     sample_rate: float
     samples: np.ndarray
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,6 +118,19 @@ class Signals:
         channels, sample_rate, samples = from_record(record, field=field)
         return cls(tuple(Channel.from_message(channel) for channel in channels), sample_rate, samples)
 
+    @classmethod
+    def from_xarray(cls, labelled: xarray.DataArray | xarray.Dataset) -> Signals:
+        """Return labelled arrays as signals, such as `to_xarray` and `Recording.drives` give.
+
+        Raises
+        ------
+        InputError
+            Other dimensions than `channel` and `time`, or no sample rate.
+        """
+        from duralab._labelled_signals import from_xarray
+
+        return from_xarray(labelled)
+
     def to_message(self) -> array_pb2.Record:
         """Encode the signals."""
         return to_record([channel.to_message() for channel in self.channels], self.sample_rate, self.samples)
@@ -133,6 +150,22 @@ class Signals:
             name=name,
             attrs={"sample_rate": self.sample_rate},
         )
+
+    def __repr__(self) -> str:
+        """Return what they are on one line, without the samples."""
+        names = ", ".join(self.names)
+        return f"Signals({len(self.channels)} x {self.samples.shape[-1]} at {self.sample_rate:g} Hz: {names})"
+
+    def __str__(self) -> str:
+        """Return a table with smallest, largest and RMS value of every channel."""
+        from duralab.showing.values import signals_text
+
+        return signals_text(self)
+
+    def _repr_html_(self) -> str:
+        from duralab.showing.values import signals_html
+
+        return signals_html(self)
 
 
 def channels_of(messages: Iterable[array_pb2.Channel]) -> tuple[Channel, ...]:

@@ -22,6 +22,9 @@ _ENDS: Final = MappingProxyType(
     }
 )
 
+_WENT_ON: Final = " It went on to the last playback planned."
+"""In place of "all playbacks were used", which sounds like a failure beside a target that was reached."""
+
 
 class Judgement(StrEnum):
     """How a campaign ended, seen from what was wanted."""
@@ -102,6 +105,8 @@ def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.Ca
         sentence = f"{after.capitalize()} the largest relative RMS error is {largest}.{end}"
         return Verdict(Judgement.NOT_JUDGED, sentence, None)
     if errors[worst] <= limit:
+        if status.outcome == iterator_pb2.OUTCOME_ITERATIONS_USED:
+            end = _WENT_ON
         return Verdict(
             Judgement.REACHED,
             f"The target was reached: {after}, every channel's relative RMS error is at most {limit:g}; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import shutil
@@ -16,13 +17,22 @@ def browser_program() -> str | None:
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
+def _pipe() -> tuple[int, int]:
+    """Return the ends of a pipe, beyond the descriptors 3 and 4 that are taken in the browser's process."""
+    ends = os.pipe()
+    reader, writer = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in ends)
+    for end in ends:
+        os.close(end)
+    return reader, writer
+
+
 class Browser:
     """A headless Chromium with one page; use it in a `with` statement."""
 
     def __init__(self, program: str, profile: Path) -> None:
         # Chromium reads commands from its descriptor 3 and writes answers to its descriptor 4.
-        commands, self._commands = os.pipe()
-        self._answers, answers = os.pipe()
+        commands, self._commands = _pipe()
+        self._answers, answers = _pipe()
         # A shell puts the ends of the pipes where they belong: `exec` keeps the process's id.
         line = f'exec "$0" "$@" 3<&{commands} 4>&{answers} {commands}<&- {answers}>&-'
         arguments = [

@@ -14,6 +14,14 @@ if getattr(sys.modules.get("duralab"), "__file__", None) is None:
 import synthetic_campaign  # noqa: E402
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_lab_of_the_user(tmp_path_factory):
+    """Let no test see, or end, a lab that whoever runs the tests keeps running."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def campaign():
     return synthetic_campaign.make(seconds=12.0, iterations=4)

@@ -14,7 +14,7 @@ import synthetic_campaign
 
 from duralab_proto.arrays import from_record, to_record
 from duralab_proto.keys import id_of, rig_of
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import Bus, FaultError, ServiceConfig, service_main
 
 ROAD = tuple(f"{side}_{what}" for side in ("left", "right") for what in ("height", "slope", "camber", "speed"))
@@ -25,7 +25,7 @@ class AnyConfig(ServiceConfig):
 
     rigs: tuple[str, ...] = ("front_axle", "predecessor")
     folder: str = ""
-    spool_folder: str = ""
+    spool_folder: str | None = None
     viewer: str | None = None
 
 
@@ -62,6 +62,14 @@ def play(request: rig_pb2.PlayRequest, call) -> rig_pb2.PlayResult:
     )
 
 
+def state(request: rig_pb2.StateRequest, call) -> rig_pb2.RigState:
+    """Say that the vehicle's rig is latched, and the other one rests."""
+    del request
+    if rig_of(call.key) == "predecessor":
+        return rig_pb2.RigState(rig="predecessor", mode=rig_pb2.RIG_MODE_INTERLOCKED, reason="A hose is loose.")
+    return rig_pb2.RigState(rig=rig_of(call.key), mode=rig_pb2.RIG_MODE_IDLE)
+
+
 def response_to(drive: np.ndarray) -> np.ndarray:
     return 1e4 * (np.eye(6) + 0.1) @ drive[:6]
 
@@ -73,8 +81,21 @@ def build_rig_sim(config: AnyConfig):
                 bus.keys.rig_description(rig), rig_pb2.DescriptionRequest, lambda _, call: describe(rig_of(call.key))
             )
             bus.serve(bus.keys.rig_play(rig), rig_pb2.PlayRequest, play)
+            bus.serve(bus.keys.rig_state(rig), rig_pb2.StateRequest, state)
 
     return build
+
+
+def build_identifier(bus: Bus) -> None:
+    made = synthetic_campaign.make(seconds=4.0, iterations=2)
+    model = next(step for step in synthetic_campaign.steps(made) if isinstance(step, identifier_pb2.Model))
+
+    def identify(request: identifier_pb2.IdentifyRequest, call) -> identifier_pb2.Model:
+        del request
+        call.progress("exciting the rig", 0.5, remaining_seconds=1.0)
+        return model
+
+    bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, identify)
 
 
 def final_status(id: str, *, iterations: int) -> iterator_pb2.CampaignStatus:
@@ -163,7 +184,7 @@ class FakeRecorder:
 def main(name: str) -> None:
     builders = {
         "rig_sim": build_rig_sim,
-        "identifier": lambda _: lambda bus: None,
+        "identifier": lambda _: build_identifier,
         "iterator": lambda _: lambda bus: (FakeIterator(bus), None)[1],
         "recorder": lambda _: lambda bus: (FakeRecorder(bus), None)[1],
     }

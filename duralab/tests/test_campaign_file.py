@@ -117,6 +117,21 @@ def test_every_field_says_what_it_is():
         ("target.file", "x.csv", ["target has road and file", "exactly one"]),
         ("target.road", None, ["target has none of road, opencrg and file"]),
         ("target.speed", float("nan"), ["target.speed is nan"]),
+        ("target.channels", {"left_vertical": "FZ"}, ["target has channels but no file"]),
+        ("target.edit", [{"crop": {}}], ["unknown key 'crop' in target.edit.0", "allowed: cut, remove_mean"]),
+        (
+            "target.edit",
+            [{"cut": {"form": 1}}],
+            ["unknown key 'form' in target.edit.0.cut", "allowed: from, to", "did you mean 'from'?"],
+        ),
+        ("target.edit", [{"cut": {"from": 9, "to": 3}}], ["target.edit.0.cut goes from 9 to 3 s"]),
+        ("target.edit", ["remove_mean", {"cut": {"from": -1}}], ["target.edit.1.cut.from is -1", "(Where it starts"]),
+        ("target.edit", [{"cut": {}, "taper": {"seconds": 1}}], ["target.edit.0 has cut and taper"]),
+        ("target.edit", [{"filter": {}}], ["target.edit.0.filter has none of low_pass"]),
+        ("target.edit", [{"filter": {"band_stop": [52, 48]}}], ["has band_stop [52, 48]", "first must be below"]),
+        ("target.edit", [{"shorten_by_damage": {"keep": 1.5}}], ["target.edit.0.shorten_by_damage.keep is 1.5"]),
+        ("target.edit", ["resample"], ["target.edit.0.resample.rate is missing"]),
+        ("target.edit", [{"taper": {"seconds": 1, "to": "one"}}], ["edit.0.taper.to is 'one'", "'mean', 'zero'"]),
     ],
 )
 def test_wrong_value_is_named_with_its_path_and_what_is_allowed(path, value, parts):
@@ -125,6 +140,26 @@ def test_wrong_value_is_named_with_its_path_and_what_is_allowed(path, value, par
     for part in ["mine.yaml", *parts]:
         assert part in caught.value.message
     assert "\n" not in caught.value.message
+
+
+def test_a_wrong_key_of_a_channel_is_named_with_what_is_allowed():
+    target = {"file": "road.rsp", "channels": {"left_vertical": {"from": "FZ", "sclae": -1}}}
+    with pytest.raises(InputError) as caught:
+        parse_campaign(changed("target", target), name="x")
+    assert "unknown key 'sclae' in target.channels.left_vertical; allowed: from, unit, scale" in caught.value.message
+
+
+def test_a_target_keeps_the_file_s_words_when_it_is_written_again():
+    target = {
+        "file": "road.rsp",
+        "channels": {"left_vertical": {"from": "FZ_FL", "unit": "kN", "scale": -1.0}, "left_lateral": "FY_FL"},
+        "edit": [{"cut": {"from": 10.0, "to": 60.0}}, "remove_mean", {"filter": {"low_pass": 60.0}}],
+    }
+    read = parse_campaign(changed("target", target), name="x")
+    again = parse_campaign(read.model_copy().read_from(folder=read.folder, text="").text, name="x")
+    assert again.model_dump() == read.model_dump()
+    assert again.target.edit[0].settings.start == 10.0
+    assert again.target.channels["left_lateral"].source == "FY_FL"
 
 
 def test_misspelt_key_is_not_reported_as_missing_too():

@@ -93,11 +93,13 @@ def command(ask, monkeypatch):
         catalogue = Catalogue(ask)
 
     @contextmanager
-    def connect(_endpoint):
+    def connect(endpoint):
+        assert endpoint == "tcp/127.0.0.1:9"
         yield Lab()
 
     monkeypatch.setattr("duralab.cli.catalogue_command.connect", connect)
-    return lambda *arguments: CliRunner().invoke(app, list(arguments), env={"COLUMNS": "200"})
+    there = ["--connect", "tcp/127.0.0.1:9"]
+    return lambda *arguments: CliRunner().invoke(app, [*arguments, *there], env={"COLUMNS": "200"})
 
 
 def test_the_command_prints_a_table_or_json(command):

@@ -15,7 +15,7 @@ from test_supervisor import alive, wait_until_gone
 from typer.testing import CliRunner
 
 from duralab.cli import app
-from duralab.cli.run_command import shown_playbacks
+from duralab.cli.campaign_summary import shown_playbacks
 from duralab.cli.run_display import remaining_words
 
 COMMAND = [sys.executable, "-m", "duralab"]
@@ -115,6 +115,7 @@ def test_help_names_the_exit_codes():
     code, stdout, _ = invoke("--help")
     assert code == 0
     assert "130 interrupted" in " ".join(stdout.split())
+    assert invoke()[1] == stdout
 
 
 def test_wrong_campaign_is_refused_before_anything_starts(tmp_path):
@@ -283,12 +284,6 @@ def _listening_addresses(pid):
                 quad = ".".join(str(b) for b in bytes.fromhex(address)[::-1]) if family == "tcp" else address
                 found.add((quad, int(port, 16)))
     return found
-
-
-def test_start_up_of_the_command_line_is_quick():
-    subprocess.run([*COMMAND, "--help"], check=True, capture_output=True)
-    code = "import sys, duralab.cli; sys.exit(any(m in sys.modules for m in ('numpy', 'zenoh', 'plotly', 'xarray')))"
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_lab_that_is_up_can_be_used_by_others(running_lab, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import synthetic_campaign
@@ -26,7 +28,7 @@ class Answers:
     def __init__(self, answer):
         self.answer, self.key, self.request = answer, None, None
 
-    def __call__(self, key, request, _kind, on_progress=None):
+    def __call__(self, key, request, _kind, on_progress=None, patience=None, what=""):
         self.key, self.request = key, request
         if on_progress is not None:
             on_progress(query_pb2.Progress(phase="playing", fraction=0.5, remaining_seconds=3.0))
@@ -34,7 +36,7 @@ class Answers:
 
 
 def identifier(answers):
-    return Identifier(query=answers, describe=lambda _: RIG, keys=KEYS)
+    return Identifier(query=answers, describe=lambda _: RIG, keys=KEYS, halting=lambda rig, patience: nullcontext())
 
 
 def message(factor):

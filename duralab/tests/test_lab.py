@@ -20,6 +20,7 @@ from duralab._campaigns import free_id
 from duralab.campaign_loading import parse_campaign
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from labbus import BusConfig, FaultError, open_bus
 
 
 def short_campaign(tmp_path, **changes):
@@ -206,3 +207,41 @@ def test_importing_duralab_is_quick():
     heavy = ["numpy", "zenoh", "pydantic", "xarray", "plotly", "rich"]
     code = f"import sys, duralab; sys.exit(any(name in sys.modules for name in {heavy}))"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("code", "kind"),
+    [
+        (query_pb2.FAULT_CODE_INVALID_ARGUMENT, InputError),
+        (query_pb2.FAULT_CODE_BUSY, duralab.BusyError),
+        (query_pb2.FAULT_CODE_FAILED_PRECONDITION, duralab.NotReadyError),
+        (query_pb2.FAULT_CODE_CANCELLED, duralab.StoppedError),
+        (query_pb2.FAULT_CODE_UNAVAILABLE, duralab.UnavailableError),
+        (query_pb2.FAULT_CODE_DEADLINE_EXCEEDED, TimeoutError),
+        (query_pb2.FAULT_CODE_DATA_LOSS, LabError),
+    ],
+)
+def test_each_fault_is_an_error_of_its_kind_with_field_and_service(lab, code, kind):
+    error = lab._ask.explained(FaultError(code, "It failed.", field="drive", service="rig_sim"))
+    assert isinstance(error, kind)
+    assert isinstance(error, LabError)
+    assert (str(error), error.field, error.service) == ("It failed.", "drive", "rig_sim")
+
+
+def test_a_drive_with_names_is_put_in_the_order_of_the_rig(lab):
+    drive = 0.001 * np.random.default_rng(1).standard_normal((6, 200))
+    labelled = duralab.Signals(lab.describe("front_axle").drives, 1000.0, drive).to_xarray()
+    played = lab.play("front_axle", labelled[::-1])
+    np.testing.assert_allclose(played.response.samples, fake_lab.response_to(drive))
+
+
+def test_a_lab_that_is_not_there_or_not_whole_is_said():
+    with pytest.raises(InputError, match="tcp/127"), duralab.connect("tcp/127.0.0.1:9", timeout_seconds=0.1):
+        pass
+    alone = open_bus(BusConfig(listen=("tcp/127.0.0.1:0",)), service="nobody")
+    with (
+        alone,
+        pytest.raises(duralab.UnavailableError, match="not complete"),
+        duralab.connect(alone.listening[0], timeout_seconds=0.1),
+    ):
+        pass

@@ -6,7 +6,7 @@ from test_campaign_file import CONTENT
 from test_target import RIG
 
 from duralab._specification import response_gains, response_weights, update_message
-from duralab._target import select_channels
+from duralab._target_file import map_channels
 from duralab.errors import InputError
 from duralab.iteration_section import UpdateSection
 from duralab.rig import Rig
@@ -80,7 +80,7 @@ def test_what_contradicts_itself_is_refused(settings):
 
 def test_a_watched_response_may_lack_a_target_and_no_other_may():
     given = Signals(WIDE.responses[1:], 1000.0, np.ones((2, 20)))
-    found = select_channels(given, rig=WIDE, source="file x", watched=("left_vertical",))
+    found = map_channels(given, rig=WIDE, source="file x", remedy="", watched=("left_vertical",))
     np.testing.assert_array_equal(found.samples.mean(axis=1), [0.0, 1.0, 1.0])
     with pytest.raises(InputError, match="lacks left_vertical"):
-        select_channels(given, rig=WIDE, source="file x")
+        map_channels(given, rig=WIDE, source="file x", remedy="")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 
@@ -13,7 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from duralab.catalogue import CatalogueEntry
-from duralab.cli.ending import ExitCode
+from duralab.cli.choosing_lab import endpoint_of_lab
+from duralab.cli.exit_codes import ExitCode
+from duralab.cli.json_output import write_json
 from duralab.lab_opening import connect
 from duralab.recorded_result import Result
 
@@ -22,7 +23,7 @@ _MEBIBYTE = 1024 * 1024
 
 def list_recordings(
     *,
-    endpoint: str,
+    endpoint: str | None,
     rig: str,
     target: str,
     begun_from: datetime | None,
@@ -31,12 +32,12 @@ def list_recordings(
     as_json: bool,
 ) -> None:
     """Print the recordings of a lab that are looked for."""
-    with connect(endpoint) as lab:
+    with connect(endpoint_of_lab(endpoint)) as lab:
         entries = lab.catalogue.search(
             rig=rig, target=target, begun_from=begun_from, begun_before=begun_before, result=result
         )
     if as_json:
-        sys.stdout.write(json.dumps([_plain(entry) for entry in entries], indent=2) + "\n")
+        write_json([_plain(entry) for entry in entries])
         return
     console = Console()
     if entries:
@@ -49,10 +50,13 @@ def _plain(entry: CatalogueEntry) -> dict[str, object]:
     return {**asdict(entry), "begun": None if entry.begun is None else entry.begun.isoformat()}
 
 
-def _table(entries: list[CatalogueEntry]) -> Table:
+def _table(entries: Sequence[CatalogueEntry]) -> Table:
     table = Table(box=SIMPLE_HEAD)
-    for name in ("recording", "begun", "rig", "target", "result"):
-        table.add_column(name, overflow="fold")
+    for name in ("recording", "begun", "rig"):
+        table.add_column(name, no_wrap=True)
+    # The longest of them: folded into what the others leave of a narrow terminal it would be a letter a line.
+    table.add_column("target", no_wrap=True, overflow="ellipsis")
+    table.add_column("result", no_wrap=True)
     for name in ("steps", "blocks", "missing", "MiB"):
         table.add_column(name, justify="right")
     for entry in entries:
@@ -72,7 +76,7 @@ def _table(entries: list[CatalogueEntry]) -> Table:
     return table
 
 
-def verify(id: str, *, endpoint: str, as_json: bool) -> None:
+def verify(id: str, *, endpoint: str | None, as_json: bool) -> None:
     """Have a recording read from end to end and print what is wrong with it.
 
     Raises
@@ -80,11 +84,10 @@ def verify(id: str, *, endpoint: str, as_json: bool) -> None:
     typer.Exit
         With code 1 where something is.
     """
-    with connect(endpoint) as lab:
+    with connect(endpoint_of_lab(endpoint)) as lab:
         findings = lab.catalogue.verify(id)
     if as_json:
-        document = {"recording": id, "whole": not findings, "findings": findings}
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        write_json({"recording": id, "whole": not findings, "findings": findings})
     else:
         console = Console(soft_wrap=True)
         for finding in findings:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from contextlib import ExitStack, suppress
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from duralab.cli.ending import ExitCode
+from duralab.cli.choosing_lab import endpoint_if_any
+from duralab.cli.exit_codes import ExitCode
+from duralab.cli.json_output import write_json
 from duralab.conformance import Finding, Outcome, all_passed, check_rig
 from duralab.lab_opening import FIND_SECONDS, join_bus, start
 from labbus import FaultError
@@ -27,6 +27,7 @@ def check(rig: str, *, endpoint: str | None, as_json: bool) -> None:
         With code 1 where the rig breaks the contract.
     """
     console = Console(soft_wrap=True)
+    endpoint = endpoint_if_any(endpoint)
     with ExitStack() as stack:
         if endpoint is None:
             with Console(stderr=True).status("Starting a lab of its own …"):
@@ -37,7 +38,7 @@ def check(rig: str, *, endpoint: str | None, as_json: bool) -> None:
             bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
         findings = check_rig(bus, rig, tell=None if as_json else lambda finding: console.print(_line(finding)))
     if as_json:
-        sys.stdout.write(_document(rig, findings) + "\n")
+        write_json(_document(rig, findings))
     else:
         console.print(_summary(rig, findings))
     if not all_passed(findings):
@@ -58,15 +59,12 @@ def _summary(rig: str, findings: list[Finding]) -> str:
     )
 
 
-def _document(rig: str, findings: list[Finding]) -> str:
-    return json.dumps(
-        {
-            "rig": rig,
-            "passed": all_passed(findings),
-            "findings": [
-                {"check": finding.check, "outcome": finding.outcome.value, "sentence": finding.sentence}
-                for finding in findings
-            ],
-        },
-        indent=2,
-    )
+def _document(rig: str, findings: list[Finding]) -> dict[str, object]:
+    return {
+        "rig": rig,
+        "passed": all_passed(findings),
+        "findings": [
+            {"check": finding.check, "outcome": finding.outcome.value, "sentence": finding.sentence}
+            for finding in findings
+        ],
+    }

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import IntEnum
 from types import FrameType
 from typing import NoReturn
 
 import typer
 
+from duralab.cli.exit_codes import ExitCode
 from duralab.errors import InputError, LabError
-
-
-class ExitCode(IntEnum):
-    """Exit codes of every command."""
-
-    DONE = 0
-    FAILED = 1
-    """The lab or a campaign failed."""
-    USER_ERROR = 2
-    """A value or an option is not allowed."""
-    NOT_REACHED = 3
-    """The campaign finished and its outputs are there, but the target was not reached."""
-    INTERRUPTED = 130
-    TERMINATED = 143
 
 
 class TerminatedError(KeyboardInterrupt):
@@ -39,8 +26,19 @@ def _on_sigterm(_number: int, _frame: FrameType | None) -> NoReturn:
 
 
 @contextmanager
-def ended_well() -> Iterator[None]:
-    """Turn errors and signals into one sentence on standard error and an exit code."""
+def ended_well(*, as_json: bool = False) -> Iterator[None]:
+    """Turn errors and signals into one sentence on standard error and an exit code.
+
+    Parameters
+    ----------
+    as_json : bool
+        Print the error on standard output as well, as a JSON document in place of the result.
+
+    Raises
+    ------
+    typer.Exit
+        With the code of what went wrong.
+    """
     signal.signal(signal.SIGTERM, _on_sigterm)
     # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -49,19 +47,35 @@ def ended_well() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        _fail(error.message, ExitCode.USER_ERROR)
+        fail(error.message, ExitCode.USER_ERROR, as_json=as_json, field=error.field, service=error.service)
     except LabError as error:
-        _fail(error.message, ExitCode.FAILED)
+        fail(error.message, ExitCode.FAILED, as_json=as_json, field=error.field, service=error.service)
     except TerminatedError:
-        _fail("Terminated; everything that was started is ended.", ExitCode.TERMINATED, error=False)
+        _end("Terminated; everything that was started is ended.", ExitCode.TERMINATED, as_json=as_json)
     except KeyboardInterrupt:
-        _fail("Interrupted; everything that was started is ended.", ExitCode.INTERRUPTED, error=False)
+        _end("Interrupted; everything that was started is ended.", ExitCode.INTERRUPTED, as_json=as_json)
+    except OSError as error:
+        if error.errno == errno.EPIPE:
+            raise  # whoever read the output went away: nobody is there to be told
+        place = f"{error.filename}: " if error.filename else ""
+        fail(f"{place}{error.strerror or error}.", ExitCode.FAILED, as_json=as_json)
 
 
-def _fail(sentence: str, code: ExitCode, *, error: bool = True) -> NoReturn:
+def fail(sentence: str, code: ExitCode, *, as_json: bool, field: str = "", service: str = "") -> NoReturn:
+    """Say what is wrong in one sentence and end with a code; raises typer.Exit."""
+    _end(sentence, code, as_json=as_json, error=True, field=field, service=service)
+
+
+def _end(
+    sentence: str, code: ExitCode, *, as_json: bool, error: bool = False, field: str = "", service: str = ""
+) -> NoReturn:
     from rich.console import Console
     from rich.text import Text
 
     text = Text.assemble(("Error: ", "bold red"), sentence) if error else Text(sentence)
     Console(stderr=True, soft_wrap=True).print(text)
+    if as_json:
+        from duralab.cli.json_output import write_json
+
+        write_json({"error": {"message": sentence, "field": field, "service": service, "exit_code": int(code)}})
     raise typer.Exit(int(code))

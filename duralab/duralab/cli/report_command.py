@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
-
 from duralab._outputs import require_free
+from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
 
 
-def write(recording: Path, *, out: Path | None, replace: bool) -> None:
-    """Write the report of a recording and say how to open it."""
+def write(recording: Path, *, out: Path | None, pdf: Path | None, replace: bool, as_json: bool) -> None:
+    """Write the report of a recording, as PDF too where a file for it is given, and say how to open it."""
     from duralab.recording import open_recording
-    from duralab.report import write_report
+    from duralab.report import write_pdf, write_report
 
     path = out or recording.with_name("report.html")
     opened = open_recording(recording)
-    require_free([path], replace=replace)
+    require_free([path, *([pdf] if pdf else [])], replace=replace)
     write_report(opened, path)
-    Console(soft_wrap=True).print(f"Report: {path}   open it with:  {open_hint(path)}", highlight=False, markup=False)
+    written = [("Report", path)]
+    if pdf is not None:
+        written.append(("PDF", write_pdf(opened, pdf)))
+    for what, file in written:
+        line = f"{what}: {file}   open it with:  {open_hint(file)}"
+        console_beside(as_json).print(line, highlight=False, markup=False)
+    if as_json:
+        write_json({"report": path, "recording": recording, "bytes": path.stat().st_size, "pdf": pdf})

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from rich.console import Console
-
+from duralab.cli.choosing_lab import endpoint_of_lab
+from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError, LabError
 from duralab.lab_opening import FIND_SECONDS, join_bus
 from duralab_proto.v1 import rig_pb2
 from labbus import FaultError
 
 
-def reset(rig: str, *, endpoint: str) -> None:
+def reset(rig: str, *, endpoint: str | None, as_json: bool) -> None:
     """Clear the latch of a rig and say why it was set.
 
     Raises
@@ -18,7 +18,7 @@ def reset(rig: str, *, endpoint: str) -> None:
     LabError
         The rig is not there, or does not come to rest.
     """
-    with join_bus(endpoint) as bus:
+    with join_bus(endpoint_of_lab(endpoint)) as bus:
         try:
             key, state_key = bus.keys.rig_reset(rig), bus.keys.rig_state(rig)
         except ValueError as error:
@@ -31,4 +31,6 @@ def reset(rig: str, *, endpoint: str) -> None:
             raise LabError(fault.message, service=fault.service) from fault
     was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"
     now = rig_pb2.RigMode.Name(after.mode).removeprefix("RIG_MODE_").lower()
-    Console(soft_wrap=True).print(f"{rig} {was}; it is {now} now.", highlight=False, markup=False)
+    console_beside(as_json).print(f"{rig} {was}; it is {now} now.", highlight=False, markup=False)
+    if as_json:
+        write_json({"rig": rig, "reason": before.reason, "state": now})

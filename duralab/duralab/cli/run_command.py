@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import math
-import shlex
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
-import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from duralab._outputs import OUTPUTS, require_free
 from duralab._viewer import Viewer
 from duralab.campaign_loading import load_campaign
-from duralab.campaign_result import CampaignResult
-from duralab.cli.ending import ExitCode, TerminatedError
+from duralab.cli.campaign_summary import campaign_document, exit_with, print_result
+from duralab.cli.ending import TerminatedError
+from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.lab_commands import open_viewer
-from duralab.cli.opening import open_hint, own_command
 from duralab.cli.run_display import RunDisplay
 from duralab.errors import InputError
 from duralab.lab_opening import connect, start
-from duralab.verdict import Judgement, repeatability_in_words
-
-LARGEST_COLUMNS = 8
-"""Playbacks in a table for the terminal."""
 
 
-def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view: bool, replace: bool) -> None:
+def run_campaign(
+    campaign: str, *, out: Path | None, endpoint: str | None, view: bool, replace: bool, as_json: bool
+) -> None:
     """Run a campaign and leave its outputs; raises typer.Exit where the target was not reached."""
-    console = Console(soft_wrap=True)
+    console = console_beside(as_json)
     if view and endpoint is not None:
         raise InputError("--view belongs to the lab: start the lab at --connect with `duralab up --view`.")
     plan = load_campaign(campaign)
@@ -56,92 +48,9 @@ def run_campaign(campaign: str, *, out: Path | None, endpoint: str | None, view:
         print_result(console, result, report)
         if viewer is not None and console.is_terminal:
             _leave_open(viewer, console)
+    if as_json:
+        write_json(campaign_document(result, report))
     exit_with(result)
-
-
-def exit_with(result: CampaignResult) -> None:
-    """Raise typer.Exit where the target was not reached."""
-    if result.verdict.judgement not in (Judgement.REACHED, Judgement.NOT_JUDGED):
-        raise typer.Exit(int(ExitCode.NOT_REACHED))
-
-
-def print_result(console: Console, result: CampaignResult, report: Path) -> None:
-    """Print the figures of a campaign, its verdict, and how to open what it left."""
-    iterations = result.iterations
-    title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
-    console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
-    title = "RMS response (1 is perfect)"
-    console.print(figure_table(title, result, iterations.rms_response, overall=None))
-    console.print(result.verdict.sentence, highlight=False, markup=False)
-    if repeats := repeatability_in_words(result.status):
-        console.print(repeats, highlight=False, markup=False)
-    if result.status.remarks:
-        console.print("\nWorth knowing", style="bold")
-    for remark in result.status.remarks:
-        console.print(f"· {remark}", highlight=False, markup=False)
-    console.print()
-    rows = (
-        ("report", report, open_hint(report)),
-        ("recording", result.recording_path, f'in Python, duralab.open("{result.recording_path}")'),
-        ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
-    )
-    # No table: a long path must be whole, so that it can be copied.
-    for name, path, command in rows:
-        console.print(f"{name:<10} {path}   open it:  {command}", highlight=False, markup=False, soft_wrap=True)
-
-
-def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
-    """Return one kind of figure for the terminal: a row for each channel, a column for each playback.
-
-    Parameters
-    ----------
-    title : str
-        What the figures are.
-    result : CampaignResult
-        Whose figures.
-    values : np.ndarray, shape (playbacks, channels)
-        The figures; those of the error are green where they are accepted.
-    overall : np.ndarray, shape (playbacks), optional
-        The figure over all channels; marks `values` as the error.
-
-    Returns
-    -------
-    Table
-        Ready to print.
-    """
-    iterations = result.iterations
-    limit = result.verdict.limit if overall is not None else None
-    shown = shown_playbacks(len(iterations), best=iterations.best)
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column("playback")
-    for row in shown:
-        table.add_column(
-            f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right", no_wrap=True
-        )
-    for i, name in enumerate(iterations.channels):
-        watched = bool(iterations.watched[i])
-        green = limit if not watched else None
-        cells = [figure_cell(float(values[row, i]), green=green) for row in shown]
-        table.add_row(name.replace("_", " ") + (" (watched)" if watched else ""), *cells)
-    if overall is not None:
-        table.add_section()
-        table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))
-    return table
-
-
-def figure_cell(value: float, *, green: float | None) -> str:
-    """Return a figure as the terminal shows it: green up to a limit, a dash where a watched channel has none."""
-    if math.isnan(value):
-        return "–"
-    return f"[green]{value:.3f}[/green]" if green is not None and value <= green else f"{value:.3f}"
-
-
-def shown_playbacks(count: int, *, best: int) -> list[int]:
-    """Return which rows fit a terminal: all of a few playbacks, of more the first, the best and the last ones."""
-    if count <= LARGEST_COLUMNS:
-        return list(range(count))
-    last = range(count - LARGEST_COLUMNS + 2, count)
-    return sorted({0, best, *last})
 
 
 def _leave_open(viewer: Viewer, console: Console) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Final, Self
 
@@ -10,7 +11,8 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn
 
 from duralab._following import RunProgress, Stage
 
-_TITLES: Final = {Stage.TARGET: "target", Stage.CAMPAIGN: "campaign"}
+CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
+"""What a run of a campaign works on, one after the other."""
 
 
 class RunDisplay:
@@ -22,15 +24,19 @@ class RunDisplay:
         Where they are drawn. On a terminal that is none, one line is printed for each new activity instead.
     iterations : int, optional
         Most playbacks of the campaign; not shown where it is not known.
+    stages : sequence of Stage
+        A bar for each.
     """
 
-    def __init__(self, console: Console, *, iterations: int | None = None) -> None:
+    def __init__(
+        self, console: Console, *, iterations: int | None = None, stages: Sequence[Stage] = CAMPAIGN_STAGES
+    ) -> None:
         self._console = console
         self._iterations = iterations
         self._last_line = ""
         self._progress = Progress(
             SpinnerColumn(),
-            TextColumn("{task.fields[title]:<9}"),
+            TextColumn(f"{{task.fields[title]:<{max(map(len, stages)) + 1}}}"),
             BarColumn(bar_width=24),
             TaskProgressColumn(),
             TextColumn("{task.fields[remaining]:>12}"),
@@ -40,15 +46,17 @@ class RunDisplay:
             disable=not console.is_terminal,
         )
         self._tasks = {
-            stage: self._progress.add_task("", total=1.0, start=False, title=title, remaining="")
-            for stage, title in _TITLES.items()
+            stage: self._progress.add_task("", total=1.0, start=False, title=stage.value, remaining="")
+            for stage in stages
         }
         self._report = self._progress.add_task("", total=None, start=False, visible=False, title="report", remaining="")
 
     def show(self, progress: RunProgress) -> None:
         """Show how far the run is."""
-        if progress.stage is Stage.CAMPAIGN:
-            self._finish(self._tasks[Stage.TARGET])
+        for stage, earlier in self._tasks.items():
+            if stage is progress.stage:
+                break
+            self._finish(earlier)
         task = self._tasks[progress.stage]
         self._progress.start_task(task)
         text = f"{progress.activity}{self._errors(progress)}"
@@ -60,11 +68,12 @@ class RunDisplay:
         )
         if not self._console.is_terminal and text != self._last_line:
             self._last_line = text
-            self._console.print(f"{_TITLES[progress.stage]}: {text}", highlight=False, markup=False)
+            self._console.print(f"{progress.stage}: {text}", highlight=False, markup=False)
 
     def write_report(self) -> None:
         """Show that the report is written."""
-        self._finish(self._tasks[Stage.CAMPAIGN])
+        for task in self._tasks.values():
+            self._finish(task)
         self._progress.update(self._report, visible=True, description="writing the report")
         self._progress.start_task(self._report)
 

@@ -1,5 +1,7 @@
-"""The report of a campaign: one HTML file that opens offline."""
+"""The report of a campaign, and of several beside each other: one HTML file that opens offline, or a PDF."""
 
-from duralab.report.page import write_report
+from duralab.report.campaign_report import write_report
+from duralab.report.comparison_report import write_comparison
+from duralab.report.pdf import find_browser, write_pdf
 
-__all__ = ["write_report"]
+__all__ = ["find_browser", "write_comparison", "write_pdf", "write_report"]

@@ -22,9 +22,11 @@
     title: { standoff: 8, ...(given.title ?? {}), font: { size: 12 } },
   });
 
+  const nameOf = ({ dataset }) => dataset.value === "" ? dataset.kind : `${dataset.kind}-${dataset.value}`;
+
   const draw = (element) => {
     const style = getComputedStyle(root);
-    const figure = resolve(figures[element.dataset.figure], style);
+    const figure = resolve(figures[nameOf(element)], style);
     const layout = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: style.getPropertyValue("--text").trim() },
@@ -42,10 +44,10 @@
   const plots = [...document.querySelectorAll(".plot")];
   const drawAll = () => Promise.all(plots.map(draw));
 
-  const choose = (group, figure) => {
-    for (const plot of plots) if (plot.dataset.chosen === group) { plot.dataset.figure = figure; draw(plot); }
+  const choose = (group, value) => {
+    for (const plot of plots) if (plot.dataset.chosen === group) { plot.dataset.value = value; draw(plot); }
     for (const button of document.querySelectorAll(`button[data-chooses="${group}"]`)) {
-      button.setAttribute("aria-pressed", String(button.value === figure));
+      button.setAttribute("aria-pressed", String(button.value === value));
     }
   };
   for (const select of document.querySelectorAll("select[data-chooses]")) {
@@ -55,6 +57,20 @@
     button.addEventListener("click", () => choose(button.dataset.chooses, button.value));
   }
 
+  // What a mouse does by dragging, the keyboard does by arrows, + and -, and 0 for the whole.
+  const steps = { ArrowLeft: [-0.2, 1], ArrowRight: [0.2, 1], "+": [0, 0.5], "-": [0, 2] };
+  for (const plot of document.querySelectorAll(".plot[tabindex]")) {
+    plot.addEventListener("keydown", (event) => {
+      if (event.key !== "0" && !(event.key in steps)) return;
+      event.preventDefault();
+      if (event.key === "0") { Plotly.relayout(plot, { "xaxis.autorange": true }); return; }
+      const [shift, stretch] = steps[event.key];
+      const [first, last] = plot.layout.xaxis.range;
+      const centre = (first + last) / 2 + shift * (last - first), half = (last - first) / 2 * stretch;
+      Plotly.relayout(plot, { "xaxis.range": [centre - half, centre + half] });
+    });
+  }
+
   const retheme = () => { applyTheme(wantedTheme()); drawAll(); };
   document.getElementById("theme").addEventListener("click", () => {
     chosenTheme = wantedTheme() === "dark" ? "light" : "dark";
@@ -62,10 +78,12 @@
   });
   preference.addEventListener("change", retheme);
 
-  // Paper is white and has its own width: figures are drawn anew for it.
-  window.addEventListener("beforeprint", () => { root.classList.add("printing"); applyTheme("light"); drawAll(); });
+  // Paper is white and has its own width: figures are drawn anew for it. A page opened at #print is for paper from the
+  // start, which a program that prints it waits for.
+  const forPaper = () => { root.classList.add("printing"); applyTheme("light"); };
+  window.addEventListener("beforeprint", () => { forPaper(); drawAll(); });
   window.addEventListener("afterprint", () => { root.classList.remove("printing"); retheme(); });
 
-  applyTheme(wantedTheme());
+  if (location.hash === "#print") forPaper(); else applyTheme(wantedTheme());
   drawAll().then(() => { root.dataset.drawn = "yes"; });
 })();

@@ -1,26 +1,17 @@
-"""The numbers of the report, ready to print: one row for each channel or actuator, and what is needed to repeat it."""
+"""The numbers of the report, ready to print: one row for each channel, playback or element of the model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 
 import spectra
-from duralab.iteration_table import IterationTable
-from duralab.recording import Recording
-from duralab.recording_content import ActuatorUse
-from duralab.report.identification_words import identification_in_words
-from duralab.signals import Channel, Signals
+from duralab.comparison import Comparison
+from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
+from duralab.recording_content import Distortion
+from duralab.signals import Signals
 from duralab_proto.v1 import iterator_pb2
-
-_ALGORITHMS = {
-    iterator_pb2.UPDATE_KIND_BASIC_TWR: "basic Time Waveform Replication",
-    iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING: "Adaptive Modelling",
-    iterator_pb2.UPDATE_KIND_SECANT: "secant update",
-}
 
 
 @dataclass(frozen=True)
@@ -140,43 +131,6 @@ def playback_rows(table: IterationTable) -> list[PlaybackRow]:
 
 
 @dataclass(frozen=True)
-class ActuatorRow:
-    """The use of one actuator in the last playback."""
-
-    title: str
-    limit: str
-    peak_percent: float
-    saturated: str
-    following_error: str
-
-
-def actuator_rows(uses: Sequence[ActuatorUse], drives: Sequence[Channel]) -> list[ActuatorRow]:
-    """Return how each actuator was used."""
-    channels = {channel.name: channel for channel in drives}
-    return [
-        ActuatorRow(
-            title=use.drive.replace("_", " "),
-            limit=_limits(channels[use.drive]),
-            peak_percent=100 * use.peak_command_ratio,
-            saturated=f"{100 * use.saturated_share:.2f} %",
-            following_error=_length(use.largest_following_error, channels[use.drive].unit),
-        )
-        for use in uses
-        if use.drive in channels
-    ]
-
-
-def _limits(channel: Channel) -> str:
-    if channel.minimum == -channel.maximum:
-        return f"± {_length(channel.maximum, channel.unit)}"
-    return f"{_length(channel.minimum, channel.unit)} to {_length(channel.maximum, channel.unit)}"
-
-
-def _length(value: float, unit: str) -> str:
-    return f"{value * 1000:.3g} mm" if unit == "m" else f"{value:.3g} {unit}"
-
-
-@dataclass(frozen=True)
 class Cell:
     """One element of the FRF matrix: which share of the response's RMS the drive caused, 0 to 1."""
 
@@ -214,50 +168,64 @@ def matrix_cells(contributions: np.ndarray) -> list[list[Cell]]:
     ]
 
 
-def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
-    """Return what was done, as terms and their values."""
-    samples = specification.target.samples.shape
-    seconds = samples[1] / specification.target.sample_rate if len(samples) == 2 else 0.0
-    stop = specification.stop
-    gains = sorted({f"{gain:g}" for gain in np.frombuffer(specification.update.iteration_gain.data, dtype="<f8")})
+@dataclass(frozen=True)
+class DamageRow:
+    """Damage ratios of one channel, for each slope those of the first, the best and the last playback, as printed."""
+
+    title: str
+    cells: list[tuple[str, str, str]]
+
+
+def damage_rows(table: IterationTable) -> list[DamageRow]:
+    """Return the damage ratios of each channel."""
+    playbacks = (0, table.best, -1)
     return [
-        ("Target", f"{specification.target_source}; {seconds:g} s at {specification.target.sample_rate:g} Hz"),
-        ("Control band", f"{specification.lowest_frequency:g} to {specification.highest_frequency:g} Hz"),
-        ("Identification", identification_in_words(specification.excitation, specification.estimator)),
-        ("Update", f"{_ALGORITHMS.get(specification.update.kind, 'unknown')}, gain {', '.join(gains)}"),
-        (
-            "End",
-            f"after {stop.largest_iterations} playbacks"
-            + (f", or at a relative RMS error of {stop.relative_rms_error:g}" if stop.relative_rms_error else "")
-            + (
-                f", with damage ratios of {stop.smallest_damage_ratio:g} to {stop.largest_damage_ratio:g}"
-                if stop.largest_damage_ratio
-                else ""
-            )
-            + (f", or when an error exceeds {stop.divergence_ratio:g} × its best" if stop.divergence_ratio else "")
-            + (
-                f", or when the best error falls by less than {stop.smallest_improvement:.1%}"
-                if stop.smallest_improvement
-                else ""
-            )
-            + (f", or before more than {stop.damage_budget:g} × the target's damage" if stop.damage_budget else ""),
-        ),
+        DamageRow(
+            title=name.replace("_", " "),
+            cells=[
+                (first, best, last)
+                for first, best, last in (
+                    [_ratio(table.damage_ratio[row, i, column]) for row in playbacks]
+                    for column in range(len(DAMAGE_SLOPES))
+                )
+            ],
+        )
+        for i, name in enumerate(table.channels)
     ]
 
 
-def provenance(recording: Recording) -> list[tuple[str, str]]:
-    """Return seeds, versions and hashes: what is needed to make the same recording again."""
-    specification, rig = recording.specification, recording.rig
-    rows = [
-        ("Campaign", specification.id),
-        ("Seed", str(specification.seed)),
-        ("Rig", f"{rig.rig}: {rig.specimen}"),
-        ("Rig engine", f"{rig.engine} {rig.version}"),
-        ("Rig content", f"sha256 {rig.content_hash}"),
-        ("Model", f"sha256 {recording.model.id}" if recording.model is not None else "none"),
-        ("Recording", f"{recording.path.name}, sha256 {recording.sha256}"),
-        ("Report made with", f"duralab {version('duralab')}"),
-    ]
-    for name, entries in recording.metadata.items():
-        rows += [(f"{name}: {key}", value) for key, value in entries.items() if len(value) <= 200]
+def _ratio(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.2f}"
+
+
+def shares_in_words(found: Distortion, row: int) -> tuple[str, str]:
+    """Return how much of a response's RMS is nonlinear and how much is noise, in percent."""
+    return f"{100 * found.distortion_share[row]:.2g} %", f"{100 * found.noise_share[row]:.2g} %"
+
+
+@dataclass(frozen=True)
+class ComparedRow:
+    """One channel of a comparison, as printed; `cells` has one for each recording, `least` is the smallest error's."""
+
+    title: str
+    cells: list[tuple[str, str, str]]
+    least: int
+
+
+def comparison_rows(comparison: Comparison) -> list[ComparedRow]:
+    """Return error, peak ratio and damage ratios of each channel, recording beside recording."""
+    rows = []
+    for channel in comparison.channels:
+        found = comparison.of_channel(channel)
+        errors = np.array([row.relative_rms_error for row in found])
+        cells = [
+            (
+                _figure(row.relative_rms_error),
+                _figure(row.peak_ratio),
+                _damage_in_words(np.array(row.damage_ratio)),
+            )
+            for row in found
+        ]
+        least = -1 if np.isnan(errors).all() else int(np.nanargmin(errors))
+        rows.append(ComparedRow(title=channel.replace("_", " "), cells=cells, least=least))
     return rows

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 import spectra
 from duralab.recording_content import Playback
+from duralab.report.drawing import Figure, axes, band_edges, frequency_axis, level_line, line
+from duralab.report.held_drives import HeldStretch
 from duralab.report.series import encode, thin_out
 from duralab.signals import Signals
-
-Figure = dict[str, Any]
-"""A plotly figure as plain data; a colour "@name" is a colour of the page's theme."""
 
 ZOOM_SECONDS: Final = 2.0
 """Length of the window that is shown at the full sample rate."""
@@ -23,16 +23,14 @@ SHOWN_BEYOND_BAND: Final = 1.4
 
 SPECTRUM_OVERLAP: Final = 0.5
 
+SMALLEST_ERROR_SPAN: Final = 0.05
+"""Of the target's peak: an error is never drawn larger than this would be."""
+
+DRAWN_STRETCHES: Final = 200
+"""So many stretches at a limit are marked in a figure."""
+
 DRAWN_LIMIT: Final = 3.0
 """A limit is drawn where it is below this multiple of the drive's peak; farther off it would flatten the curve."""
-
-FREQUENCY_TICKS: Final = [m * 10.0**e for e in range(-2, 4) for m in (1, 2, 5)]
-
-
-def frequency_axis() -> Figure:
-    """Return a logarithmic axis with the ticks 1, 2, 5 and their decades."""
-    ticks = {"tickmode": "array", "tickvals": FREQUENCY_TICKS, "ticktext": [f"{tick:g}" for tick in FREQUENCY_TICKS]}
-    return {"title": {"text": "frequency [Hz]"}, "type": "log", **ticks}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,21 +68,7 @@ class Shown:
         return curves
 
 
-def _line(name: str, color: str, *, width: float = 1.4, dash: str = "solid", **curve: object) -> Figure:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "name": name,
-        "line": {"color": color, "width": width, "dash": dash},
-        **curve,
-    }
-
-
-def _layout(*, x: str, y: str, **more: object) -> Figure:
-    return {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}}, **more}
-
-
-def waveform(shown: Shown, row: int) -> Figure:
+def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     """Target and responses of one channel over the whole length, and below them what is left between them."""
     channel, rate = shown.target.channels[row], shown.target.sample_rate
 
@@ -92,19 +76,30 @@ def waveform(shown: Shown, row: int) -> Figure:
         return thin_out(samples, sample_rate=rate, highest_frequency=shown.band[1]).to_plotly()
 
     wanted, last = shown.target.samples[row], shown.last.response_in_band.samples[row]
-    data = [_line("target", "@target", width=1.8, **curve(wanted))]
+    data = [line("target", "@target", width=1.8, **curve(wanted))]
     for name, color, playback in shown.curves:
         # Playbacks before the last are there to compare with: a click on the name shows them.
         visible = True if playback is shown.last else "legendonly"
-        data.append(_line(name, color, visible=visible, **curve(playback.response_in_band.samples[row])))
-    data.append(_line(f"error of playback {shown.last.number}", "@error", yaxis="y2", **curve(wanted - last)))
-    span = 1.05 * float(np.abs(wanted).max())
-    layout = _layout(x="time [s]", y=f"{channel.title} [{channel.unit}]")
+        data.append(line(name, color, visible=visible, **curve(playback.response_in_band.samples[row])))
+    data.append(line(f"error of playback {shown.last.number}", "@error", yaxis="y2", **curve(wanted - last)))
+    # As large as it is, but not so large that a twentieth of the target looks like much.
+    span = 1.05 * max(float(np.abs(wanted - last).max()), SMALLEST_ERROR_SPAN * float(np.abs(wanted).max()))
+    layout = axes(x="time [s]", y=f"{channel.title} [{channel.unit}]")
     layout["xaxis"] |= {"anchor": "y2"}
     layout["yaxis"] |= {"domain": [0.38, 1.0]}
-    # The same scale as above would show nothing of a good result; a third of the target's peak shows both.
-    layout["yaxis2"] = {"domain": [0.0, 0.31], "range": [-span / 3, span / 3], "title": {"text": "error"}}
+    layout["yaxis2"] = {"domain": [0.0, 0.31], "range": [-span, span], "title": {"text": "error"}}
+    layout["shapes"] = held_bands(held)
     return {"data": data, "layout": layout}
+
+
+def held_bands(held: Sequence[HeldStretch], *, drive: str | None = None) -> list[Figure]:
+    """Return bands behind the curves where a drive, or any, is at a limit; of many the first ones."""
+    style = {"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "fillcolor": "@held"}
+    return [
+        {**style, "x0": stretch.start, "x1": stretch.end, "line": {"width": 2, "color": "@held"}}
+        for stretch in held
+        if drive in (None, stretch.drive)
+    ][:DRAWN_STRETCHES]
 
 
 def zoom_window(target: Signals) -> slice:
@@ -122,9 +117,9 @@ def zoomed_waveform(shown: Shown, row: int) -> Figure:
     """Target and responses of one channel around the target's largest peak, every sample."""
     channel, rate, window = shown.target.channels[row], shown.target.sample_rate, zoom_window(shown.target)
     grid = {"x0": window.start / rate, "dx": 1 / rate}
-    data = [_line("target", "@target", width=2.2, y=encode(shown.target.samples[row, window]), **grid)]
+    data = [line("target", "@target", width=2.2, y=encode(shown.target.samples[row, window]), **grid)]
     data += [
-        _line(
+        line(
             name,
             color,
             dash="dot" if color == "@first" else "solid",
@@ -133,7 +128,7 @@ def zoomed_waveform(shown: Shown, row: int) -> Figure:
         )
         for name, color, playback in shown.curves
     ]
-    return {"data": data, "layout": _layout(x="time [s]", y=f"[{channel.unit}]")}
+    return {"data": data, "layout": axes(x="time [s]", y=f"[{channel.unit}]")}
 
 
 def spectrum(shown: Shown) -> list[Figure]:
@@ -159,7 +154,7 @@ def spectrum(shown: Shown) -> list[Figure]:
         # Five decades below the target there is nothing to compare: leave the filter's floor out of the picture.
         top = float(np.log10(max(values[lines, row].max() for _, _, _, values in curves if values[lines, row].any())))
         data = [
-            _line(
+            line(
                 name,
                 color,
                 dash=dash,
@@ -169,7 +164,7 @@ def spectrum(shown: Shown) -> list[Figure]:
             )
             for name, color, dash, values in curves
         ]
-        layout = _layout(x="frequency [Hz]", y=f"[{channel.unit}²/Hz]")
+        layout = axes(x="frequency [Hz]", y=f"[{channel.unit}²/Hz]")
         layout["xaxis"] = frequency_axis()
         layout["yaxis"] |= {"type": "log", "range": [top - 5, top + 0.3], "dtick": 1}
         layout["shapes"] = band_edges(shown.band)
@@ -177,23 +172,7 @@ def spectrum(shown: Shown) -> list[Figure]:
     return figures
 
 
-def band_edges(band: tuple[float, float]) -> list[Figure]:
-    """Return lines at the edges of the control band."""
-    return [
-        {
-            "type": "line",
-            "x0": edge,
-            "x1": edge,
-            "yref": "paper",
-            "y0": 0,
-            "y1": 1,
-            "line": {"color": "@muted", "width": 1, "dash": "dash"},
-        }
-        for edge in band
-    ]
-
-
-def drive(shown: Shown, row: int) -> Figure:
+def drive(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     """Return the last drive of one actuator over the whole length, with its limits where it comes near them."""
     signals = shown.last.drive
     channel = signals.channels[row]
@@ -203,18 +182,7 @@ def drive(shown: Shown, row: int) -> Figure:
     curve = thin_out(samples, sample_rate=signals.sample_rate, highest_frequency=shown.band[1])
     peak = float(np.abs(samples).max())
     limits = [factor * limit for limit in (channel.minimum, channel.maximum)]
-    shapes = [
-        {
-            "type": "line",
-            "xref": "paper",
-            "x0": 0,
-            "x1": 1,
-            "y0": limit,
-            "y1": limit,
-            "line": {"color": "@error", "width": 1, "dash": "dash"},
-        }
-        for limit in limits
-        if abs(limit) < DRAWN_LIMIT * peak
-    ]
-    layout = _layout(x="time [s]", y=f"{channel.title} [{unit}]", shapes=shapes)
-    return {"data": [_line(f"drive of playback {shown.last.number}", "@last", **curve.to_plotly())], "layout": layout}
+    shapes = [level_line(limit, "@error") for limit in limits if abs(limit) < DRAWN_LIMIT * peak]
+    shapes += held_bands(held, drive=channel.name)
+    layout = axes(x="time [s]", y=f"{channel.title} [{unit}]", shapes=shapes)
+    return {"data": [line(f"drive of playback {shown.last.number}", "@last", **curve.to_plotly())], "layout": layout}

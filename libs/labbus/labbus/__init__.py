@@ -2,6 +2,7 @@
 
 from labbus._bus import Bus, LiveToken, open_bus
 from labbus._call import Call
+from labbus._client import Cancel
 from labbus._config import BusConfig, BusMode
 from labbus._continuity import Continuity
 from labbus._encoding import encoding_of
@@ -24,6 +25,7 @@ __all__ = [
     "BusError",
     "BusMode",
     "Call",
+    "Cancel",
     "ConfigError",
     "Continuity",
     "FaultError",

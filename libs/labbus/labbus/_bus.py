@@ -14,7 +14,7 @@ from google.protobuf.message import Message
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import query_pb2
 from labbus._call import Handler
-from labbus._client import QueryClient
+from labbus._client import Cancel, QueryClient
 from labbus._config import BusConfig
 from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
@@ -110,7 +110,7 @@ class Bus:
         *,
         silence_seconds: float = 10.0,
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
-        cancel: threading.Event | None = None,
+        cancel: Cancel | None = None,
     ) -> MessageT:
         """Ask a service and wait for its one answer, however long it works.
 
@@ -126,8 +126,8 @@ class Bus:
             Longest time without a sign of life. A service gives one every second by itself.
         on_progress : callable, optional
             Called with each Progress, on this thread.
-        cancel : threading.Event, optional
-            Set from another thread, ends the wait; the service is told but may finish all the same.
+        cancel : Cancel, optional
+            Such as a `threading.Event`. Once it is set, the wait ends; the service is told but may finish all the same.
 
         Raises
         ------

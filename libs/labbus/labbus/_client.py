@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import secrets
-import threading
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Final, cast
+from typing import Final, Protocol, cast
 
 import zenoh
 from google.protobuf.message import Message
@@ -25,6 +24,14 @@ DISCOVERY_SECONDS: Final = 1.5
 # the liveliness token end a query that leads nowhere long before.
 _ZENOH_TIMEOUT_SECONDS: Final = 30 * 24 * 3600.0
 _POLL_SECONDS: Final = 0.05
+
+
+class Cancel(Protocol):
+    """Says whether a wait is to end; a `threading.Event` is one."""
+
+    def is_set(self) -> bool:
+        """Return True once nobody waits any more."""
+        ...
 
 
 class _Gone:
@@ -56,7 +63,7 @@ class QueryClient:
         *,
         silence_seconds: float,
         on_progress: Callable[[query_pb2.Progress], None] | None,
-        cancel: threading.Event | None,
+        cancel: Cancel | None,
     ) -> MessageT:
         """Ask and wait for the answer; see `Bus.query`."""
         if "*" in key:
@@ -114,7 +121,7 @@ class QueryClient:
         response_type: type[MessageT],
         silence_seconds: float,
         on_progress: Callable[[query_pb2.Progress], None] | None,
-        cancel: threading.Event | None,
+        cancel: Cancel | None,
     ) -> MessageT:
         deadline = time.monotonic() + silence_seconds
         while True:

@@ -40,7 +40,6 @@ from iterator.iteration_loop import (
     run_campaign,
 )
 from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
-from iterator.load_cycles import DAMAGE_EXPONENTS, LoadCycles, count_load_cycles, damage_ratio, pseudo_damage
 from iterator.outside_band import OutsideBand, energy_outside_band
 from iterator.playback_report import PlaybackReport, SpectrumOverlay, overlay_spectra, report_playback
 from iterator.repeatability import Repeatability, judge_repeatability
@@ -51,7 +50,6 @@ from iterator.time_segments import Segment, segments_of
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
 
 __all__ = [
-    "DAMAGE_EXPONENTS",
     "UPDATES",
     "AcceptanceSettings",
     "AcceptedIterate",
@@ -73,7 +71,6 @@ __all__ = [
     "LimitPolicy",
     "LimitQuantity",
     "LimitViolation",
-    "LoadCycles",
     "ModelUncertainty",
     "NextDrive",
     "Outcome",
@@ -98,8 +95,6 @@ __all__ = [
     "best_iteration",
     "control_band",
     "corrected",
-    "count_load_cycles",
-    "damage_ratio",
     "damage_spent",
     "energy_outside_band",
     "estimate_correction",
@@ -111,7 +106,6 @@ __all__ = [
     "predict",
     "predict_convergence",
     "project_drive",
-    "pseudo_damage",
     "report_playback",
     "require_within_limits",
     "rig_model",

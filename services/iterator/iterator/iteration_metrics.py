@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iterator.load_cycles import DAMAGE_EXPONENTS, damage_ratio
+from loads import DAMAGE_EXPONENTS, damage_ratio
 from spectra import crest_factor, overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
 
 

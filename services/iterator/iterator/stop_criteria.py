@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator.iteration_metrics import IterationMetrics
-from iterator.load_cycles import DAMAGE_EXPONENTS
+from loads import DAMAGE_EXPONENTS
 
 
 class Outcome(enum.Enum):

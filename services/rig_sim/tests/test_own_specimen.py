@@ -20,7 +20,7 @@ GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "own-specimen.
 TEXT = GUIDE.read_text(encoding="utf-8")
 FILES = dict(re.findall(r"```\w+ file=(\S+)\n(.*?)```", TEXT, flags=re.S))
 OUTPUT = re.findall(r"```text output=try\.py\n(.*?)```", TEXT, flags=re.S)[0]
-COMMAND = re.findall(r"```sh\n(.*?)\n```", TEXT, flags=re.S)[0]
+COMMAND = re.findall(r"```console background\n\$ (.*?)\n```", TEXT, flags=re.S)[0]
 PORT = "tcp/127.0.0.1:7474"
 
 

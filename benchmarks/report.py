@@ -1,0 +1,63 @@
+"""Measure how long the report of a 10-iteration campaign takes to write, and how large it is.
+
+The shipped demo is run with ten playbacks, or a recording is taken as it is. Each time is that of a whole process, with
+its imports, as `duralab report` takes it; the first is left out where files are read for the first time.
+
+`python benchmarks/report.py [--recording FILE] [--iterations N]`
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from machine import machine
+
+import duralab
+
+REPETITIONS = 3
+MOST_SECONDS, MOST_BYTES = 10.0, 15_000_000
+WRITE = "import sys; from duralab.report import write_report; write_report(*sys.argv[1:])"
+
+
+def record(folder: Path, *, iterations: int) -> Path:
+    """Run the demo with that many playbacks; return its recording."""
+    demo = duralab.load_campaign("front_axle_demo")
+    campaign = demo.model_copy(update={"stop": demo.stop.model_copy(update={"iterations": iterations})})
+    with duralab.start(folder / "lab") as lab:
+        return lab.run(campaign, out=folder / "demo").recording_path
+
+
+def write(recording: Path, report: Path) -> tuple[float, float]:
+    """Write the report in a process of its own; return its wall time and its processor time, in s."""
+    before, start = os.times(), time.perf_counter()
+    subprocess.run([sys.executable, "-c", WRITE, str(recording), str(report)], check=True)
+    wall, after = time.perf_counter() - start, os.times()
+    return wall, after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def main() -> None:
+    """Measure and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--recording", type=Path, default=None)
+    parser.add_argument("--iterations", type=int, default=10)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        recording = asked.recording or record(Path(folder), iterations=asked.iterations)
+        report = Path(folder) / "report.html"
+        playbacks = len(duralab.open_recording(recording).iterations)
+        times = [write(recording, report) for _ in range(REPETITIONS)]
+        size = report.stat().st_size
+    wall, processor = min(times)
+    sys.stdout.write(
+        f"{machine()}\nload average {os.getloadavg()[0]:.1f}\n{playbacks} playbacks, recording {recording.name}\n"
+        f"report written in {wall:.1f} s (processor {processor:.1f} s; at most {MOST_SECONDS:g} s asked), "
+        f"{size / 1e6:.1f} MB (at most {MOST_BYTES / 1e6:g} MB asked)\n"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""How long a caller waits for the lab: until a moment, until somebody says enough, or for ever."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass
+
+from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
+
+
+@dataclass(frozen=True)
+class Patience:
+    """When to give up; `labbus` asks it as it asks an event.
+
+    Parameters
+    ----------
+    timeout_seconds : float
+        The time allowed, as the caller said it; infinite where all the time in the world is.
+    deadline : float
+        When it is over, of `time.monotonic`.
+    cancel : threading.Event, optional
+        Set from another thread, ends the wait.
+    """
+
+    timeout_seconds: float = math.inf
+    deadline: float = math.inf
+    cancel: threading.Event | None = None
+
+    @property
+    def limited(self) -> bool:
+        """Whether it can ever end."""
+        return self.cancel is not None or self.deadline < math.inf
+
+    def is_set(self) -> bool:
+        """Whether it is over."""
+        return (self.cancel is not None and self.cancel.is_set()) or time.monotonic() >= self.deadline
+
+    def error(self, what: str) -> LabError:
+        """Return why it is over, about `what`, the begin of a sentence."""
+        if self.cancel is not None and self.cancel.is_set():
+            return StoppedError(f"{what} was stopped by the script that asked for it.")
+        return LabTimeoutError(f"{what} took longer than the {self.timeout_seconds:g} s allowed.")
+
+
+FOREVER = Patience()
+"""Without an end."""
+
+
+def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> Patience:
+    """Return the patience of a call that begins now.
+
+    Raises
+    ------
+    InputError
+        The time is not greater than 0.
+    """
+    if timeout_seconds is None:
+        return Patience(cancel=cancel)
+    if not timeout_seconds > 0.0:
+        raise InputError(
+            f"timeout_seconds is {timeout_seconds}; it must be greater than 0, or left out.", field="timeout_seconds"
+        )
+    return Patience(timeout_seconds, time.monotonic() + timeout_seconds, cancel)

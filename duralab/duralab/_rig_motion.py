@@ -1,0 +1,105 @@
+"""Moving one rig: a playback, its stop, the latch."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duralab._asking import Asking
+from duralab._drive_signals import drive_signals
+from duralab._following import RunProgress, Stage
+from duralab._patience import Patience
+from duralab.errors import LabError, LabTimeoutError, StoppedError
+from duralab.played import Played
+from duralab.recording_content import actuator_use
+from duralab.rig import Rig
+from duralab.rig_state import RigState
+from duralab.signals import Signals
+from duralab_proto.v1 import query_pb2, rig_pb2
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def play_drive(
+    ask: Asking,
+    rig: Rig,
+    drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals,
+    *,
+    run: str | None,
+    seed: int,
+    real_time: bool,
+    tell: Callable[[RunProgress], None],
+    patience: Patience,
+) -> Played:
+    """Play a drive on a rig; see `Lab.play`.
+
+    Parameters
+    ----------
+    ask, rig, drive, run, seed, real_time, tell, patience
+        The lab, the rig as it described itself, and what `Lab.play` was given; drives have shape (drives, samples).
+
+    Returns
+    -------
+    Played
+        What came back.
+
+    Raises
+    ------
+    LabError
+        See `Lab.play`.
+    """
+    signals = drive_signals(drive, rig)
+    name = run or f"script-{uuid.uuid4().hex[:12]}"
+    request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=real_time)
+
+    def report(progress: query_pb2.Progress) -> None:
+        tell(RunProgress(Stage.PLAYBACK, progress.phase, progress.fraction, progress.remaining_seconds))
+
+    key = ask.key("rig", ask.bus.keys.rig_play, rig.name)
+    what = f"The playback {name!r} on rig {rig.name!r}"
+    with halting(ask, rig.name, patience):
+        result = ask.query(key, request, rig_pb2.PlayResult, on_progress=report, patience=patience, what=what)
+    return Played(
+        run=result.run,
+        response=Signals.from_message(result.response, field="response"),
+        actuators=actuator_use(result.actuators),
+        real_time_factor=result.real_time_factor,
+    )
+
+
+@contextmanager
+def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
+    """Stop a rig where the patience with what moves it ends, so that it rests when the error arrives."""
+    try:
+        yield
+    except (StoppedError, LabTimeoutError) as error:
+        if not patience.is_set():
+            raise
+        # The rig ramps down by itself when nobody waits any more; asked for it, it says when it rests.
+        with suppress(LabError):
+            stop_rig(ask, rig, reason=str(error))
+        sentence = f"{error} The rig was stopped and is latched: look at it, then reset it."
+        raise type(error)(sentence, service=error.service) from error
+
+
+def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
+    """Ramp a rig down and latch it; returns when it rests."""
+    key = ask.key("rig", ask.bus.keys.rig_stop, rig)
+    return RigState.from_message(ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState))
+
+
+def reset_rig(ask: Asking, rig: str) -> RigState:
+    """Clear the latch of a rig."""
+    key = ask.key("rig", ask.bus.keys.rig_reset, rig)
+    return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(), rig_pb2.RigState))
+
+
+def state_of_rig(ask: Asking, rig: str) -> RigState:
+    """Ask a rig what it does."""
+    key = ask.key("rig", ask.bus.keys.rig_state, rig)
+    return RigState.from_message(ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))

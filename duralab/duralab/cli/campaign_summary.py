@@ -1,0 +1,129 @@
+"""What a campaign came to, for a terminal and as JSON, and the exit code that says it."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from pathlib import Path
+
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from duralab.campaign_result import CampaignResult
+from duralab.cli.exit_codes import ExitCode
+from duralab.cli.opening import open_hint, own_command
+from duralab.verdict import Judgement, repeatability_in_words
+
+LARGEST_COLUMNS = 8
+"""Playbacks in a table for the terminal."""
+
+
+def exit_with(result: CampaignResult) -> None:
+    """Raise typer.Exit where the target was not reached."""
+    if result.verdict.judgement not in (Judgement.REACHED, Judgement.NOT_JUDGED):
+        raise typer.Exit(int(ExitCode.NOT_REACHED))
+
+
+def print_result(console: Console, result: CampaignResult, report: Path) -> None:
+    """Print the figures of a campaign, its verdict, and how to open what it left."""
+    iterations = result.iterations
+    title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
+    console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
+    title = "RMS response (1 is perfect)"
+    console.print(figure_table(title, result, iterations.rms_response, overall=None))
+    console.print(result.verdict.sentence, highlight=False, markup=False)
+    if repeats := repeatability_in_words(result.status):
+        console.print(repeats, highlight=False, markup=False)
+    if result.status.remarks:
+        console.print("\nWorth knowing", style="bold")
+    for remark in result.status.remarks:
+        console.print(f"· {remark}", highlight=False, markup=False)
+    console.print()
+    rows = (
+        ("report", report, open_hint(report)),
+        ("recording", result.recording_path, f'in Python, duralab.open("{result.recording_path}")'),
+        ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
+    )
+    # No table: a long path must be whole, so that it can be copied.
+    for name, path, command in rows:
+        console.print(f"{name:<10} {path}   open it:  {command}", highlight=False, markup=False, soft_wrap=True)
+
+
+def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
+    """Return one kind of figure for the terminal: a row for each channel, a column for each playback.
+
+    Parameters
+    ----------
+    title : str
+        What the figures are.
+    result : CampaignResult
+        Whose figures.
+    values : np.ndarray, shape (playbacks, channels)
+        The figures; those of the error are green where they are accepted.
+    overall : np.ndarray, shape (playbacks), optional
+        The figure over all channels; marks `values` as the error.
+
+    Returns
+    -------
+    Table
+        Ready to print.
+    """
+    iterations = result.iterations
+    limit = result.verdict.limit if overall is not None else None
+    shown = shown_playbacks(len(iterations), best=iterations.best)
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table.add_column("playback")
+    for row in shown:
+        table.add_column(
+            f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right", no_wrap=True
+        )
+    for i, name in enumerate(iterations.channels):
+        watched = bool(iterations.watched[i])
+        green = limit if not watched else None
+        cells = [figure_cell(float(values[row, i]), green=green) for row in shown]
+        table.add_row(name.replace("_", " ") + (" (watched)" if watched else ""), *cells)
+    if overall is not None:
+        table.add_section()
+        table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))
+    return table
+
+
+def figure_cell(value: float, *, green: float | None) -> str:
+    """Return a figure as the terminal shows it: green up to a limit, a dash where a watched channel has none."""
+    if math.isnan(value):
+        return "–"
+    return f"[green]{value:.3f}[/green]" if green is not None and value <= green else f"{value:.3f}"
+
+
+def shown_playbacks(count: int, *, best: int) -> list[int]:
+    """Return which rows fit a terminal: all of a few playbacks, of more the first, the best and the last ones."""
+    if count <= LARGEST_COLUMNS:
+        return list(range(count))
+    last = range(count - LARGEST_COLUMNS + 2, count)
+    return sorted({0, best, *last})
+
+
+def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]:
+    """Return what a campaign came to, for `--json`."""
+    table, verdict = result.iterations, result.verdict
+    return {
+        "campaign": result.specification.id,
+        "rig": result.specification.rig,
+        "judgement": verdict.judgement.value,
+        "verdict": verdict.sentence,
+        "accepted_error": verdict.limit,
+        "channels": table.channels,
+        "watched": table.watched,
+        "playbacks": table.numbers,
+        "best_playback": table.numbers[table.best],
+        "relative_rms_error": table.relative_rms_error,
+        "overall_error": table.overall,
+        "rms_response": table.rms_response,
+        "remarks": list(result.status.remarks),
+        "recording": result.recording_path,
+        "live_view": result.live_path,
+        "report": report,
+    }

@@ -1,0 +1,122 @@
+"""The commands by sections; each is imported when it is used, so that none of them makes the others slow to start."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import Any, Final
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+from duralab.cli.ending import ended_well, fail
+from duralab.cli.exit_codes import ExitCode
+
+SECTIONS: Final[dict[str, dict[str, str]]] = {
+    "The lab": {"up": "labs:up", "down": "labs:down", "status": "labs:status", "view": "labs:view"},
+    "Rigs": {
+        "rigs": "rigs:rigs",
+        "play": "rigs:play",
+        "identify": "rigs:identify",
+        "check-rig": "rigs:check_rig",
+        "reset": "rigs:reset",
+    },
+    "Campaigns": {
+        "init": "campaigns:init",
+        "run": "campaigns:run",
+        "resume": "campaigns:resume",
+        "stop": "campaigns:stop",
+    },
+    "Recordings": {
+        "report": "recordings:report",
+        "compare": "recordings:compare",
+        "export": "recordings:export",
+        "catalogue": "recordings:catalogue",
+        "verify": "recordings:verify",
+    },
+    "Files": {"import": "files:import_file", "convert": "files:convert"},
+    "This machine": {"doctor": "machine:doctor"},
+}
+"""For each command its module in `duralab.cli.signatures` and its function there."""
+
+_PLACES: Final = {name: place for commands in SECTIONS.values() for name, place in commands.items()}
+
+
+def command_function(name: str) -> Any:
+    """Return the function of a command: its parameters are the command's, its docstring is its help."""
+    module, _, function = _PLACES[name].partition(":")
+    return getattr(import_module(f"duralab.cli.signatures.{module}"), function)
+
+
+class _Commands(Mapping[str, TyperCommand]):
+    """All commands, each made when it is asked for."""
+
+    def __getitem__(self, name: str) -> TyperCommand:
+        # Looked up first: only a name that no command has is a KeyError.
+        function = command_function(name)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+        single.command(name)(function)
+        command = get_command(single)
+        if not isinstance(command, TyperCommand):
+            raise TypeError(f"{name} is a {type(command).__name__}; one function makes one command.")
+        return command
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_PLACES)
+
+    def __len__(self) -> int:
+        return len(_PLACES)
+
+
+class CommandGroup(TyperGroup):
+    """All commands of `duralab`; every error ends in one sentence and one of the documented exit codes."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Commands()  # type: ignore[assignment]  (it is only read)
+        self._as_json = False
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Return the names of all commands, in the order of the sections."""
+        del ctx
+        return list(_PLACES)
+
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:  # type: ignore[override]
+        """Write a line for each command: the first of its function's docstring."""
+        del ctx
+        for section, commands in SECTIONS.items():
+            with formatter.section(section):
+                formatter.write_dl(
+                    [(name, (command_function(name).__doc__ or "").splitlines()[0]) for name in commands]
+                )
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override]
+        """Run the command that was asked for."""
+        with ended_well(as_json=self._as_json):
+            return super().invoke(ctx)  # type: ignore[arg-type]
+
+    def main(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, **settings: Any
+    ) -> Any:
+        """Run a command line and exit with its code."""
+        self._as_json = "--json" in (sys.argv[1:] if args is None else args)
+        try:
+            code = super().main(args, prog_name, **{**settings, "standalone_mode": False})
+        except typer.TyperException as error:
+            try:
+                fail(_usage_sentence(error), ExitCode.USER_ERROR, as_json=self._as_json)
+            except typer.Exit as ending:
+                code = ending.exit_code
+        except typer.Abort:
+            code = ExitCode.INTERRUPTED
+        sys.exit(code if isinstance(code, int) else ExitCode.DONE)
+
+
+def _usage_sentence(error: typer.TyperException) -> str:
+    context = getattr(error, "ctx", None)
+    sentence = " ".join(error.format_message().split()).rstrip(".")
+    if context is None:
+        return f"{sentence}."
+    return f"{sentence}{'' if sentence.endswith('?') else ';'} `{context.command_path} --help` shows what is allowed."

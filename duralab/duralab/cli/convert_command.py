@@ -1,0 +1,169 @@
+"""`duralab convert` and `duralab export`: signals from one file format into another, and out of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from dataclasses import replace as replaced
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from duralab._outputs import require_free
+from duralab.cli.json_output import write_json
+from duralab.errors import InputError
+from duralab.signals import Signals
+
+if TYPE_CHECKING:
+    from duralab.formats import Written
+    from duralab.recording import Recording
+
+
+class Exported(StrEnum):
+    """What a recording can give."""
+
+    TARGET = "target"
+    DRIVE = "drive"
+    RESPONSE = "response"
+    RESPONSE_IN_BAND = "response_in_band"
+    FRF = "frf"
+
+
+def convert(
+    source: Path,
+    out: Path,
+    *,
+    from_format: str | None,
+    to_format: str | None,
+    units: list[str],
+    rate: float | None,
+    data_type: str | None,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    """Read a file, convert it as asked for, write it, and say what the new one could not keep."""
+    from duralab.formats import read_signals, write_signals
+    from duralab.formats.exchange import format_of
+
+    if source.exists() and out.exists() and source.samefile(out):
+        raise InputError(f"{out} is the file that is read; give another one for the output.")
+    # A wrong name or a file in the way is said before a long file is read.
+    format_of(out, to_format)
+    require_free([out], replace=replace)
+    signals = _resampled(_in_units(read_signals(source, format=from_format), units), rate)
+    written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
+    _say(signals, written, as_json=as_json)
+
+
+def export(
+    recording: Path,
+    out: Path,
+    *,
+    what: str,
+    playback: int | None,
+    to_format: str | None,
+    units: list[str],
+    data_type: str | None,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    """Write what a recording holds into a file."""
+    from duralab.formats import Format, write_signals
+    from duralab.formats.exchange import format_of
+    from duralab.recording import open_recording
+
+    try:
+        chosen = Exported(what)
+    except ValueError:
+        raise InputError(f"--what is {what!r}; {', '.join(Exported)} are known.", field="what") from None
+    opened = open_recording(recording)
+    if chosen is Exported.FRF:
+        _export_frf(opened, out, replace=replace)
+        _say_frf(out, as_json=as_json)
+        return
+    signals = _in_units(_recorded(opened, chosen, playback), units)
+    if format_of(out, to_format) is Format.RPC3 and chosen is Exported.DRIVE:
+        signals = replaced(signals, attributes={"TIME_TYPE": "DRIVE"})
+    written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
+    _say(signals, written, as_json=as_json)
+
+
+def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:
+    if what is Exported.TARGET:
+        if playback is not None:
+            raise InputError(f"--playback is {playback}; there is one target, so leave it out.", field="playback")
+        return recording.target
+    numbers = recording.iterations.numbers
+    if not numbers:
+        raise InputError(f"{recording.path} holds no playback.")
+    taken = recording.playback(int(numbers[-1]) if playback is None else playback)
+    return {
+        Exported.DRIVE: taken.drive,
+        Exported.RESPONSE: taken.response,
+        Exported.RESPONSE_IN_BAND: taken.response_in_band,
+    }[what]
+
+
+def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
+    from duralab.cli.frf_file import require_frf_file, write_frf
+
+    require_frf_file(out)
+    if recording.model is None:
+        raise InputError(f"{recording.path} holds no model; the campaign did not come so far.")
+    write_frf(recording.model, out, replace=replace)
+
+
+def _in_units(signals: Signals, units: list[str]) -> Signals:
+    """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
+    from duralab.formats import convert_units
+
+    named = dict(text.split("=", 1) for text in units if "=" in text)
+    plain = [text for text in units if "=" not in text]
+    if plain == ["SI"]:
+        signals = convert_units(signals)
+    elif plain:
+        # A channel that is named gets its own unit below; here it must not be one that none of the others fits.
+        signals = convert_units(signals, [*plain, *named.values()])
+    return convert_units(signals, named) if named else signals
+
+
+def _resampled(signals: Signals, rate: float | None) -> Signals:
+    if rate is None or rate == signals.sample_rate:
+        return signals
+    from duralab.target_editing import edit_signals
+
+    return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
+
+
+def _say(signals: Signals, written: Written, *, as_json: bool) -> None:
+    if as_json:
+        content = {
+            **asdict(written),
+            "sample_rate": signals.sample_rate,
+            "channels": [{"name": channel.name, "unit": channel.unit} for channel in signals.channels],
+        }
+        write_json(content)
+        return
+    console = Console(soft_wrap=True)
+    lines = [
+        f"{written.path}: {len(signals.channels)} channels, {written.samples} samples at {signals.sample_rate:g} Hz, "
+        f"{signals.duration:.6g} s",
+        *written.notes,
+    ]
+    if any(written.largest_errors):
+        lines.append("Largest difference between a sample and what is stored of it:")
+        for channel, error, row in zip(signals.channels, written.largest_errors, signals.samples, strict=True):
+            peak = float(np.abs(row).max())
+            share = f" ({error / peak:.1e} of its peak)" if peak else ""
+            lines.append(f"  {channel.name}: {error:.3g} {channel.unit}{share}")
+    for line in lines:
+        console.print(line, highlight=False, markup=False)
+
+
+def _say_frf(out: Path, *, as_json: bool) -> None:
+    if as_json:
+        write_json({"path": out, "format": "uff58"})
+    else:
+        Console(soft_wrap=True).print(f"{out}: the frequency responses", highlight=False, markup=False)

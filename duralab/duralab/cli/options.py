@@ -1,0 +1,55 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Connect = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        metavar="ENDPOINT",
+        help="The lab that listens there, e.g. tcp/127.0.0.1:7474; left out: the one that `duralab up` keeps running.",
+    ),
+]
+Replace = Annotated[bool, typer.Option("--replace", help="Overwrite outputs that are there.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON document on standard output.")]
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is random in a simulated rig.")]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option("--unit", metavar="UNIT", help="SI; or a unit for channels of its kind; or CHANNEL=UNIT; repeatable."),
+]
+FileFormat = Annotated[
+    str | None,
+    typer.Option("--format", metavar="FORMAT", help="rpc3, mdf4, uff58, tdms, mat, csv, parquet; else by the suffix."),
+]
+DataType = Annotated[
+    str | None,
+    typer.Option("--data-type", metavar="TYPE", help="rpc3 only: short_integer (as usual) or floating_point."),
+]
+
+
+def complete_campaign(incomplete: str) -> list[str]:
+    """Return the shipped campaigns that begin so, for the shell; it completes files by itself."""
+    from duralab.campaign_loading import shipped_campaigns
+
+    return [name for name in shipped_campaigns() if name.startswith(incomplete)]
+
+
+def complete_rig(incomplete: str) -> list[str]:
+    """Return the shipped rigs that begin so, for the shell."""
+    from duralab.shipped_rigs import shipped_rigs
+
+    return [name for name in shipped_rigs() if name.startswith(incomplete)]
+
+
+RigName = Annotated[
+    str, typer.Argument(metavar="RIG", help="Name of the rig, e.g. front_axle.", autocompletion=complete_rig)
+]
+CampaignId = Annotated[str, typer.Argument(metavar="ID", help="The campaign, by the name of its recording.")]

@@ -1,0 +1,100 @@
+"""`duralab init`, `run`, `resume` and `stop`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from duralab.cli.options import CampaignId, Connect, Json, OutFolder, Replace, complete_campaign
+
+
+def init(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign file to write.")] = Path("campaign.yaml"),
+    *,
+    template: Annotated[
+        str,
+        typer.Option(
+            "--from", metavar="CAMPAIGN", help="The shipped campaign to begin with.", autocompletion=complete_campaign
+        ),
+    ] = "front_axle_demo",
+    target: Annotated[
+        Path | None,
+        typer.Option("--target", metavar="SIGNALS", help="A measured file to reproduce instead of its target."),
+    ] = None,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Write a campaign file with a comment above every key, which runs as it stands."""
+    from duralab.cli.init_command import init as write
+
+    write(file, template=template, target=target, replace=replace, as_json=as_json)
+
+
+def run(
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            help="A campaign file, or a shipped one: front_axle_demo, spindle_coupled_demo, belgian_block.",
+            autocompletion=complete_campaign,
+        ),
+    ],
+    *,
+    out: OutFolder = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            "--connect", metavar="ENDPOINT", help="Use the lab that listens there; left out: a lab of its own."
+        ),
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Run a campaign to its end, in a lab of its own, or in one that runs already (--connect)."""
+    from duralab.cli.run_command import run_campaign
+
+    run_campaign(campaign, out=out, endpoint=connect, view=view, replace=replace, as_json=as_json)
+
+
+def resume(
+    campaign: CampaignId,
+    *,
+    settings: Annotated[
+        str | None,
+        typer.Option("--settings", metavar="FILE", help="A campaign file whose `update` and `stop` count from here."),
+    ] = None,
+    from_iteration: Annotated[
+        int, typer.Option("--from", min=0, metavar="N", help="Build on playback N; 0 is the last there is.")
+    ] = 0,
+    out: OutFolder = None,
+    connect: Connect = None,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Go on with a campaign that was broken off, or take one up again, possibly with other settings."""
+    from duralab.cli.resume_command import resume as go_on
+
+    go_on(
+        campaign,
+        endpoint=connect,
+        settings=settings,
+        from_iteration=from_iteration,
+        out=out,
+        replace=replace,
+        as_json=as_json,
+    )
+
+
+def stop(
+    campaign: CampaignId,
+    *,
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why; kept in the recording.")] = "",
+    connect: Connect = None,
+    as_json: Json = False,
+) -> None:
+    """Stop a campaign; the rig ramps down and is latched where it plays."""
+    from duralab.cli.resume_command import stop as end
+
+    end(campaign, endpoint=connect, reason=reason, as_json=as_json)

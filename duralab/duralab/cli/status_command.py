@@ -1,0 +1,115 @@
+"""`duralab status`: how a lab is, at a glance."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from duralab.cli.exit_codes import ExitCode
+from duralab.cli.json_output import write_json
+from duralab.cli.run_display import remaining_words
+from duralab.errors import LabError
+from duralab.lab_opening import join_bus
+from duralab.lab_status import LabStatus, lab_status
+from duralab.rig_state import RigMode
+from duralab.running_labs import running_labs
+
+_MEBIBYTE = 1024 * 1024
+_STYLES = {RigMode.INTERLOCKED: "bold red", RigMode.UNKNOWN: "red", RigMode.PLAYING: "green"}
+
+
+def status(*, endpoint: str | None, as_json: bool) -> None:
+    """Print how the lab at an endpoint is, or every lab that runs here.
+
+    Raises
+    ------
+    typer.Exit
+        With code 1 where no lab runs, or one lacks a service or cannot record.
+    """
+    here = {lab.endpoint: Path(lab.recordings) for lab in running_labs()}
+    asked = [endpoint] if endpoint is not None else list(here)
+    documents, whole = [], bool(asked)
+    for place in asked:
+        try:
+            with join_bus(place) as bus:
+                found = lab_status(bus, recordings=here.get(place))
+        except LabError as error:
+            if endpoint is not None:
+                raise
+            documents.append({"endpoint": place, "fault": error.message})
+            whole = False
+            if not as_json:
+                Console().print(f"{place}: {error.message}", style="red", highlight=False, markup=False)
+            continue
+        documents.append({"endpoint": place, "whole": found.whole, **asdict(found)})
+        whole = whole and found.whole
+        if not as_json:
+            _print(place, found)
+    if as_json:
+        write_json({"labs": documents})
+    elif not asked:
+        Console().print("No lab of yours runs on this machine; `duralab up` starts one.")
+    if not whole:
+        raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _print(endpoint: str, found: LabStatus) -> None:
+    console = Console()
+    console.print(f"Lab at {endpoint}", style="bold", highlight=False, markup=False)
+    if found.missing:
+        console.print(f"Missing: {', '.join(found.missing)}.", style="bold red", highlight=False, markup=False)
+    console.print(_rig_table(found))
+    if found.campaigns:
+        console.print(_campaign_table(found))
+    else:
+        console.print("No campaign is under way.")
+    console.print(_recorder_sentence(found), highlight=False, markup=False)
+
+
+def _rig_table(found: LabStatus) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("rig", "state", "run", "why"):
+        table.add_column(heading, overflow="fold")
+    for rig in found.rigs:
+        how_far = f" {rig.fraction:.0%}" if rig.run else ""
+        style = _STYLES.get(rig.mode, "")
+        table.add_row(
+            rig.rig, f"[{style}]{rig.mode}[/]" if style else rig.mode.value, f"{rig.run}{how_far}", rig.reason
+        )
+    return table
+
+
+def _campaign_table(found: LabStatus) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("campaign", "rig", "what it does"):
+        table.add_column(heading, overflow="fold")
+    for heading in ("done", "left", "playbacks", "error"):
+        table.add_column(heading, justify="right")
+    for campaign in found.campaigns:
+        table.add_row(
+            campaign.id,
+            campaign.rig,
+            campaign.activity,
+            f"{campaign.fraction:.0%}",
+            remaining_words(campaign.remaining_seconds).removesuffix(" left"),
+            str(campaign.playbacks),
+            "" if campaign.error is None else f"{campaign.error:.3f}",
+        )
+    return table
+
+
+def _recorder_sentence(found: LabStatus) -> str:
+    recorder = found.recorder
+    if recorder is None:
+        return "The recorder does not answer."
+    free = "" if recorder.free_bytes is None else f", {recorder.free_bytes / _MEBIBYTE:,.0f} MiB free on its disk"
+    state = f"it waits: {recorder.waiting}" if recorder.waiting else f"{recorder.open_recordings} being written"
+    return (
+        f"Recorder: {recorder.recordings} recordings, {recorder.bytes / _MEBIBYTE:,.1f} MiB{free}; {state}; "
+        f"{recorder.missing_blocks} signal blocks missing."
+    )

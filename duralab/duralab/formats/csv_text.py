@@ -1,0 +1,118 @@
+"""CSV text: a header line of columns, then one line for each sample."""
+
+from __future__ import annotations
+
+import csv
+import re
+from itertools import chain
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
+from duralab.formats.errors import FormatError, opened, require_file
+from duralab.formats.written import Written
+from duralab.signals import Signals
+
+_ROWS_AT_ONCE: Final = 10_000
+_LONGEST_LINE: Final = 1 << 20
+
+
+def read_csv(path: Path) -> Signals:
+    """Read CSV text: "time [s]", then "<name> [<unit>]" for each channel, separated by comma, semicolon or tabulator.
+
+    Parameters
+    ----------
+    path : Path
+        UTF-8, with or without a byte order mark; decimal points, not commas.
+
+    Returns
+    -------
+    Signals
+        At the rate of the time stamps.
+
+    Raises
+    ------
+    FormatError
+        With the byte of the line that is wrong.
+    """
+    require_file(path)
+    row: list[str] = []
+    try:
+        with opened(path), path.open(encoding="utf-8-sig", newline="") as stream:
+            header = stream.readline(_LONGEST_LINE)
+            separator = max(",;\t", key=header.count)
+            row = next(csv.reader([header], delimiter=separator, strict=True), [])
+            channels = channels_of_headings(path, row)
+            first = stream.readline(_LONGEST_LINE)
+            if not first.strip():
+                raise FormatError(path, "no samples follow the header line; 2 or more were expected.")
+            values = np.loadtxt(chain([first], stream), delimiter=separator, comments=None, ndmin=2, dtype=np.float64)
+    except UnicodeDecodeError as error:
+        raise FormatError(path, f"this is no UTF-8 text ({error.reason}).", offset=_undecodable(path)) from error
+    except csv.Error as error:
+        raise FormatError(path, f"the header line is no CSV ({error}).", offset=0) from error
+    except ValueError as error:
+        line = _line(str(error))
+        raise FormatError(
+            path,
+            f"line {line}: {len(row)} numbers with decimal points were expected ({error}).",
+            offset=_start_of(path, line),
+        ) from error
+    if values.shape[1] != len(row):
+        raise FormatError(path, f"line 2: {len(row)} numbers were expected; {values.shape[1]} are there.", offset=0)
+    return signals_of_columns(path, channels, values.T)
+
+
+def _line(message: str) -> int:
+    """Return the line, from 1, that numpy complains of; it counts rows from 0 or 1, after the header."""
+    found = re.search(r"at row (\d+)", message)
+    if found is None:
+        return 2
+    return int(found[1]) + (1 if "changed" in message else 2)
+
+
+def _start_of(path: Path, line: int) -> int:
+    with path.open("rb") as stream:
+        for _ in range(line - 1):
+            stream.readline()
+        return stream.tell()
+
+
+def _undecodable(path: Path) -> int:
+    offset = 0
+    with path.open("rb") as stream:
+        for line in stream:
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError as error:
+                return offset + error.start
+            offset += len(line)
+    return offset
+
+
+def write_csv(signals: Signals, path: Path) -> Written:
+    """Write CSV text; numbers have as many digits as it takes to read the same float64 back.
+
+    Parameters
+    ----------
+    signals : Signals
+        Finite samples.
+    path : Path
+        Where to; what is there is replaced.
+
+    Returns
+    -------
+    Written
+        Without errors.
+    """
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(headings(signals))
+        for first in range(0, signals.samples.shape[1], _ROWS_AT_ONCE):
+            piece = signals.samples[:, first : first + _ROWS_AT_ONCE]
+            time = (first + np.arange(piece.shape[1])) / signals.sample_rate
+            writer.writerows(np.vstack([time, piece]).T.tolist())
+    notes = ("CSV keeps no attributes.",) if signals.attributes else ()
+    return Written(path, "csv", signals.samples.shape[1], 0, (0.0,) * len(signals.channels), notes)

@@ -1,0 +1,54 @@
+"""Errors of the readers and writers: the file, where in it, what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from duralab.errors import InputError
+
+
+class FormatError(InputError):
+    """A file does not hold what its format asks for.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sentence : str
+        What is wrong with which value, and what was expected.
+    offset : int, optional
+        Byte of the file at which it went wrong; None where the file as a whole is meant.
+    """
+
+    def __init__(self, path: Path, sentence: str, *, offset: int | None = None) -> None:
+        super().__init__(f"{path}{'' if offset is None else f', byte {offset}'}: {sentence}", field="file")
+        self.path = path
+        self.offset = offset
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[None]:
+    """Turn what the operating system says of a file into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise FormatError(path, f"it cannot be read ({error.strerror or error}); give a file that is there.") from error
+
+
+def require_file(path: Path) -> int:
+    """Return the size of a file in bytes.
+
+    Raises
+    ------
+    FormatError
+        There is none, it is no file, or it is empty.
+    """
+    with opened(path):
+        if path.is_dir():
+            raise FormatError(path, "this is a folder; give a file.")
+        size = path.stat().st_size
+    if size == 0:
+        raise FormatError(path, "the file is empty; a header was expected.", offset=0)
+    return size

@@ -1,0 +1,191 @@
+"""One reader and one writer for all formats, chosen by the file's suffix or by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from duralab._outputs import replace_when_complete, require_free
+from duralab.errors import InputError
+from duralab.formats.written import Written
+from duralab.signals import Signals
+
+if TYPE_CHECKING:
+    from duralab.formats.rpc3_layout import DataType
+
+
+class Format(StrEnum):
+    """A file format of signals."""
+
+    RPC3 = "rpc3"
+    MDF4 = "mdf4"
+    UFF58 = "uff58"
+    TDMS = "tdms"
+    MAT = "mat"
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+@dataclass(frozen=True)
+class _Codec:
+    """Where the reader and the writer of a format are ("module:function"); imported when they are used."""
+
+    reader: str
+    writer: str
+    suffixes: tuple[str, ...]
+
+
+_CODECS: Final = {
+    Format.RPC3: _Codec("rpc3_reading:read_rpc3", "rpc3_writing:write_rpc3", (".rsp", ".drv", ".tim", ".rpc", ".rpc3")),
+    Format.MDF4: _Codec("mdf4:read_mdf4", "mdf4:write_mdf4", (".mf4", ".mdf")),
+    Format.UFF58: _Codec("uff58:read_uff58", "uff58:write_uff58", (".uff", ".unv")),
+    Format.TDMS: _Codec("tdms:read_tdms", "tdms:write_tdms", (".tdms",)),
+    Format.MAT: _Codec("matlab:read_mat", "matlab:write_mat", (".mat",)),
+    Format.CSV: _Codec("csv_text:read_csv", "csv_text:write_csv", (".csv", ".txt")),
+    Format.PARQUET: _Codec("parquet:read_parquet", "parquet:write_parquet", (".parquet", ".pq")),
+}
+
+
+def format_of(path: Path, given: str | None) -> Format:
+    """Return the format that is given, or the one that the suffix stands for.
+
+    Raises
+    ------
+    InputError
+        Neither is known.
+    """
+    if given is not None:
+        try:
+            return Format(given.lower())
+        except ValueError:
+            raise InputError(f"format is {given!r}; {', '.join(Format)} are known.", field="format") from None
+    for known, codec in _CODECS.items():
+        if path.suffix.lower() in codec.suffixes:
+            return known
+    suffixes = ", ".join(suffix for codec in _CODECS.values() for suffix in codec.suffixes)
+    raise InputError(
+        f"{path} has the suffix {path.suffix!r}; {suffixes} are known, or name the format: {', '.join(Format)}.",
+        field="format",
+    )
+
+
+def _function(place: str) -> Callable[..., object]:
+    module, _, name = place.partition(":")
+    return getattr(import_module(f"duralab.formats.{module}"), name)
+
+
+def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
+    """Read signals from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        RPC III, MDF 4, UFF 58, TDMS, MATLAB level 5, CSV or Parquet.
+    format : str, optional
+        Value of `Format`; by the suffix where left out.
+
+    Returns
+    -------
+    Signals
+        All channels in the units of the file, float64; what else the file says is in `attributes`.
+
+    Raises
+    ------
+    FormatError
+        Naming the file, where known the byte, and what was expected.
+    InputError
+        The format is not known, or its library is not installed.
+    """
+    path = Path(path)
+    form = format_of(path, format)
+    signals = _function(_CODECS[form].reader)(path)
+    if not isinstance(signals, Signals):
+        raise TypeError(f"The reader of {form} returned {type(signals)}.")
+    return signals
+
+
+def write_signals(
+    signals: Signals,
+    path: str | Path,
+    *,
+    format: str | None = None,
+    overwrite: bool = False,
+    data_type: DataType | str | None = None,
+) -> Written:
+    """Write signals into a file, which appears whole or not at all.
+
+    Parameters
+    ----------
+    signals : Signals
+        One channel and one sample or more, all finite.
+    path : str or Path
+        Where to.
+    format : str, optional
+        Value of `Format`; by the suffix where left out.
+    overwrite : bool
+        Replace a file that is there.
+    data_type : str, optional
+        For RPC III: "SHORT_INTEGER" (the default) or "FLOATING_POINT".
+
+    Returns
+    -------
+    Written
+        What the format could not keep: padding, quantisation error, notes.
+
+    Raises
+    ------
+    InputError
+        The file is there already, or the format does not hold these signals.
+    """
+    path = Path(path)
+    form = format_of(path, format)
+    _require_writable(signals, path)
+    arguments = (_rpc3_settings(data_type, form),) if data_type is not None else ()
+    require_free([path], replace=overwrite)
+    writer = _function(_CODECS[form].writer)
+    with replace_when_complete(path) as temporary:
+        # The suffix tells a drive from a response; the name must differ from the temporary one.
+        named = temporary.with_name(f"{temporary.name}.written{path.suffix}")
+        try:
+            written = writer(signals, named, *arguments)
+            named.replace(temporary)
+        finally:
+            named.unlink(missing_ok=True)
+    if not isinstance(written, Written):
+        raise TypeError(f"The writer of {form} returned {type(written)}.")
+    return replace(written, path=path)
+
+
+def _rpc3_settings(data_type: str, form: Format) -> object:
+    from duralab.formats.rpc3_layout import DataType
+    from duralab.formats.rpc3_writing import Rpc3Settings
+
+    if form is not Format.RPC3:
+        raise InputError(f"data_type is {data_type!r}; only rpc3 has a choice, so leave it out.", field="data_type")
+    try:
+        return Rpc3Settings(data_type=DataType(data_type.upper()))
+    except ValueError:
+        raise InputError(f"data_type is {data_type!r}; {', '.join(DataType)} are known.", field="data_type") from None
+
+
+def _require_writable(signals: Signals, path: Path) -> None:
+    samples = signals.samples
+    if samples.ndim != 2 or samples.shape[0] != len(signals.channels) or samples.size == 0:
+        raise InputError(
+            f"{path} cannot be written: samples has the shape {samples.shape} and there are {len(signals.channels)} "
+            "channels; (channels, samples) with one of each or more is needed."
+        )
+    if not (0 < signals.sample_rate < np.inf):
+        raise InputError(f"{path} cannot be written: sample_rate is {signals.sample_rate}; it must be greater than 0.")
+    for channel, row in zip(signals.channels, samples, strict=True):
+        if not np.isfinite(row).all():
+            sample = int(np.argmin(np.isfinite(row)))
+            raise InputError(
+                f"{path} cannot be written: sample {sample} of {channel.name} is {row[sample]}; it must be finite."
+            )

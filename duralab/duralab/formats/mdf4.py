@@ -1,0 +1,122 @@
+"""MDF 4 measurements by asammdf."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from duralab.formats.channel_names import unique_names
+from duralab.formats.columns import require_finite
+from duralab.formats.errors import FormatError, require_file
+from duralab.formats.libraries import parsing, require_library, require_room
+from duralab.formats.sample_rates import rate_of_times
+from duralab.formats.written import Written
+from duralab.signals import Channel, Signals
+
+_EXPECTED: Final = "an MDF 4 measurement"
+
+
+def read_mdf4(path: Path) -> Signals:
+    """Read an MDF 4 measurement.
+
+    Parameters
+    ----------
+    path : Path
+        Its groups of numbers must have one and the same even time.
+
+    Returns
+    -------
+    Signals
+        All channels that are numbers, in the order of the file.
+
+    Raises
+    ------
+    FormatError
+        There are none, or the groups differ in time.
+    """
+    asammdf = require_library("asammdf", extra="mdf")
+    require_file(path)
+    # From a file that it opens itself, asammdf leaves tracebacks on standard error where the file is damaged.
+    with parsing(path, _EXPECTED) as stream, io.BufferedReader(stream) as buffered:
+        if buffered.read(8) not in (b"MDF     ", b"UnFinMF "):
+            raise FormatError(path, "the file does not begin with 'MDF'; an MDF 4 measurement was expected.", offset=0)
+        buffered.seek(0)
+        with asammdf.MDF(buffered) as measurement:
+            if measurement.version < "4.00":
+                raise FormatError(path, f"it is MDF {measurement.version}; MDF 4 was expected.", offset=8)
+            require_room(path, sum(_values(group) for group in measurement.groups))
+            found = [
+                signal
+                for number in measurement.virtual_groups
+                for signal in measurement.select(
+                    [(None, group, index) for group, index in _members(measurement, number)], copy_master=False
+                )
+                if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf"
+            ]
+    if not found:
+        raise FormatError(path, "it holds no channel of numbers; one or more were expected.")
+    time = np.asarray(found[0].timestamps, dtype=np.float64)
+    for signal in found[1:]:
+        if signal.timestamps.shape != time.shape or not np.array_equal(signal.timestamps, time):
+            raise FormatError(
+                path,
+                f"{found[0].name} has {time.size} and {signal.name} {signal.timestamps.size} samples, or at other "
+                "times; channels of one and the same time were expected, so export one group.",
+            )
+    names = unique_names(signal.name for signal in found)
+    require_finite(path, ("time",), time[np.newaxis])
+    samples = np.array([signal.samples for signal in found], dtype=np.float64)
+    require_finite(path, names, samples)
+    channels = tuple(Channel(name, signal.unit or "") for name, signal in zip(names, found, strict=True))
+    return Signals(channels, rate_of_times(path, time), samples)
+
+
+def _values(group: Any) -> int:
+    return int(group.channel_group.cycles_nr) * len(group.channels)
+
+
+def _members(measurement: Any, number: int) -> list[tuple[int, int]]:
+    """Return the places (group, channel) of a virtual group's channels without its time."""
+    included = measurement.included_channels(number)[number]
+    return [(group, index) for group, indices in included.items() for index in indices]
+
+
+def write_mdf4(signals: Signals, path: Path) -> Written:
+    """Write an MDF 4.10 measurement of float64, one group.
+
+    Parameters
+    ----------
+    signals : Signals
+        Any.
+    path : Path
+        Where to; what is there is replaced.
+
+    Returns
+    -------
+    Written
+        Without errors.
+    """
+    asammdf = require_library("asammdf", extra="mdf")
+    time = signals.time
+    # asammdf saves under this suffix only.
+    saved = path.with_suffix(".mf4")
+    try:
+        with asammdf.MDF(version="4.10") as measurement:
+            measurement.append(
+                [
+                    asammdf.Signal(samples=row, timestamps=time, name=channel.name, unit=channel.unit)
+                    for channel, row in zip(signals.channels, signals.samples, strict=True)
+                ],
+                comment="duralab",
+                common_timebase=True,
+            )
+            measurement.save(saved, overwrite=True)
+        saved.replace(path)
+    finally:
+        if saved != path:
+            saved.unlink(missing_ok=True)
+    notes = ("MDF 4 keeps no attributes.",) if signals.attributes else ()
+    return Written(path, "mdf4", signals.samples.shape[1], 0, (0.0,) * len(signals.channels), notes)

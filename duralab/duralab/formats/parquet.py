@@ -1,0 +1,88 @@
+"""Parquet tables by pyarrow: "time [s]", then "<name> [<unit>]" for each channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
+from duralab.formats.errors import FormatError, require_file
+from duralab.formats.libraries import parsing, require_library, require_room
+from duralab.formats.written import Written
+from duralab.signals import Signals
+
+_EXPECTED: Final = "a Parquet table"
+_OWN: Final = b"duralab."
+"""What the attributes begin with in the metadata, which other writers use too."""
+
+
+def read_parquet(path: Path) -> Signals:
+    """Read a Parquet table of columns "time [s]", then "<name> [<unit>]" for each channel.
+
+    Parameters
+    ----------
+    path : Path
+        Numbers only, without nulls.
+
+    Returns
+    -------
+    Signals
+        At the rate of the time stamps.
+
+    Raises
+    ------
+    FormatError
+        The columns are others, or hold something else.
+    """
+    require_library("pyarrow", extra="parquet")
+    parquet = require_library("pyarrow.parquet", extra="parquet")
+    require_file(path)
+    with parsing(path, _EXPECTED) as stream:
+        file = parquet.ParquetFile(stream)
+        channels = channels_of_headings(path, file.schema_arrow.names)
+        rows = file.metadata.num_rows
+        require_room(path, rows * (len(channels) + 1))
+        values = np.empty((len(channels) + 1, rows))
+        filled = 0
+        for batch in file.iter_batches():
+            for row, column in enumerate(batch.columns):
+                if column.null_count:
+                    raise FormatError(path, f"the column {batch.schema.names[row]!r} has nulls; numbers were expected.")
+                values[row, filled : filled + len(column)] = column.to_numpy(zero_copy_only=False)
+            filled += batch.num_rows
+        if filled != rows:
+            raise FormatError(path, f"{rows} rows were announced; {filled} are there.")
+        metadata = file.schema_arrow.metadata or {}
+        attributes = {
+            key.removeprefix(_OWN).decode(): text.decode() for key, text in metadata.items() if key.startswith(_OWN)
+        }
+    signals = signals_of_columns(path, channels, values)
+    return Signals(signals.channels, signals.sample_rate, signals.samples, attributes)
+
+
+def write_parquet(signals: Signals, path: Path) -> Written:
+    """Write a Parquet table of float64; attributes go into its metadata.
+
+    Parameters
+    ----------
+    signals : Signals
+        Any.
+    path : Path
+        Where to; what is there is replaced.
+
+    Returns
+    -------
+    Written
+        Without errors.
+    """
+    pyarrow = require_library("pyarrow", extra="parquet")
+    parquet = require_library("pyarrow.parquet", extra="parquet")
+    metadata = {_OWN + key.encode(): text.encode() for key, text in signals.attributes.items()}
+    table = pyarrow.Table.from_arrays(
+        [pyarrow.array(signals.time), *(pyarrow.array(row) for row in signals.samples)],
+        schema=pyarrow.schema([(name, pyarrow.float64()) for name in headings(signals)], metadata=metadata),
+    )
+    parquet.write_table(table, path, compression="zstd")
+    return Written(path, "parquet", signals.samples.shape[1], 0, (0.0,) * len(signals.channels))

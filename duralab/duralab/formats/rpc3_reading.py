@@ -1,0 +1,235 @@
+"""Reading RPC III time histories: `.rsp`, `.drv`, `.tim`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+
+from duralab.formats.channel_names import unique_names
+from duralab.formats.errors import FormatError, opened, require_file
+from duralab.formats.rpc3_header import BLOCK, MOST_BLOCKS, RECORD, TRUE_LENGTH, Header, parse_header
+from duralab.formats.rpc3_layout import DataType, Layout, TimeType
+from duralab.signals import Channel, Signals
+
+PIECE_BYTES: Final = 1 << 18
+"""Bytes of the file that are in memory at a time; small enough to stay in the cache of a processor."""
+
+PADDING_ATTRIBUTE: Final = "duralab.padding"
+"""Says in `Signals.attributes` whether the padding of the last group was cut off or may still be there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rpc3File:
+    """An RPC III time history whose header was read and found consistent with the file's size.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    header : Header
+        All its records.
+    layout : Layout
+        Where the samples lie.
+    channels : tuple of Channel
+        Names made unique; limits are not taken over, for writers leave them at ±1.
+    scales : np.ndarray, shape (channels)
+        What one integer is worth, in the channel's unit; 1 where numbers are stored as they are.
+    sample_rate : float
+        In hertz.
+    samples : int
+        Of each channel, without padding where the file says how much of it there is.
+    length_known : bool
+        False where the last samples may be padding.
+    trailing_bytes : int
+        Bytes after the last group, which are not read.
+    """
+
+    path: Path
+    header: Header
+    layout: Layout
+    channels: tuple[Channel, ...]
+    scales: np.ndarray
+    sample_rate: float
+    samples: int
+    length_known: bool
+    trailing_bytes: int
+
+    def read(self) -> np.ndarray:
+        """Read the samples.
+
+        Returns
+        -------
+        np.ndarray, shape (channels, samples)
+            float64, in the channels' units. Memory is that of the result, and of one piece of the file.
+
+        Raises
+        ------
+        FormatError
+            A stored number is not finite, or the file became shorter since it was opened.
+        """
+        out = np.empty((self.layout.channels, self.samples))
+        group = self.layout.points_per_group
+        groups_at_once = max(1, PIECE_BYTES // self.layout.group_bytes)
+        piece = np.empty((groups_at_once, self.layout.channels, group), dtype=self.layout.dtype)
+        with opened(self.path), self.path.open("rb", buffering=0) as stream:
+            stream.seek(self.header.size)
+            for first in range(0, -(-self.samples // group), groups_at_once):
+                groups = piece[: min(groups_at_once, self.layout.groups - first)]
+                self._fill(stream, groups, first)
+                self._demultiplex(groups, first, out)
+        return out
+
+    def _fill(self, stream: BinaryIO, groups: np.ndarray, first: int) -> None:
+        content = groups.reshape(-1).view(np.uint8).data
+        done = 0
+        while done < len(content):
+            count = stream.readinto(content[done:])  # pyright: ignore[reportAttributeAccessIssue]
+            if not count:
+                offset = self.header.size + first * self.layout.group_bytes + done
+                raise FormatError(self.path, "the file became shorter while it was read.", offset=offset)
+            done += count
+
+    def _demultiplex(self, groups: np.ndarray, first: int, out: np.ndarray) -> None:
+        """Put groups (group, channel, point) into their place in (channel, sample), in the channels' units."""
+        start = first * self.layout.points_per_group
+        for position, group in enumerate(groups):
+            begin = start + position * self.layout.points_per_group
+            points = min(self.layout.points_per_group, self.samples - begin)
+            if points <= 0:
+                break
+            stored, place = group[:, :points], out[:, begin : begin + points]
+            if self.layout.dtype.kind == "i":
+                np.multiply(stored, self.scales[:, np.newaxis], out=place)
+            else:
+                np.copyto(place, stored)
+                if not np.isfinite(place).all():
+                    self._refuse(place, first + position)
+
+    def _refuse(self, place: np.ndarray, group: int) -> None:
+        row, point = (int(index) for index in np.argwhere(~np.isfinite(place))[0])
+        layout = self.layout
+        offset = self.header.size + group * layout.group_bytes
+        offset += (row * layout.points_per_group + point) * layout.dtype.itemsize
+        raise FormatError(
+            self.path,
+            f"sample {group * layout.points_per_group + point} of {self.channels[row].name} is {place[row, point]}; a "
+            "finite number was expected.",
+            offset=offset,
+        )
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """All records of the header as they are, and a sentence about the padding."""
+        if self.length_known:
+            padding = self.layout.points - self.samples
+            said = f"{padding} samples of padding at the end were cut off, as {TRUE_LENGTH} says"
+        else:
+            said = "the file does not say where its data end; the last samples may be padding"
+        attributes = {**self.header.values, PADDING_ATTRIBUTE: said}
+        if self.trailing_bytes:
+            attributes["duralab.trailing_bytes"] = f"{self.trailing_bytes} bytes after the data were not read"
+        return attributes
+
+
+def open_rpc3(path: Path) -> Rpc3File:
+    """Read and check the header of an RPC III time history.
+
+    What real writers do is read: keywords that the description does not know, lower case, blanks at the ends, more
+    header blocks than records, Latin-1, bytes after the data. What would make the samples a guess is refused.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Rpc3File
+        Its `read` reads the samples.
+
+    Raises
+    ------
+    FormatError
+        With the byte, what is there, and what was expected.
+    """
+    size = require_file(path)
+    with opened(path), path.open("rb") as stream:
+        content = stream.read(BLOCK)
+        # The count of blocks is looked at before so much is read.
+        announced = content[RECORD + 32 : 2 * RECORD].partition(b"\0")[0].strip()
+        if announced.isdigit() and len(announced) < 6 and 1 < int(announced) <= MOST_BLOCKS:
+            content += stream.read((int(announced) - 1) * BLOCK)
+    header = parse_header(path, content)
+    time_type = header.choice("TIME_TYPE", TimeType, TimeType.RESPONSE)
+    if time_type is TimeType.PEAK_PICK:
+        raise header.error("TIME_TYPE", "a history of evenly spaced samples, so no picked peaks,")
+    layout = header.layout()
+    if layout.points == 0:
+        raise header.error("FRAMES", "1 frame or more")
+    available = size - header.size
+    if available < layout.data_bytes:
+        raise FormatError(
+            path,
+            f"the file ends here; {layout.groups} groups of {layout.channels} channels and {layout.points_per_group} "
+            f"points need {layout.data_bytes} bytes after the header, and {available} are there.",
+            offset=size,
+        )
+    samples = header.integer(TRUE_LENGTH, smallest=1, largest=layout.points, default=layout.points)
+    return Rpc3File(
+        path=path,
+        header=header,
+        layout=layout,
+        channels=_channels(header, layout.channels),
+        scales=_scales(header, layout),
+        sample_rate=header.sample_rate(),
+        samples=samples,
+        length_known=TRUE_LENGTH in header.values,
+        trailing_bytes=available - layout.data_bytes,
+    )
+
+
+def _channels(header: Header, count: int) -> tuple[Channel, ...]:
+    labels = [header.values.get(f"DESC.CHAN_{number}", "") for number in range(1, count + 1)]
+    units = [header.values.get(f"UNITS.CHAN_{number}", "") for number in range(1, count + 1)]
+    return tuple(
+        Channel(name=name, unit=unit, label=label)
+        for name, unit, label in zip(unique_names(labels), units, labels, strict=True)
+    )
+
+
+def _scales(header: Header, layout: Layout) -> np.ndarray:
+    scales = np.ones(layout.channels)
+    if header.choice("DATA_TYPE", DataType, DataType.SHORT_INTEGER) is DataType.SHORT_INTEGER:
+        for row in range(layout.channels):
+            scale = header.real(f"SCALE.CHAN_{row + 1}", "what one integer is worth")
+            if not math.isfinite(scale * 2**15):
+                raise header.error(f"SCALE.CHAN_{row + 1}", "a value whose full scale is finite")
+            scales[row] = scale
+    return scales
+
+
+def read_rpc3(path: Path) -> Signals:
+    """Read an RPC III time history.
+
+    Parameters
+    ----------
+    path : Path
+        A `.rsp`, `.drv` or `.tim`.
+
+    Returns
+    -------
+    Signals
+        Half frames at the ends included; padding is cut off only where the file says how much there is. The records of
+        the header are its attributes.
+
+    Raises
+    ------
+    FormatError
+        See `open_rpc3`.
+    """
+    file = open_rpc3(path)
+    return Signals(file.channels, file.sample_rate, file.read(), file.attributes)

@@ -1,0 +1,259 @@
+"""Universal files, dataset 58: time histories, and frequency responses.
+
+Read by pyuff, in the text form and the binary one (58b). Written in the binary form, which keeps float64, by a writer
+of our own: pyuff's announces a wrong size and turns what is not finite into numbers. The header has six digits for the
+time step.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from duralab.errors import InputError
+from duralab.formats.channel_names import unique_names
+from duralab.formats.columns import require_finite
+from duralab.formats.errors import FormatError, require_file
+from duralab.formats.frequency_responses import FrequencyResponse
+from duralab.formats.libraries import parsing, require_library
+from duralab.formats.sample_rates import rate_of_step
+from duralab.formats.written import Written
+from duralab.signals import Channel, Signals
+
+TIME_RESPONSE: Final = 1
+FREQUENCY_RESPONSE: Final = 4
+EVEN: Final = 1
+_TIME_AXIS, _FREQUENCY_AXIS, _GENERAL = 17, 18, 1
+_DOUBLE, _COMPLEX_DOUBLE = 4, 6
+_LITTLE_ENDIAN, _IEEE, _HEADER_LINES = 1, 2, 11
+_NAME_ROOM, _UNIT_ROOM = 80, 20
+_STEP_DIGITS: Final = 5.1e-6
+"""The header's time step has six digits (E13.5): half of the last, relative to the smallest mantissa."""
+
+_EXPECTED: Final = "a universal file with datasets 58"
+_PAIR: Final = re.compile(r"(.+) per (.+)")
+
+
+def read_uff58(path: Path) -> Signals:
+    """Read the time histories of a universal file.
+
+    Parameters
+    ----------
+    path : Path
+        With datasets 58 of function type 1, all of one even time step and one length.
+
+    Returns
+    -------
+    Signals
+        Named by ID line 1, in the units of the ordinate.
+
+    Raises
+    ------
+    FormatError
+        There are none, or they differ in time step or length.
+    """
+    sets = _sets(path, TIME_RESPONSE, "time history")
+    steps = {(float(one["abscissa_inc"]), len(one["data"])) for one in sets}
+    if len(steps) > 1:
+        raise FormatError(
+            path, f"its time histories have the steps and lengths {sorted(steps)[:4]}; one of each was expected."
+        )
+    ((step, length),) = steps
+    if not (0 < step < np.inf and np.isfinite(1 / step) and length):
+        raise FormatError(path, f"the time step is {step} s with {length} samples; both must be greater than 0.")
+    names = unique_names(_text(one["id1"]) for one in sets)
+    samples = np.array([np.real(one["data"]) for one in sets], dtype=np.float64)
+    require_finite(path, names, samples)
+    channels = tuple(
+        Channel(name, _text(one.get("ordinate_axis_units_lab"))) for name, one in zip(names, sets, strict=True)
+    )
+    return Signals(channels, rate_of_step(step, resolution=_STEP_DIGITS * step), samples)
+
+
+def write_uff58(signals: Signals, path: Path) -> Written:
+    """Write time histories as datasets 58b of float64.
+
+    Parameters
+    ----------
+    signals : Signals
+        Names of 80 ASCII characters at most, units of 20.
+    path : Path
+        Where to; what is there is replaced.
+
+    Returns
+    -------
+    Written
+        Without errors; a note where six digits do not tell the sample rate.
+
+    Raises
+    ------
+    InputError
+        A name or a unit does not fit.
+    """
+    step = 1 / signals.sample_rate
+    sets = [
+        _dataset(channel.name, row, function=TIME_RESPONSE, step=step, start=0.0, ordinate=channel.unit, place=place)
+        for place, (channel, row) in enumerate(zip(signals.channels, signals.samples, strict=True), start=1)
+    ]
+    path.write_bytes(b"".join(sets))
+    notes = ["UFF 58 keeps no attributes."] if signals.attributes else []
+    kept = rate_of_step(float(f"{step:.5e}"), resolution=_STEP_DIGITS * step)
+    if kept != signals.sample_rate:
+        notes.append(f"The time step has six digits in UFF 58, so that {signals.sample_rate} Hz become {kept} Hz.")
+    return Written(path, "uff58", signals.samples.shape[1], 0, (0.0,) * len(sets), tuple(notes))
+
+
+def write_frequency_response(response: FrequencyResponse, path: Path) -> None:
+    """Write a frequency response matrix, one dataset 58b of complex float64 for each response and drive.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Finite, at even frequencies.
+    path : Path
+        Where to; what is there is replaced.
+
+    Raises
+    ------
+    InputError
+        A number is not finite, the frequencies are not even, or a name does not fit.
+    """
+    if not np.isfinite(response.frf).all() or response.frequency.size < 2:
+        raise InputError("The frequency response has lines that were not identified; cut them off to write UFF 58.")
+    step = float(response.frequency[-1] - response.frequency[0]) / (response.frequency.size - 1)
+    grid = response.frequency[0] + step * np.arange(response.frequency.size)
+    if not np.allclose(response.frequency, grid, rtol=0, atol=1e-6 * step):
+        raise InputError("The frequencies are not evenly spaced; this writer of UFF 58 stores even ones only.")
+    sets = [
+        _dataset(
+            f"{output.name} per {drive.name}",
+            response.frf[:, row, column],
+            function=FREQUENCY_RESPONSE,
+            step=step,
+            start=float(response.frequency[0]),
+            ordinate=output.unit,
+            denominator=drive.unit,
+            place=row + 1,
+            reference=column + 1,
+        )
+        for row, output in enumerate(response.responses)
+        for column, drive in enumerate(response.drives)
+    ]
+    path.write_bytes(b"".join(sets))
+
+
+def read_frequency_response(path: str | Path) -> FrequencyResponse:
+    """Read a frequency response matrix.
+
+    Parameters
+    ----------
+    path : str or Path
+        With one dataset 58 of function type 4 for each response and drive, named "<response> per <drive>" in ID line 1.
+
+    Returns
+    -------
+    FrequencyResponse
+        Responses and drives in the order of the file.
+
+    Raises
+    ------
+    FormatError
+        There are none, they differ in their frequencies, or one of the matrix is missing.
+    """
+    path = Path(path)
+    columns: dict[tuple[str, str], np.ndarray] = {}
+    drives: dict[str, Channel] = {}
+    responses: dict[str, Channel] = {}
+    axes = set()
+    for one in _sets(path, FREQUENCY_RESPONSE, "frequency response"):
+        name = _text(one["id1"])
+        pair = _PAIR.fullmatch(name)
+        if pair is None:
+            raise FormatError(path, f"a frequency response is called {name!r}; '<response> per <drive>' was expected.")
+        responses.setdefault(pair[1], Channel(pair[1], _text(one.get("ordinate_axis_units_lab"))))
+        drives.setdefault(pair[2], Channel(pair[2], _text(one.get("orddenom_axis_units_lab"))))
+        columns[pair[1], pair[2]] = np.asarray(one["data"], dtype=np.complex128)
+        axes.add((float(one["abscissa_min"]), float(one["abscissa_inc"]), len(one["data"])))
+    if len(axes) > 1 or len(columns) != len(responses) * len(drives):
+        raise FormatError(
+            path,
+            f"{len(columns)} frequency responses at {len(axes)} sets of frequencies; one for each of {len(responses)} "
+            f"responses and {len(drives)} drives, at the same, was expected.",
+        )
+    ((start, step, lines),) = axes
+    frf = np.array([[columns[output, drive] for drive in drives] for output in responses])
+    return FrequencyResponse(
+        tuple(drives.values()),
+        tuple(responses.values()),
+        start + step * np.arange(lines),
+        np.ascontiguousarray(frf.transpose(2, 0, 1)),
+    )
+
+
+def _sets(path: Path, function: int, kind: str) -> list[dict[str, Any]]:
+    pyuff = require_library("pyuff", extra="uff")
+    require_file(path)
+    with parsing(path, _EXPECTED):
+        file = pyuff.UFF(str(path))
+        chosen = []
+        for number, dataset in enumerate(file.get_set_types()):
+            if dataset == 58:
+                content = file.read_sets(number)
+                if content["func_type"] == function:
+                    _require_even(path, content, place=number + 1)
+                    chosen.append(content)
+    if not chosen:
+        raise FormatError(path, f"it holds no {kind}; datasets 58 of function type {function} were expected.", offset=0)
+    return chosen
+
+
+def _require_even(path: Path, content: dict[str, Any], *, place: int) -> None:
+    if content["abscissa_spacing"] != EVEN:
+        raise FormatError(path, f"dataset {place} is not evenly spaced; an even abscissa was expected.")
+    announced, there = content["num_pts"], len(content["data"])
+    if announced != there:
+        raise FormatError(
+            path, f"dataset {place} announces {announced} values and holds {there}; as many as announced were expected."
+        )
+
+
+def _dataset(
+    name: str,
+    data: np.ndarray,
+    *,
+    function: int,
+    step: float,
+    start: float,
+    ordinate: str,
+    place: int,
+    denominator: str = "",
+    reference: int = 0,
+) -> bytes:
+    for text, room in ((name, _NAME_ROOM), (ordinate, _UNIT_ROOM), (denominator, _UNIT_ROOM)):
+        if len(text) > room or not text.isascii() or not (text.isprintable() or not text):
+            raise InputError(f"{text!r} does not fit into UFF 58; {room} ASCII characters at most are allowed.")
+    time = function == TIME_RESPONSE
+    numbers = np.ascontiguousarray(data, dtype="<f8" if time else "<c16")
+    axes = (
+        (_TIME_AXIS if time else _FREQUENCY_AXIS, "s" if time else "Hz"),
+        (_GENERAL, ordinate),
+        (0 if time else _GENERAL, denominator),
+        (0, ""),
+    )
+    lines = [
+        f"{-1:6d}",
+        f"{58:6d}b{_LITTLE_ENDIAN:6d}{_IEEE:6d}{_HEADER_LINES:12d}{numbers.nbytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        *(f"{text:<80}" for text in (name or "NONE", "NONE", "NONE", "NONE", "NONE")),
+        f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{place:10d}{0:4d} {'NONE':<10}{reference:10d}{0:4d}",
+        f"{_DOUBLE if time else _COMPLEX_DOUBLE:10d}{numbers.size:10d}{EVEN:10d}{start:13.5e}{step:13.5e}{0.0:13.5e}",
+        *(f"{kind:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {unit or 'NONE':<20}" for kind, unit in axes),
+    ]
+    return "\n".join(lines).encode("ascii") + b"\n" + numbers.tobytes() + f"\n{-1:6d}\n".encode("ascii")
+
+
+def _text(value: object) -> str:
+    text = str(value or "").strip()
+    return "" if text.upper() == "NONE" else text

@@ -1,0 +1,188 @@
+"""The report of one campaign: figures, tables and the page they stand in."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from duralab._outputs import replace_when_complete
+from duralab.errors import InputError
+from duralab.iteration_table import DAMAGE_SLOPES
+from duralab.recording import Recording, open_recording
+from duralab.recording_content import Model
+from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
+from duralab.report.actuator_rows import actuator_rows, held_rows
+from duralab.report.drawing import Figure
+from duralab.report.held_drives import HeldStretch, held_stretches
+from duralab.report.provenance import method_in_words, provenance, target_step_rows
+from duralab.report.rendering import render
+from duralab.signals import Channel
+from duralab.verdict import Judgement, accepted_error, compare_with_first, judge
+
+TONES: Final = {
+    Judgement.REACHED: "good",
+    Judgement.NOT_JUDGED: "neutral",
+    Judgement.NOT_REACHED: "bad",
+    Judgement.DIVERGED: "bad",
+    Judgement.ENDED_EARLY: "bad",
+}
+
+
+def write_report(source: str | Path | Recording, path: str | Path) -> Path:
+    """Write the report of a recording.
+
+    Parameters
+    ----------
+    source : str, Path or Recording
+        The recording.
+    path : str or Path
+        Where the HTML file goes; one that is there is replaced when the new one is complete.
+
+    Returns
+    -------
+    Path
+        Where it is.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, or holds no playback yet.
+    """
+    recording = source if isinstance(source, Recording) else open_recording(source)
+    html = render_report(recording)
+    with replace_when_complete(Path(path)) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+    return Path(path)
+
+
+def render_report(recording: Recording) -> str:
+    """Return the report as HTML; see `write_report`."""
+    table = recording.iterations
+    if not len(table):
+        raise InputError(
+            f"The recording {recording.path} holds no playback of the target, so there is nothing to report."
+        )
+    specification = recording.specification
+    verdict = judge(table, limit=accepted_error(specification), status=recording.status)
+    shown, model = _shown(recording), recording.model
+    held = held_stretches(shown.last.drive)
+    figures: dict[str, Figure] = {
+        "error": convergence_figures.error_per_playback(table, limit=verdict.limit),
+        "response": convergence_figures.response_per_playback(table),
+        "use": convergence_figures.actuator_use_per_playback(recording.actuators, table.numbers),
+        **{f"damage-{slope}": convergence_figures.damage_per_playback(table, slope) for slope in DAMAGE_SLOPES},
+        **_signal_figures(shown, held),
+        **_load_figures(shown),
+        **(_model_figures(model, shown.band) if model is not None else {}),
+    }
+    window = waveforms.zoom_window(shown.target)
+    told = set(recording.remarks)
+    status_remarks = recording.status.remarks if recording.status is not None else ()
+    scenario = specification.scenario
+    drives = shown.last.drive.channels
+    found = model.distortion if model is not None else None
+    playbacks = list(dict.fromkeys((table.numbers[0], table.numbers[table.best], table.numbers[-1])))
+    return render(
+        "report.html.j2",
+        figures=figures,
+        recording=recording,
+        specification=specification,
+        verdict=verdict,
+        tone=TONES[verdict.judgement],
+        comparison=compare_with_first(table),
+        accepted=int((table.judged_error[-1] <= (verdict.limit or 0.0)).sum()),
+        judged=len(table.judged),
+        table=table,
+        channels=shown.target.channels,
+        channel_options=_options(shown.target.channels),
+        drives=drives,
+        drive_options=_options(drives),
+        rows=tables.channel_rows(table, shown.target, limit=verdict.limit),
+        playbacks=tables.playback_rows(table),
+        repeatability=_repeatability(recording),
+        remarks=[sentence for sentence in status_remarks if sentence not in told],
+        told_on_the_way=recording.remarks,
+        steps=target_step_rows(specification),
+        slopes=DAMAGE_SLOPES,
+        slope_options=[(slope, f"k = {slope}") for slope in (5, 3, 8)],
+        damage=tables.damage_rows(table),
+        damage_columns=playbacks,
+        actuators=actuator_rows(shown.last.actuators, shown.last.drive),
+        held=held_rows(held, drives),
+        cells=tables.matrix_cells(model_figures.contributions(model, shown.band)) if model is not None else [],
+        model=model,
+        response_options=_options(model.responses) if model is not None else [],
+        distortion=[tables.shares_in_words(found, row) for row in range(found.noise_share.size)] if found else [],
+        method=method_in_words(specification),
+        provenance=provenance(recording, shown.last),
+        shown=shown,
+        zoom=(window.start / shown.target.sample_rate, window.stop / shown.target.sample_rate),
+        scenario=scenario,
+        scenario_link=base64.b64encode(scenario.encode()).decode(),
+    )
+
+
+def _signal_figures(shown: waveforms.Shown, held: list[HeldStretch]) -> dict[str, Figure]:
+    figures = {}
+    for row, density in enumerate(waveforms.spectrum(shown)):
+        figures[f"zoom-{row}"] = waveforms.zoomed_waveform(shown, row)
+        figures[f"wave-{row}"] = waveforms.waveform(shown, row, held)
+        figures[f"psd-{row}"] = density
+    for row in range(len(shown.last.drive.channels)):
+        figures[f"drive-{row}"] = waveforms.drive(shown, row, held)
+    return figures
+
+
+def _load_figures(shown: waveforms.Shown) -> dict[str, Figure]:
+    figures = {}
+    for row, channel in enumerate(shown.target.channels):
+        counted = load_figures.counted_loads(shown, row)
+        figures[f"pairs-{row}"] = load_figures.range_pairs(counted, channel.unit)
+        figures[f"crossings-{row}"] = load_figures.level_crossings(counted, channel.unit)
+        figures[f"times-{row}"] = load_figures.time_at_level(counted, channel.unit)
+        figures[f"wanted-{row}"] = load_figures.range_mean(counted, 0, channel.unit)
+        figures[f"done-{row}"] = load_figures.range_mean(counted, -1, channel.unit)
+    return figures
+
+
+def _model_figures(model: Model, band: tuple[float, float]) -> dict[str, Figure]:
+    figures = {
+        "coherence": model_figures.coherence(model, band=band),
+        "condition": model_figures.condition_number(model, band=band),
+    }
+    for i in range(len(model.responses)):
+        for j in range(len(model.drives)):
+            figures[f"frf-{i}-{j}"] = model_figures.model_element(model, i, j, band=band)
+        if model.distortion is not None:
+            figures[f"linear-{i}"] = model_figures.nonlinearity(model, model.distortion, i, band=band)
+    return figures
+
+
+def _options(channels: Sequence[Channel]) -> list[tuple[int, str]]:
+    return [(row, channel.title) for row, channel in enumerate(channels)]
+
+
+def _shown(recording: Recording) -> waveforms.Shown:
+    table, specification = recording.iterations, recording.specification
+    numbers = {table.numbers[0], table.numbers[table.best], table.numbers[-1]}
+    playbacks = {number: recording.playback(number) for number in numbers}
+    return waveforms.Shown(
+        target=recording.target,
+        first=playbacks[table.numbers[0]],
+        best=playbacks[table.numbers[table.best]],
+        last=playbacks[table.numbers[-1]],
+        band=(specification.lowest_frequency, specification.highest_frequency),
+        block_samples=specification.estimator.block_samples,
+    )
+
+
+def _repeatability(recording: Recording) -> dict[str, Any] | None:
+    """Return what the report says of a drive that was played again; None where none was."""
+    status = recording.status
+    if status is None or not status.HasField("repeatability"):
+        return None
+    told = status.repeatability
+    rows = tables.repeatability_rows(told, recording.iterations)
+    return {"iteration": told.iteration, "playbacks": told.playbacks, "rows": rows}

@@ -1,0 +1,59 @@
+"""Figures over the playbacks: how the errors fell, how the damage came right, what it asked of the actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
+from duralab.recording_content import ActuatorUse
+from duralab.report.drawing import Figure, level_line, level_note, markers, over_playbacks
+
+
+def error_per_playback(table: IterationTable, *, limit: float | None) -> Figure:
+    """Relative RMS error of every channel after every playback."""
+    layout = over_playbacks("relative RMS error", table.numbers)
+    layout["yaxis"]["rangemode"] = "tozero"
+    if limit is not None:
+        layout["shapes"] = [level_line(limit)]
+        layout["annotations"] = [level_note(limit, f"accepted: {limit:g}")]
+    return {"data": _channels(table, table.relative_rms_error), "layout": layout}
+
+
+def response_per_playback(table: IterationTable) -> Figure:
+    """RMS response of every channel after every playback."""
+    return _toward_target(table, table.rms_response, "RMS response")
+
+
+def damage_per_playback(table: IterationTable, slope: int) -> Figure:
+    """Damage ratio of every channel after every playback, for an S-N line of one of the slopes told."""
+    figure = _toward_target(table, table.damage_ratio[:, :, DAMAGE_SLOPES.index(slope)], f"damage ratio, k = {slope}")
+    figure["layout"]["yaxis"]["type"] = "log"
+    # On an axis of logarithms a note stands at the logarithm of its value; the line stands at the value itself.
+    figure["layout"]["annotations"] = [level_note(0.0, "target")]
+    return figure
+
+
+def actuator_use_per_playback(actuators: Sequence[Sequence[ActuatorUse]], numbers: Sequence[int]) -> Figure:
+    """Peak of every drive over its limit, for every playback."""
+    data = [
+        markers(i, use.drive, x=numbers, y=np.array([100 * uses[i].peak_command_ratio for uses in actuators]))
+        for i, use in enumerate(actuators[0])
+    ]
+    layout = over_playbacks("peak of the drive [% of its limit]", numbers)
+    layout["yaxis"]["range"] = [0, 105]
+    layout["shapes"], layout["annotations"] = [level_line(100.0, "@error")], [level_note(100.0, "limit", "@error")]
+    return {"data": data, "layout": layout}
+
+
+def _toward_target(table: IterationTable, values: np.ndarray, title: str) -> Figure:
+    layout: dict[str, Any] = over_playbacks(title, table.numbers)
+    layout["shapes"], layout["annotations"] = [level_line(1.0)], [level_note(1.0, "target")]
+    return {"data": _channels(table, values), "layout": layout}
+
+
+def _channels(table: IterationTable, values: np.ndarray) -> list[Figure]:
+    columns = zip(table.channels, values.T, strict=True)
+    return [markers(i, name, x=table.numbers, y=column) for i, (name, column) in enumerate(columns)]

@@ -1,0 +1,112 @@
+"""A report on paper: the same page, printed by a browser that runs without a window."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from duralab._outputs import replace_when_complete
+from duralab.comparison import Comparison
+from duralab.errors import LabError
+from duralab.recording import Recording
+from duralab.report.campaign_report import write_report
+from duralab.report.comparison_report import write_comparison
+
+BROWSERS: Final = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "msedge",
+)
+"""Programs that print a page to a file, by name, the first that is found first."""
+
+PATIENCE_SECONDS: Final = 300.0
+"""A browser that takes longer hangs."""
+
+_MILLISECONDS_OF_THE_PAGE: Final = 60_000
+"""The page's own clock, which runs ahead while nothing is drawn: all figures are there long before."""
+
+
+def find_browser() -> str | None:
+    """Return the program that can print a report, or None where there is none."""
+    return next((found for name in BROWSERS if (found := shutil.which(name))), None)
+
+
+def write_pdf(source: str | Path | Recording | Comparison, path: str | Path, *, browser: str | None = None) -> Path:
+    """Write the report of a recording, or of a comparison, as PDF.
+
+    Parameters
+    ----------
+    source : str, Path, Recording or Comparison
+        The recording, or what `compare` returned.
+    path : str or Path
+        Where the file goes; one that is there is replaced when the new one is complete.
+    browser : str or None
+        A program of the Chromium family; None takes the first that is found on the search path.
+
+    Returns
+    -------
+    Path
+        Where it is.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, or holds no playback yet.
+    LabError
+        There is no such browser, or it does not print.
+    """
+    program = browser or find_browser()
+    if program is None:
+        raise LabError(
+            f"No browser that prints a PDF is on the search path ({', '.join(BROWSERS)}); install one, or open the "
+            "HTML report in any browser and print it there."
+        )
+    with tempfile.TemporaryDirectory(prefix="duralab-pdf-") as folder:
+        page = Path(folder) / "report.html"
+        if isinstance(source, Comparison):
+            write_comparison(page, source)
+        else:
+            write_report(source, page)
+        printed = Path(folder) / "report.pdf"
+        _print(program, page, printed, profile=Path(folder) / "profile")
+        with replace_when_complete(Path(path)) as temporary:
+            shutil.copyfile(printed, temporary)
+    return Path(path)
+
+
+def _print(program: str, page: Path, printed: Path, *, profile: Path) -> None:
+    arguments = [
+        program,
+        "--headless=new",
+        "--disable-gpu",
+        "--disable-background-networking",
+        "--no-first-run",
+        "--no-pdf-header-footer",
+        f"--virtual-time-budget={_MILLISECONDS_OF_THE_PAGE}",
+        f"--user-data-dir={profile}",
+        f"--print-to-pdf={printed}",
+        f"{page.as_uri()}#print",
+    ]
+    if getattr(os, "geteuid", lambda: 1)() == 0:
+        # A browser's own sandbox does not start for root; what it opens here is the page just written.
+        arguments.insert(1, "--no-sandbox")
+    try:
+        done = subprocess.run(arguments, capture_output=True, timeout=PATIENCE_SECONDS, check=False)
+    except OSError as error:
+        raise LabError(f"The browser {program} cannot be started: {error.strerror or error}.") from error
+    except subprocess.TimeoutExpired as error:
+        raise LabError(f"The browser {program} did not print within {PATIENCE_SECONDS:g} s; try again.") from error
+    if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF-"):
+        said = done.stderr.decode(errors="replace").strip().splitlines()
+        reason = f"exit code {done.returncode}{': ' + said[-1] if said else ''}"
+        raise LabError(
+            f"The browser {program} printed nothing ({reason}); open the HTML report in a browser and print it there."
+        )

@@ -1,0 +1,135 @@
+"""Files as other programs write them: read where their meaning is clear, refused with the reason where it is not."""
+
+import asammdf
+import nptdms
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+import scipy.io
+
+from duralab.formats import FormatError, read_signals
+
+TIME = np.arange(100) / 200
+
+
+def csv(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("start", ["", "\ufeff"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_csv_text_of_any_separator_and_line_end_is_read(tmp_path, separator, start, end):
+    lines = [["time [s]", "left vertical [N]", '"f, b [1] [mm]"'], ["0", "1.5", "-2e3"], [" 0.01", "2", "3"]]
+    signals = read_signals(csv(tmp_path, start + end.join(separator.join(line) for line in lines) + end))
+    assert signals.names == ("left vertical", "f, b [1]")
+    assert [channel.unit for channel in signals.channels] == ["N", "mm"]
+    assert signals.sample_rate == 100.0
+    np.testing.assert_array_equal(signals.samples, [[1.5, 2.0], [-2000.0, 3.0]])
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "offset"),
+    [
+        ("time [s],a [N]\n0,1\n0.1,x\n0.2,3\n", "line 3", 19),
+        ("time [s],a [N]\n0,1\n0.1\n", "line 3", 19),
+        ("time [s],a [N]\n0,1,2\n0.1,2,3\n", "line 2: 2 numbers", 0),
+        ("time [s];a [N]\n0;1,5\n1;2\n", "line 2", 15),
+        ("time [s],a [N]\n", "no samples", None),
+        ("time [s],a [N]\n0,1\n", "2 or more", None),
+        ("time,a [N]\n0,1\n1,2\n", "'time'; 'time [s]' was expected", 0),
+        ("time [s],a\n0,1\n1,2\n", "'a' names no unit", 0),
+        ("time [s]\n0\n1\n", "no column beside the time", 0),
+        ("time [s],a [N]\n0,1\n1,nan\n", "sample 1 of a is nan", None),
+        ("time [s],a [N]\n0,1\n1,2\n1.5,2\n", "time steps differ", None),
+        ("time [s],a [N]\n2,1\n1,2\n0,2\n", "time steps differ", None),
+    ],
+)
+def test_csv_text_that_is_wrong_is_named_with_line_and_byte(tmp_path, text, said, offset):
+    with pytest.raises(FormatError) as caught:
+        read_signals(csv(tmp_path, text))
+    assert said in caught.value.message
+    assert caught.value.offset == offset
+
+
+def test_text_in_another_encoding_is_named_with_the_byte(tmp_path):
+    with pytest.raises(FormatError, match="no UTF-8 text") as caught:
+        read_signals(csv(tmp_path, "time [s],a [N]\n0,1\n1,ä\n", "latin-1"))
+    assert caught.value.offset == 21
+
+
+def mdf(tmp_path, *groups):
+    path = tmp_path / "a.mf4"
+    with asammdf.MDF(version="4.10") as measurement:
+        for group in groups:
+            measurement.append([asammdf.Signal(samples, time, name=name, unit="N") for name, time, samples in group])
+        measurement.save(path, overwrite=True)
+    return path
+
+
+def test_mdf_groups_of_one_time_are_read_together_and_integers_become_numbers(tmp_path):
+    first, second = np.arange(100), np.linspace(-1, 1, 100)
+    signals = read_signals(mdf(tmp_path, [("a", TIME, first)], [("b", TIME, second)]))
+    assert signals.names == ("a", "b")
+    assert signals.sample_rate == 200.0
+    np.testing.assert_array_equal(signals.samples, [first, second])
+
+
+def test_mdf_groups_of_different_times_are_refused(tmp_path):
+    path = mdf(tmp_path, [("a", TIME, np.ones(100))], [("b", TIME[:50] * 2, np.ones(50))])
+    with pytest.raises(FormatError, match="a has 100 and b 50 samples"):
+        read_signals(path)
+
+
+def tdms(tmp_path, *channels):
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("g", name, data, properties=properties) for name, data, properties in channels]
+        )
+    return path
+
+
+def test_tdms_channels_of_one_step_are_read_and_texts_left_out(tmp_path):
+    step = {"wf_increment": 0.005, "unit_string": "kN"}
+    signals = read_signals(tdms(tmp_path, ("a", np.arange(5, dtype=np.int16), step), ("b", np.ones(5), step)))
+    assert (signals.names, signals.sample_rate, signals.channels[0].unit) == (("a", "b"), 200.0, "kN")
+    for other in ({"wf_increment": 0.01}, {}):
+        with pytest.raises(FormatError, match="one wf_increment"):
+            read_signals(tdms(tmp_path, ("a", np.ones(5), step), ("b", np.ones(5), other)))
+
+
+def test_a_parquet_table_of_other_columns_or_with_nulls_is_refused(tmp_path):
+    path = tmp_path / "a.parquet"
+    pyarrow.parquet.write_table(pyarrow.table({"time [s]": TIME, "a [N]": TIME.astype(np.float32)}), path)
+    assert read_signals(path).names == ("a",)
+    for table, said in (
+        ({"t": TIME, "a [N]": TIME}, "first column is 't'"),
+        ({"time [s]": [0.0, 1.0], "a [N]": [1.0, None]}, "has nulls"),
+        ({"time [s]": [0.0, 1.0], "a [N]": ["x", "y"]}, "Parquet table was expected"),
+    ):
+        pyarrow.parquet.write_table(pyarrow.table(table), path)
+        with pytest.raises(FormatError, match=said):
+            read_signals(path)
+
+
+def test_a_matlab_file_with_other_variables_is_refused_with_what_it_has(tmp_path):
+    path = tmp_path / "a.mat"
+    good = {"samples": np.ones((2, 9)), "sample_rate": 100, "names": np.array(["a", "b"], dtype=object),
+            "units": np.array(["N", ""], dtype=object)}  # fmt: skip
+    for changes, said in (
+        ({"samples": None}, "lacks samples"),
+        ({"samples": np.ones((9, 2))}, "2 names"),
+        ({"samples": np.array([["x"]])}, "samples is"),
+        ({"sample_rate": 0}, "sample_rate is"),
+        ({"samples": np.full((2, 9), np.inf)}, "sample 0 of a is inf"),
+    ):
+        content = {name: value for name, value in (good | changes).items() if value is not None}
+        scipy.io.savemat(path, content)
+        with pytest.raises(FormatError, match=said):
+            read_signals(path)
+    scipy.io.savemat(path, good)
+    assert [channel.unit for channel in read_signals(path).channels] == ["N", ""]

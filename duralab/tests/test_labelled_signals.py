@@ -1,0 +1,93 @@
+"""Signals to xarray and back, and drives told by name."""
+
+import numpy as np
+import pytest
+import xarray
+
+from duralab._drive_signals import drive_signals
+from duralab.errors import InputError
+from duralab.rig import Rig
+from duralab.signals import Channel, Signals
+
+CHANNELS = (Channel("a", "m", maximum=1.0, minimum=-1.0, label="stroke"), Channel("b", "N"))
+SIGNALS = Signals(CHANNELS, 500.0, np.random.default_rng(1).standard_normal((2, 400)))
+RIG = Rig(
+    name="rig",
+    specimen="",
+    engine="",
+    version="",
+    sample_rate=500.0,
+    drives=CHANNELS,
+    responses=(),
+    longest_drive_seconds=10.0,
+    static_response=np.zeros(0),
+    content_hash="",
+)
+
+
+def dataset(signals: Signals = SIGNALS) -> xarray.Dataset:
+    return xarray.Dataset(
+        {
+            channel.name: ("time", row, {"units": channel.unit})
+            for channel, row in zip(signals.channels, signals.samples, strict=True)
+        },
+        coords={"time": signals.time},
+    )
+
+
+@pytest.mark.parametrize("labelled", [SIGNALS.to_xarray(), SIGNALS.to_xarray().T, dataset()])
+def test_what_goes_to_xarray_comes_back(labelled):
+    back = Signals.from_xarray(labelled)
+    assert back.names == SIGNALS.names
+    assert [channel.unit for channel in back.channels] == ["m", "N"]
+    assert back.sample_rate == SIGNALS.sample_rate
+    np.testing.assert_array_equal(back.samples, SIGNALS.samples)
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0 / 3.0, 204.8])
+def test_the_rate_comes_from_the_time_where_nothing_else_tells_it(rate):
+    labelled = Signals(CHANNELS, rate, SIGNALS.samples).to_xarray()
+    del labelled.attrs["sample_rate"]
+    assert Signals.from_xarray(labelled).sample_rate == pytest.approx(rate, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("labelled", "part"),
+    [
+        (xarray.DataArray(np.zeros((2, 3)), dims=("x", "time")), "dimensions x, time; needed are channel, time"),
+        (xarray.DataArray(np.zeros((2, 3)), dims=("channel", "time")), "no names"),
+        (xarray.DataArray(np.zeros((1, 3)), dims=("channel", "time"), coords={"channel": ["a"]}), "not told"),
+        (
+            xarray.DataArray(
+                np.zeros((1, 3)), dims=("channel", "time"), coords={"channel": ["a"], "time": [0.0, 0.1, 0.3]}
+            ),
+            "not even",
+        ),
+        (xarray.Dataset(), "no variable"),
+        (xarray.Dataset({"a": (("time", "run"), np.zeros((2, 2)))}), "'a' has the dimensions time, run"),
+    ],
+)
+def test_labels_that_do_not_say_enough_are_refused(labelled, part):
+    with pytest.raises(InputError, match=part):
+        Signals.from_xarray(labelled)
+
+
+@pytest.mark.parametrize("drive", [SIGNALS.to_xarray()[::-1], dataset()[["b", "a"]], dataset()])
+def test_a_drive_with_names_may_have_them_in_any_order(drive):
+    ordered = drive_signals(drive, RIG)
+    assert ordered.channels == CHANNELS
+    np.testing.assert_array_equal(ordered.samples, SIGNALS.samples)
+
+
+def test_another_unit_and_other_names_are_left_for_the_rig_to_refuse():
+    millimetres = (Channel("b", "N"), Channel("a", "mm"))
+    assert drive_signals(Signals(millimetres, 500.0, SIGNALS.samples), RIG).channels[0].unit == "mm"
+    other = Signals((Channel("c", "m"), CHANNELS[1]), 500.0, SIGNALS.samples)
+    assert drive_signals(other, RIG) is other
+
+
+def test_an_array_without_names_is_taken_in_the_order_of_the_rig():
+    unnamed = xarray.DataArray(SIGNALS.samples, dims=("channel", "time"))
+    np.testing.assert_array_equal(drive_signals(unnamed, RIG).samples, SIGNALS.samples)
+    with pytest.raises(InputError, match=r"needs \(2, samples\): a, b"):
+        drive_signals(unnamed[:1], RIG)

@@ -1,0 +1,162 @@
+"""RPC III files that are written are what the description says, and another reader agrees."""
+
+import dataclasses
+import itertools
+import struct
+
+import numpy as np
+import pytest
+import rpc3
+
+from duralab import Channel, InputError, Signals
+from duralab.formats.rpc3_layout import ByteOrder, DataType, TimeType
+from duralab.formats.rpc3_reading import open_rpc3, read_rpc3
+from duralab.formats.rpc3_writing import Rpc3Settings, write_rpc3
+
+rpc3.rpc3.progressbar = False
+
+
+def some_signals(samples=5000, *, count=3, seed=0, rate=1000.0):
+    rng = np.random.default_rng(seed)
+    units = itertools.cycle(["N", "m/s^2", "µm"])
+    channels = tuple(Channel(name=f"left_{row}", unit=next(units)) for row in range(count))
+    return Signals(channels, rate, rng.normal(size=(count, samples)) * 10.0 ** rng.integers(-6, 6, size=(count, 1)))
+
+
+@pytest.mark.parametrize("half_frames", [False, True])
+@pytest.mark.parametrize("byte_order", list(ByteOrder))
+@pytest.mark.parametrize("data_type", list(DataType))
+@pytest.mark.parametrize("points", [(256, 2048), (16384, 16384), (2048, 8192)])
+def test_what_was_written_is_read_back_within_the_error_that_was_told(
+    tmp_path, data_type, byte_order, points, half_frames
+):
+    signals = some_signals(32768 if half_frames else 5001)
+    settings = Rpc3Settings(
+        data_type=data_type,
+        byte_order=byte_order,
+        points_per_frame=points[0],
+        points_per_group=points[1],
+        half_frames=half_frames,
+    )
+    path = tmp_path / "a.rsp"
+    written = write_rpc3(signals, path, settings)
+    back = read_rpc3(path)
+    assert back.names == signals.names
+    assert [channel.unit for channel in back.channels] == [channel.unit for channel in signals.channels]
+    assert back.sample_rate == signals.sample_rate
+    assert back.samples.shape == signals.samples.shape
+    np.testing.assert_array_equal(written.largest_errors, np.abs(back.samples - signals.samples).max(axis=1))
+    peaks = np.abs(signals.samples).max(axis=1)
+    allowed = peaks / 65504 * (1 + 1e-9) if data_type is DataType.SHORT_INTEGER else peaks * 2.0**-24
+    assert (np.array(written.largest_errors) <= allowed).all()
+    assert path.stat().st_size == open_rpc3(path).header.size + (written.samples + written.padding) * 3 * (
+        2 if data_type is DataType.SHORT_INTEGER else 4
+    )
+
+
+def test_the_bytes_are_those_of_the_description(tmp_path):
+    signals = Signals((Channel("a", "N"), Channel("b", "mm")), 500.0, np.array([[32752.0, -16376.0], [0.0, 65504.0]]))
+    path = tmp_path / "a.drv"
+    written = write_rpc3(signals, path)
+    content = path.read_bytes()
+    assert [content[place : place + 32].rstrip(b"\0") for place in (0, 128, 256)] == [
+        b"FORMAT",
+        b"NUM_HEADER_BLOCKS",
+        b"NUM_PARAMS",
+    ]
+    size = 512 * int(content[160:256].rstrip(b"\0"))
+    assert len(content) == size + 2 * 2 * 2048
+    assert struct.unpack_from("<3h", content, size) == (32752, -16376, 0)
+    assert struct.unpack_from("<3h", content, size + 2 * 2048) == (0, 32752, 0)
+    assert b"TIME_TYPE".ljust(32, b"\0") + b"DRIVE\0" in content
+    assert b"FRAMES".ljust(32, b"\0") + b"1\0" in content
+    assert (written.samples, written.padding, written.largest_errors) == (2, 2046, (0.0, 0.0))
+    assert "2046 zeros" in written.notes[0]
+
+
+@pytest.mark.parametrize("data_type", list(DataType))
+@pytest.mark.parametrize("samples", [2048, 5001])
+def test_rpc3_file_reads_what_was_written(tmp_path, data_type, samples):
+    signals = some_signals(samples)
+    path = tmp_path / "a.rsp"
+    # It warns where frames do not fill a group, so a frame is as long as one.
+    write_rpc3(signals, path, Rpc3Settings(data_type=data_type, points_per_frame=2048))
+    channels, _ = rpc3.read(str(path))
+    assert [(channel.name, channel.unit, channel.dt) for channel in channels] == [
+        (channel.name, channel.unit, 0.001) for channel in signals.channels
+    ]
+    ours = read_rpc3(path).samples
+    # It returns single precision.
+    np.testing.assert_array_equal(np.array([channel.data for channel in channels]), ours.astype(np.float32))
+
+
+@pytest.mark.parametrize("datatype", [int, float])
+@pytest.mark.parametrize("samples", [100, 5001])
+def test_what_rpc3_file_writes_is_read(tmp_path, datatype, samples):
+    signals = some_signals(samples)
+    path = tmp_path / "a.rsp"
+    rpc3.write(
+        str(path),
+        [
+            rpc3.Channel(channel.name, channel.unit, 0.001, data)
+            for channel, data in zip(signals.channels, signals.samples, strict=True)
+        ],
+        datatype=datatype,
+    )
+    back = read_rpc3(path)
+    assert back.names == signals.names
+    assert back.samples.shape == signals.samples.shape
+    peaks = np.abs(signals.samples).max(axis=1, keepdims=True)
+    assert (np.abs(back.samples - signals.samples) <= peaks * (1.6e-5 if datatype is int else 2.0**-24)).all()
+
+
+def test_a_drive_and_a_response_are_told_apart_by_attribute_setting_and_suffix(tmp_path):
+    signals = some_signals(10)
+
+    def time_type(name, given=signals, settings=None):
+        write_rpc3(given, tmp_path / name, settings)
+        return read_rpc3(tmp_path / name).attributes["TIME_TYPE"]
+
+    assert time_type("a.drv") == "DRIVE"
+    assert time_type("a.rsp") == "RESPONSE"
+    with_attribute = dataclasses.replace(signals, attributes={"TIME_TYPE": "mult_resp", "PARENT_1": "road.rsp"})
+    assert time_type("a.rsp", with_attribute) == "MULT_RESP"
+    assert time_type("a.tim", with_attribute) == "MULT_RESP"
+    assert time_type("a.drv", with_attribute) == "DRIVE"
+    assert read_rpc3(tmp_path / "a.drv").attributes["PARENT_1"] == "road.rsp"
+    assert time_type("a.rsp", with_attribute, Rpc3Settings(time_type=TimeType.DRIVE)) == "DRIVE"
+
+
+def test_the_same_signals_give_the_same_bytes_and_a_silent_channel_stays_silent(tmp_path):
+    signals = some_signals(3000)
+    signals.samples[1] = 0.0
+    for name in ("a.rsp", "b.rsp"):
+        write_rpc3(signals, tmp_path / name)
+    assert (tmp_path / "a.rsp").read_bytes() == (tmp_path / "b.rsp").read_bytes()
+    assert not read_rpc3(tmp_path / "a.rsp").samples[1].any()
+
+
+@pytest.mark.parametrize(
+    ("channel", "said"),
+    [(Channel("Ω" * 3, "N"), "Latin-1"), (Channel("a" * 96, "N"), "95 characters"), (Channel("a\0b", "N"), "NUL")],
+)
+def test_a_name_that_does_not_fit_is_refused_and_not_cut(tmp_path, channel, said):
+    with pytest.raises(InputError, match=said):
+        write_rpc3(Signals((channel,), 100.0, np.ones((1, 10))), tmp_path / "a.rsp")
+
+
+def test_settings_and_signals_outside_the_description_are_refused(tmp_path):
+    with pytest.raises(InputError, match="points_per_frame is 1000"):
+        Rpc3Settings(points_per_frame=1000)
+    with pytest.raises(InputError, match="multiple"):
+        Rpc3Settings(points_per_frame=4096)
+    with pytest.raises(InputError, match="129 channels"):
+        write_rpc3(some_signals(4, count=129), tmp_path / "a.rsp")
+    with pytest.raises(InputError, match="half frames"):
+        write_rpc3(some_signals(4097), tmp_path / "a.rsp", Rpc3Settings(half_frames=True))
+    with pytest.raises(InputError, match="32-bit"):
+        write_rpc3(
+            Signals((Channel("a", "N"),), 1.0, np.full((1, 3), 1e39)),
+            tmp_path / "a.rsp",
+            Rpc3Settings(data_type=DataType.FLOATING_POINT),
+        )

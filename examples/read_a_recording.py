@@ -1,0 +1,32 @@
+"""Read the recording of a campaign with xarray: figures, a window of the signals, the spectrum of the error.
+
+python examples/read_a_recording.py [ENDPOINT | RECORDING.mcap]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import duralab
+
+given = sys.argv[1:2]
+if given and given[0].endswith(".mcap"):
+    recording = duralab.open(given[0])
+else:
+    with duralab.connect(*given) as lab:
+        recording = lab.run(Path(__file__).with_name("short_campaign.yaml"), out="out/recorded").recording
+
+print(recording)
+figures = recording.iterations.to_xarray()
+print(figures.relative_rms_error.sel(channel="left_vertical").values.round(3))
+
+responses = recording.responses()  # lazy: nothing is read before it is used
+window = responses.sel(time=slice(3.0, 5.0)).load()
+print(window.left_vertical.max("time").values.round())
+
+last = recording.playback(recording.iterations.numbers[-1])
+error = recording.target.to_xarray() - last.response_in_band.to_xarray()
+spectrum = np.abs(np.fft.rfft(error.sel(channel="left_vertical").values))
+worst = np.fft.rfftfreq(error.sizes["time"], 1.0 / recording.target.sample_rate)[spectrum.argmax()]
+print(f"most of the error of left_vertical is at {worst:.1f} Hz")

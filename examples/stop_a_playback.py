@@ -1,0 +1,34 @@
+"""Stop a playback: by a time limit, by another thread, or from anywhere; then look at the rig and reset it.
+
+python examples/stop_a_playback.py [ENDPOINT]
+"""
+
+import sys
+import threading
+
+import numpy as np
+
+import duralab
+
+with duralab.connect(*sys.argv[1:2]) as lab:
+    rig = lab.describe("front_axle")
+    time = np.arange(int(60 * rig.sample_rate)) / rig.sample_rate
+    drive = 0.005 * np.sin(2 * np.pi * time) * np.minimum(1.0, np.minimum(time, time[-1] - time))
+    drives = np.tile(drive, (len(rig.drives), 1))
+
+    # A minute in real time, of which half a second is allowed.
+    try:
+        lab.play(rig.name, drives, real_time=True, timeout_seconds=0.5)
+    except duralab.LabTimeoutError as error:
+        print(error)
+    print(lab.state(rig.name))
+    lab.reset(rig.name)
+
+    # The same, stopped by somebody at the rig.
+    threading.Timer(0.5, lab.stop_rig, args=(rig.name,), kwargs={"reason": "the strut looks hot"}).start()
+    try:
+        lab.play(rig.name, drives, real_time=True)
+    except duralab.StoppedError as error:
+        print(error)
+    print(lab.state(rig.name))
+    print(lab.reset(rig.name))
