@@ -15,7 +15,7 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 figure_7_8_9 \
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench faults studies docs test fuzz check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test fuzz check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -31,6 +31,20 @@ bench: setup ## measure speed, error, start-up and memory of every rig into out/
 
 faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
 	@$(BIN)/python -m tests.faults $(ARGS)
+	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security
+
+security-table: setup ## try every role on every key with every operation over a secured router, and print what came through
+	@$(BIN)/python -m tests.security
+
+audit: setup ## look the dependencies up in a database of vulnerabilities, where one is reached; check that the lock is whole
+	@$(BIN)/python scripts/audit.py
+
+sbom: setup ## write the bill of materials of what is installed, CycloneDX with licences, into out/sbom.cdx.json
+	@mkdir -p out
+	@$(BIN)/cyclonedx-py environment --output-reproducible --of JSON --output-file out/sbom.cdx.json $(BIN)/python
+
+multihost: setup ## the secured lab on four hosts (network namespaces): cables cut, slowed, the router killed; needs root
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.multihost $(ARGS)
 
 # One thread each: sums in one order, so the same bytes, and two studies at a time.
 studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)
@@ -65,6 +79,7 @@ check-imports: setup
 
 check-generated: setup
 	@$(BIN)/python proto/generate.py --check
+	@$(BIN)/python deploy/router/generate.py --check
 
 check-contract: setup
 	@$(BIN)/python proto/check_breaking.py
@@ -74,8 +89,9 @@ check-docs: docs
 check-determinism: setup ## two campaigns with one seed give the same bytes of drive and response
 	@$(BIN)/python scripts/check_determinism.py
 
-proto: setup ## generate duralab_proto.v1 from the contract
+proto: setup ## generate duralab_proto.v1 from the contract, and the router's configuration from the access table
 	@$(BIN)/python proto/generate.py
+	@$(BIN)/python deploy/router/generate.py
 
 lock: ## renew requirements.lock from requirements.in (UPGRADE=1: newest versions)
 	@scripts/uv.sh pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \

@@ -7,7 +7,7 @@ What a reviewer sees behind the language of a fence says what a test does with i
   said what the page shows of it, up to `…`, or else until it listens. `make` is run dry, in the repository: it would
   set up and test what is being tested.
 - `python`: run as a script. `yaml`: a part of a campaign file that has to fit into one; `part-of=rig_sim`, of that
-  service's configuration.
+  service's configuration; `part-of=sweep`, a whole sweep file.
 - `file=NAME`: written under that name, and run where a later command says so.
 - `not-run="why"`: not run, for a reason that the site shows too.
 - `text`, `json` and the like show something; a fence without a language is refused.
@@ -33,12 +33,14 @@ import pytest
 import yaml
 
 import duralab
+from duralab.sweeps import load_sweep
 from rig_sim.service import RigSimConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 PORT = "tcp/127.0.0.1:7474"
 SECONDS = 300
 OWN_TESTS = {
+    "docs/security.md": "tests/security/test_security_guide.py",
     "docs/guides/offline_analysis.md": "tests/test_offline_guide.py",
     "docs/guides/own-specimen.md": "services/rig_sim/tests/test_own_specimen.py",
 }
@@ -178,6 +180,10 @@ class PageRun:
             self._finish(block, f"python {path.name}", expected=0)
         elif block.language == "yaml" and block.options.get("part-of") == "rig_sim":
             RigSimConfig.model_validate(yaml.safe_load(text))
+        elif block.language == "yaml" and block.options.get("part-of") == "sweep":
+            path = self._folder / f"block_{block.line}.yaml"
+            path.write_text(text, encoding="utf-8")
+            load_sweep(path)
         elif block.language == "yaml":
             fit_into_a_campaign(text, self._folder / f"block_{block.line}.yaml")
         elif block.language == "console":

@@ -89,7 +89,10 @@ def test_every_command_in_the_text_exists_with_its_options(page: str):
         if program != "duralab" or not re.fullmatch(r"[a-z][a-z-]*", name):
             continue
         assert name in PROGRAM.list_commands(None), f"{page}: `{command}` is no command."
-        known = {option for parameter in PROGRAM.commands[name].params for option in parameter.opts} | {"--help"}
+        found = PROGRAM.commands[name]
+        if words[0] in getattr(found, "commands", ()):
+            found = found.commands[words[0]]
+        known = {option for parameter in found.params for option in parameter.opts} | {"--help"}
         used = {word.strip("[]").partition("=")[0] for word in words if word.strip("[").startswith("--")}
         assert used <= known, f"{page}: `{command}` has options that are not known: {used - known}."
 

@@ -13,8 +13,8 @@ from duralab._outputs import replace_when_complete
 from duralab.campaign_result import CampaignResult
 from duralab.errors import LabError
 from duralab.mcap_reading import files_from
-from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from labbus import Bus
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from labbus import Bus, FaultError
 
 PART_BYTES: Final = 4 * 1024 * 1024
 CLOSE_SECONDS: Final = 30.0
@@ -153,7 +153,7 @@ def fetch_result(
     status : CampaignStatus
         How it ended.
     folder : Path
-        Where `recording.mcap`, what it goes on with where it is long, and `live.rrd` go.
+        Where `recording.mcap`, what it goes on with where it is long, and `live.rrd`, if the recorder writes one, go.
 
     Raises
     ------
@@ -175,5 +175,10 @@ def fetch_result(
         live_path=folder / "live.rrd",
     )
     fetch_recording(bus, information, path=result.recording_path)
-    fetch(bus, specification.id, part=Part.LIVE, path=result.live_path)
+    try:
+        fetch(bus, specification.id, part=Part.LIVE, path=result.live_path)
+    except FaultError as fault:
+        # A recorder that is told to write no live file has none; a later one can be made of the recording.
+        if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:
+            raise
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -96,7 +97,7 @@ def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
 def reset_rig(ask: Asking, rig: str) -> RigState:
     """Clear the latch of a rig."""
     key = ask.key("rig", ask.bus.keys.rig_reset, rig)
-    return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(), rig_pb2.RigState))
+    return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState))
 
 
 def state_of_rig(ask: Asking, rig: str) -> RigState:

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import IO, Final, Self
 
 import yaml
@@ -54,28 +54,45 @@ class ServicePlan:
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
-def lab_services(*, rigs: Sequence[str], recordings: Path, viewer: str | None) -> tuple[ServicePlan, ...]:
+def lab_services(
+    *,
+    rigs: Sequence[str],
+    recordings: Path,
+    viewer: str | None,
+    specimens: Mapping[str, Path] = MappingProxyType({}),
+    live_file: bool = True,
+) -> tuple[ServicePlan, ...]:
     """Return the four services of a lab; the recorder comes last, and goes last.
 
     Parameters
     ----------
     rigs : sequence of str
-        The rigs that rig_sim serves.
+        The shipped rigs that rig_sim serves.
     recordings : Path
         The recorder's folder.
     viewer : str or None
         Address of a Rerun viewer.
+    specimens : mapping
+        YAML files of further rigs, by the rig's name.
+    live_file : bool
+        Whether the recorder also writes what a viewer would show.
     """
     return (
         ServicePlan(
             "rig_sim",
-            instances=tuple(rigs),
+            instances=(*rigs, *specimens),
             # Beside the recordings: what a killed rig had not brought to the recorder is fetched at the next start.
-            settings={"rigs": list(rigs), "spool_folder": str(recordings.resolve() / "spool")},
+            settings={
+                "rigs": list(rigs),
+                "specimens": [str(path) for path in specimens.values()],
+                "spool_folder": str(recordings.resolve() / "spool"),
+            },
         ),
         ServicePlan("identifier"),
         ServicePlan("iterator"),
-        ServicePlan("recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer}),
+        ServicePlan(
+            "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
+        ),
     )
 
 

@@ -22,6 +22,7 @@ from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
 from duralab.catalogue import Catalogue
 from duralab.errors import LabError
+from duralab.health import ServiceHealth, health_of
 from duralab.lab_rigs import LabRigs, tell_nobody
 from duralab.signals import Signals
 from duralab.watching import Watch, Watched
@@ -70,6 +71,10 @@ class Lab(LabRigs):
     def catalogue(self) -> Catalogue:
         """Finds and checks the recordings that the lab's recorder holds."""
         return Catalogue(self._ask)
+
+    def health(self) -> list[ServiceHealth]:
+        """Ask every service how it is: queues, lag, loss, latches, progress; one that is silent says so."""
+        return health_of(self._bus)
 
     def watch(
         self,

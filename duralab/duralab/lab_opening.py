@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -15,10 +16,14 @@ from duralab._supervisor import Supervisor, lab_services
 from duralab.errors import InputError, UnavailableError
 from duralab.lab import Lab
 from duralab.running_labs import the_running_lab
-from labbus import Bus, BusConfig, BusError, FaultError, open_bus
+from labbus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
 """Where `duralab up` listens, and `connect` looks, where nothing else is said."""
+
+SECURED: Final = "tls/"
+IDENTITY_VARIABLE: Final = "DURALAB_IDENTITY"
+"""Names the certificate to show a secured lab, where none is given."""
 
 FREE_ENDPOINT: Final = "tcp/127.0.0.1:0"
 DEFAULT_RIGS: Final = ("front_axle", "predecessor")
@@ -77,7 +82,11 @@ def start(
 
 @contextmanager
 def connect(
-    endpoint: str | None = None, *, out: str | Path | None = None, timeout_seconds: float = FIND_SECONDS
+    endpoint: str | None = None,
+    *,
+    out: str | Path | None = None,
+    timeout_seconds: float = FIND_SECONDS,
+    identity: str | Path | None = None,
 ) -> Iterator[Lab]:
     """Join a lab that runs already, e.g. by `duralab up`.
 
@@ -90,11 +99,15 @@ def connect(
         Folder for results; a temporary one, removed at the end, where not given.
     timeout_seconds : float
         Longest time to meet the services of the lab.
+    identity : str or Path, optional
+        For an endpoint `tls/…` of a secured lab: path of one's certificate without its suffix,
+        `<folder>/<role>.<name>`, with `.crt` and `.key` and the lab's `ca.crt` beside; what DURALAB_IDENTITY says
+        where not given.
 
     Raises
     ------
     InputError
-        Nothing listens there, or several labs run here and none is named.
+        Nothing listens there, several labs run here and none is named, or the lab does not let this identity in.
     UnavailableError
         A service of the lab is not on that bus.
     """
@@ -103,7 +116,7 @@ def connect(
         endpoint = running.endpoint if running is not None else DEFAULT_ENDPOINT
     with ExitStack() as stack:
         private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
-        bus = stack.enter_context(_open(listen=(FREE_ENDPOINT,), connect=(endpoint,)))
+        bus = stack.enter_context(join_bus(endpoint, identity=identity))
         needed = {(service, "main") for service in ("identifier", "iterator", "recorder")}
         try:
             bus.wait_for_live(needed, timeout_seconds)
@@ -113,15 +126,31 @@ def connect(
         yield Lab(bus, out=Path(out) if out is not None else private / "out")
 
 
-def join_bus(endpoint: str) -> Bus:
+def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
     """Open a session that joins the bus at an endpoint, whoever is on it.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where it listens; `tls/…` of a secured lab.
+    identity : str or Path, optional
+        As `connect` takes it.
 
     Raises
     ------
     InputError
-        Nothing listens there.
+        Nothing listens there, or the lab lets this identity not in.
     """
-    return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))
+    if not endpoint.startswith(SECURED):
+        return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))
+    shown = identity or os.environ.get(IDENTITY_VARIABLE)
+    if not shown:
+        raise InputError(
+            f"The lab at {endpoint} is secured; say who you are with {IDENTITY_VARIABLE}=<folder>/<role>.<name>, "
+            "the path of your certificate without '.crt'."
+        )
+    # All goes through the router, which knows who may do what.
+    return _open(mode=BusMode.CLIENT, connect=(endpoint,), tls=TlsConfig.of(shown))
 
 
 def _wait_until_all_are_known(bus: Bus) -> None:
@@ -134,9 +163,9 @@ def _wait_until_all_are_known(bus: Bus) -> None:
             known, quiet_since = now, time.monotonic()
 
 
-def _open(*, listen: tuple[str, ...], connect: tuple[str, ...]) -> Bus:
+def _open(**settings: object) -> Bus:
     try:
-        return open_bus(BusConfig(listen=listen, connect=connect), service="duralab")
+        return open_bus(BusConfig.model_validate(settings), service="duralab")
     except ValidationError as error:
         reason = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise InputError(f"{reason[0].upper()}{reason[1:]}.") from error

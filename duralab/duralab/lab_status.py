@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from duralab._following import ENDED
+from duralab.health import ServiceHealth, health_of
 from duralab.iteration_table import IterationTable
 from duralab.rig_state import RigMode, RigState
 from duralab_proto.keys import MAIN_INSTANCE
@@ -65,6 +66,7 @@ class LabStatus:
     """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them."""
 
     missing: tuple[str, ...]
+    services: tuple[ServiceHealth, ...]
     rigs: tuple[RigState, ...]
     campaigns: tuple[CampaignUnderWay, ...]
     recorder: RecorderStatus | None
@@ -91,6 +93,7 @@ def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
     held = _held(bus) if ("recorder", MAIN_INSTANCE) in live else None
     return LabStatus(
         missing=tuple(name for name in SERVICES if name not in there),
+        services=tuple(health_of(bus)),
         rigs=tuple(_rig(bus, name) for name in rigs),
         campaigns=_campaigns(bus, held or []) if "iterator" in there else (),
         recorder=None if held is None else _recorder(held, recordings),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import synthetic_campaign
+from pydantic import ConfigDict
 
 from duralab_proto.arrays import from_record, to_record
 from duralab_proto.keys import id_of, rig_of
@@ -22,6 +23,8 @@ ROAD = tuple(f"{side}_{what}" for side in ("left", "right") for what in ("height
 
 class AnyConfig(ServiceConfig):
     """What the real services take, unchecked."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
 
     rigs: tuple[str, ...] = ("front_axle", "predecessor")
     folder: str = ""

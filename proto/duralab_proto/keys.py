@@ -207,9 +207,17 @@ class Keys:
         """Liveliness token of one instance of a service."""
         return self._key("live", _or_any(service, check_rig), _or_any(instance, check_id))
 
+    def health(self, service: str, instance: str) -> str:
+        """Query: HealthRequest → Health, of every instance that is live."""
+        return self._key("health", _or_any(service, check_rig), _or_any(instance, check_id))
+
     def asking(self, query: str) -> str:
         """Liveliness token that a client holds while it waits for a query's answer; `query` is its random id."""
         return self._key("asking", _or_any(query, check_id))
+
+    def within(self, key: str) -> str:
+        """Return a key of this lab without what all of them begin with, e.g. "rig/front_axle/play"."""
+        return key.removeprefix(f"{PREFIX}/{self.lab}/")
 
     def serving(self, key: str) -> str:
         """Return the liveliness key of the service that answers `key`; see the function of the same name."""
@@ -278,7 +286,7 @@ def serving(key: str) -> str:
     Parameters
     ----------
     key : str
-        Any key of the contract under rig/, identifier/, iterator/ or recorder/.
+        Any key of the contract under rig/, identifier/, iterator/, recorder/ or health/.
 
     Returns
     -------
@@ -297,7 +305,10 @@ def serving(key: str) -> str:
             return Keys(lab).live("rig_sim", rig)
         case [("identifier" | "iterator" | "recorder") as service, *_]:
             return Keys(lab).live(service, MAIN_INSTANCE)
+        case ["health", service, instance]:
+            return Keys(lab).live(service, instance)
         case _:
             raise ValueError(
-                f"The key {key!r} is answered by no service: it is not under rig/, identifier/, iterator/ or recorder/."
+                f"The key {key!r} is answered by no service: it is not under rig/, identifier/, iterator/, recorder/ "
+                "or health/."
             )

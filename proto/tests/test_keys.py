@@ -88,6 +88,8 @@ def test_name_too_long_for_a_file_is_refused():
         (Keys("l").campaign_stop("abc"), "live/iterator/main"),
         (Keys("l").commit(), "live/recorder/main"),
         (Keys("l").recordings(), "live/recorder/main"),
+        (Keys("l").health("rig_sim", "front_axle"), "live/rig_sim/front_axle"),
+        (Keys("l").health("iterator", "main"), "live/iterator/main"),
     ],
 )
 def test_serving_names_the_token_of_who_answers(key, live):

@@ -26,8 +26,14 @@ def commands_page() -> str:
         parts.append(f"{program.epilog}\n")
     for section, names in SECTIONS.items():
         parts.append(f"## {section}\n")
-        parts += [_command(program.commands[name], f"{program.name} {name}") for name in names]
+        parts += [_command(_found(program, name), f"{program.name} {name}") for name in names]
     return "\n".join(parts)
+
+
+def _found(group: Any, name: str) -> Any:
+    for word in name.split():
+        group = group.commands[word]
+    return group
 
 
 def _command(command: Any, path: str) -> str:

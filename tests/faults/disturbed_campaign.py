@@ -92,6 +92,7 @@ class Operator:
             try:
                 status = self._status()
                 if status is None and self._finished_before():
+                    self._outcome.recovered_seconds = time.monotonic() - lifted
                     return
                 if status is None or status.phase in _BROKEN_OFF:
                     trouble = status.fault.message if status is not None else "the iterator does not know it"

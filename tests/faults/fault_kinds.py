@@ -89,6 +89,15 @@ def _kill(victim: str) -> Bring:
     return bring
 
 
+def _restart(victim: str) -> Bring:
+    def bring(place: Place, _random: np.random.Generator, _scale: Scale, _stack: ExitStack) -> str:
+        code = place.lab.end(victim)
+        place.lab.start(victim)
+        return f"told to end, exit code {code}, and started again at once"
+
+    return bring
+
+
 def _freeze(victim: str) -> Bring:
     def bring(place: Place, random: np.random.Generator, scale: Scale, _stack: ExitStack) -> str:
         duration = scale.duration(random)
@@ -169,6 +178,7 @@ def _malform(place: Place, random: np.random.Generator, scale: Scale, _stack: Ex
 FAULTS = (
     *(FaultKind(f"kill {name}", _kill(name)) for name in (*SERVICES, HUB)),
     FaultKind("kill router", _kill(HUB), Topology.ROUTED),
+    *(FaultKind(f"restart {name}", _restart(name)) for name in SERVICES),
     *(FaultKind(f"freeze {name}", _freeze(name)) for name in (*SERVICES, HUB)),
     FaultKind("freeze router", _freeze(HUB), Topology.ROUTED),
     *(FaultKind(f"cut {name}", _cut(name), Topology.ROUTED) for name in SERVICES),

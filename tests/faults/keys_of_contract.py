@@ -19,8 +19,8 @@ from .malformed import TEXTS
 _MODULES = (rig_pb2, identifier_pb2, iterator_pb2, recorder_pb2, query_pb2)
 _QUERY = re.compile(r"Query: (\w+) →")
 _STREAM = re.compile(r"[Ss]tream of (\w+)")
-NO_MESSAGES = frozenset({"live", "asking", "serving"})
-"""Methods of the key space whose keys carry no message: liveliness."""
+NO_MESSAGES = frozenset({"live", "asking", "serving", "within"})
+"""Methods of the key space whose keys carry no message."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ContractKey:
     make : callable
         Returns the key for the names it takes.
     names : tuple of str
-        What it has to be given: "rig", "run" or "id".
+        What it has to be given: "rig", "run", "id", "service" or "instance".
     kind : type
         The message it takes.
     stream : bool
@@ -90,6 +90,6 @@ def odd_name_in(path: str, key: ContractKey, random: np.random.Generator) -> str
     odd = [text for text in TEXTS if text and not set(text) & set("*$#?/") and len(text) < 1000]
     name = odd[int(random.integers(len(odd)))] if key.names else "main"
     chunks = path.split("/")
-    place = {"rig": 4, "id": 5}[key.names[0]] if key.names else len(chunks) - 1
+    place = {"rig": 4, "id": 5, "service": 4}[key.names[0]] if key.names else len(chunks) - 1
     chunks[min(place, len(chunks) - 1)] = name
     return "/".join(chunks)

@@ -152,6 +152,14 @@ class LabUnderFault:
         process.wait()
         _close(process)
 
+    def end(self, name: str) -> int:
+        """Tell a service to end, as whoever installs a new version of it does; return its exit code."""
+        process = self._processes[name]
+        process.terminate()
+        code = process.wait(_END_SECONDS)
+        _close(process)
+        return code
+
     @contextmanager
     def frozen(self, name: str) -> Iterator[None]:
         """Stop a part as a debugger or a machine without memory does; it goes on afterwards."""

@@ -87,7 +87,9 @@ def send_malformed(target: Target, reference: Reference, *, seed: int, each: int
     queries: dict[str, list[ContractKey]] = {}
     for key in contract_keys(target.keys):
         if not key.stream:
-            queries.setdefault(_path(key, target).split("/")[3], []).append(key)
+            service = _path(key, target).split("/")[3]
+            # The health of the rigs is asked here.
+            queries.setdefault("rig" if service == "health" else service, []).append(key)
     tallies = {service: Tally() for service in queries}
     with ThreadPoolExecutor(len(queries)) as pool:
         asking = [
@@ -115,7 +117,8 @@ def _ask_service(
 
 def _path(key: ContractKey, target: Target) -> str:
     known = target.model if key.name in ("model", "prediction", "convergence") else target.campaign
-    return key.make(*(RIG if name == "rig" else known for name in key.names))
+    names = {"rig": RIG, "id": known, "service": "rig_sim", "instance": RIG}
+    return key.make(*(names[name] for name in key.names))
 
 
 def _made(

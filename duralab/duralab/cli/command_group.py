@@ -28,6 +28,7 @@ SECTIONS: Final[dict[str, dict[str, str]]] = {
         "run": "campaigns:run",
         "resume": "campaigns:resume",
         "stop": "campaigns:stop",
+        "sweep": "sweeps:sweep",
     },
     "Recordings": {
         "report": "recordings:report",
@@ -38,6 +39,9 @@ SECTIONS: Final[dict[str, dict[str, str]]] = {
     },
     "Files": {"import": "files:import_file", "convert": "files:convert"},
     "This machine": {"doctor": "machine:doctor"},
+    "Secured lab": {
+        f"certs {name}": f"certificates:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")
+    },
 }
 """For each command its module in `duralab.cli.signatures` and its function there."""
 
@@ -50,12 +54,22 @@ def command_function(name: str) -> Any:
     return getattr(import_module(f"duralab.cli.signatures.{module}"), function)
 
 
-class _Commands(Mapping[str, TyperCommand]):
-    """All commands, each made when it is asked for."""
+class _Commands(Mapping[str, TyperCommand | TyperGroup]):
+    """All commands that begin with some words, by the word that follows, each made when it is asked for."""
 
-    def __getitem__(self, name: str) -> TyperCommand:
+    def __init__(self, words: str = "") -> None:
+        self._words = words
+
+    def __getitem__(self, name: str) -> TyperCommand | TyperGroup:
+        path = self._words + name
+        inner = _Commands(f"{path} ")
+        if path not in _PLACES and len(inner):
+            listed = ", ".join(inner)
+            group = TyperGroup(name=name, help=f"One of {listed}.", rich_markup_mode=None)
+            group.commands = inner  # type: ignore[assignment]  (it is only read)
+            return group
         # Looked up first: only a name that no command has is a KeyError.
-        function = command_function(name)
+        function = command_function(path)
         single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
         single.command(name)(function)
         command = get_command(single)
@@ -64,10 +78,11 @@ class _Commands(Mapping[str, TyperCommand]):
         return command
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_PLACES)
+        inside = [name.removeprefix(self._words) for name in _PLACES if name.startswith(self._words)]
+        return iter(dict.fromkeys(name.partition(" ")[0] for name in inside))
 
     def __len__(self) -> int:
-        return len(_PLACES)
+        return sum(1 for _ in self)
 
 
 class CommandGroup(TyperGroup):
@@ -81,7 +96,7 @@ class CommandGroup(TyperGroup):
     def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
         """Return the names of all commands, in the order of the sections."""
         del ctx
-        return list(_PLACES)
+        return list(self.commands)
 
     def format_commands(self, ctx: typer.Context, formatter: Any) -> None:  # type: ignore[override]
         """Write a line for each command: the first of its function's docstring."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import secrets
+
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError, LabError
@@ -26,7 +28,7 @@ def reset(rig: str, *, endpoint: str | None, as_json: bool) -> None:
         try:
             bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
             before = bus.query(state_key, rig_pb2.StateRequest(), rig_pb2.RigState)
-            after = bus.query(key, rig_pb2.ResetRequest(), rig_pb2.RigState)
+            after = bus.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState)
         except FaultError as fault:
             raise LabError(fault.message, service=fault.service) from fault
     was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"

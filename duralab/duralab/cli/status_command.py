@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 
 import typer
@@ -18,7 +20,15 @@ from duralab.lab_opening import join_bus
 from duralab.lab_status import LabStatus, lab_status
 from duralab.rig_state import RigMode
 from duralab.running_labs import running_labs
+from duralab_proto.keys import MAIN_INSTANCE
 
+_FIGURES = {
+    "duralab_queries_waiting": "waiting",
+    "duralab_stream_lost_messages_total": "lost",
+    "duralab_recorder_lag_seconds": "lag, s",
+    "duralab_rig_real_time_factor": "× real time",
+}
+"""What is shown of each service that tells it, by the name that Prometheus knows too."""
 _MEBIBYTE = 1024 * 1024
 _STYLES = {RigMode.INTERLOCKED: "bold red", RigMode.UNKNOWN: "red", RigMode.PLAYING: "green"}
 
@@ -63,12 +73,28 @@ def _print(endpoint: str, found: LabStatus) -> None:
     console.print(f"Lab at {endpoint}", style="bold", highlight=False, markup=False)
     if found.missing:
         console.print(f"Missing: {', '.join(found.missing)}.", style="bold red", highlight=False, markup=False)
+    console.print(_service_table(found))
     console.print(_rig_table(found))
     if found.campaigns:
         console.print(_campaign_table(found))
     else:
         console.print("No campaign is under way.")
     console.print(_recorder_sentence(found), highlight=False, markup=False)
+
+
+def _service_table(found: LabStatus) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("service", no_wrap=True)
+    for heading in ("up", *_FIGURES.values()):
+        table.add_column(heading, justify="right")
+    table.add_column("trouble", overflow="fold")
+    for health in found.services:
+        name = health.service if health.instance == MAIN_INSTANCE else f"{health.service} {health.instance}"
+        values = [health.value(figure) for figure in _FIGURES]
+        shown = ["" if value is None else f"{value:.3g}" for value in values]
+        up = "" if math.isnan(health.up_seconds) else f"{timedelta(seconds=round(health.up_seconds))}"
+        table.add_row(name, up, *shown, health.trouble)
+    return table
 
 
 def _rig_table(found: LabStatus) -> Table:

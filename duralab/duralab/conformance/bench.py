@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 import time
 import uuid
@@ -71,7 +72,9 @@ class Bench:
 
     def reset(self) -> rig_pb2.RigState:
         """Reset the rig."""
-        return self.bus.query(self.bus.keys.rig_reset(self.rig), rig_pb2.ResetRequest(), rig_pb2.RigState)
+        return self.bus.query(
+            self.bus.keys.rig_reset(self.rig), rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState
+        )
 
     def play(
         self,

@@ -11,20 +11,27 @@ import structlog
 import zenoh
 from google.protobuf.message import Message
 
+from duralab_proto.access import Operation
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
-from duralab_proto.v1 import query_pb2
+from duralab_proto.v1 import health_pb2, query_pb2
 from labbus._call import Handler
 from labbus._client import Cancel, QueryClient
 from labbus._config import BusConfig
 from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
+from labbus._figures import Figures
+from labbus._health import HealthTeller
+from labbus._identity import Identity, check_identity
+from labbus._live_token import LiveToken
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
+from labbus._permission import Permission
 from labbus._replay import ReplayServer
 from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
 from labbus._session import open_session
 from labbus._spool_folder import SpoolFolder
 from labbus._spool_space import SPOOL_BYTES, SpoolSpace
+from labbus._stream_figures import StreamFigures
 from labbus._stream_item import StreamItem
 from labbus._streams import StreamPublisher
 from labbus._subscription import Subscription
@@ -33,27 +40,18 @@ _CLOSE_SECONDS: Final = 1.0
 _STORING: Final = ("recorder", MAIN_INSTANCE)
 
 
-class LiveToken:
-    """Says that an instance of a service is there, until `close` or the end of the process."""
-
-    def __init__(self, token: zenoh.LivelinessToken, *, on_close: Callable[[LiveToken], None]) -> None:
-        self._token = token
-        self._on_close = on_close
-        self._closed = False
-
-    def close(self) -> None:
-        """Say it no more."""
-        if not self._closed:
-            self._closed = True
-            self._token.undeclare()
-            self._on_close(self)
-
-
 class Bus:
     """One session on the bus; made by `open_bus`, closed by `close` or at the end of `with`. Safe for threads."""
 
     def __init__(
-        self, session: zenoh.Session, config: BusConfig, *, service: str, workers: int, listening: tuple[str, ...]
+        self,
+        session: zenoh.Session,
+        config: BusConfig,
+        *,
+        service: str,
+        workers: int,
+        listening: tuple[str, ...],
+        identity: Identity | None = None,
     ) -> None:
         self.config = config
         self.keys = Keys(config.lab)
@@ -63,8 +61,13 @@ class Bus:
         self._session = session
         self._limit = config.largest_payload_bytes
         self._tracker = LivelinessTracker(session, self.keys)
+        self._permission = Permission(identity, self.keys)
         self._client = QueryClient(session, self.keys, self._tracker, largest_bytes=self._limit)
-        self._server = QueryServer(session, self.keys, service=service, workers=workers, largest_bytes=self._limit)
+        self.figures = Figures()
+        """What this process counts and measures: told to Prometheus, and to who asks for its health."""
+        self._server = QueryServer(
+            session, self.keys, service=service, workers=workers, largest_bytes=self._limit, figures=self.figures
+        )
         self._replays = ReplayServer(session)
         self._replay_client = ReplayClient(session, largest_bytes=self._limit)
         # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
@@ -72,6 +75,11 @@ class Bus:
         self._subscriptions: set[Subscription[Any]] = set()
         self._watches: set[LiveWatch] = set()
         self._spaces: set[SpoolSpace] = set()
+        streams = StreamFigures(self.figures)
+        streams.follow_spools(self._spaces, lambda: self._replays.unstored)
+        streams.follow_subscriptions(self._subscriptions)
+        self._published = streams.published
+        self._health = HealthTeller(self.figures)
         self._closing = threading.Lock()
         self._closed = False
 
@@ -97,9 +105,10 @@ class Bus:
             (they become INVALID_ARGUMENT); anything else is logged and becomes INTERNAL. While it runs the client is
             told once a second.
         workers : int, optional
-            Threads kept for this key alone: for what must be answered while all others are taken, such as a stop.
-            Queries on it wait for one of them as long as it takes and are never refused as BUSY.
+            Threads for this key, as many as the bus was opened with where not given. Where given, queries wait for one
+            of them as long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
         """
+        self._permission.expect(Operation.SERVE, key_expression)
         return self._server.serve(key_expression, request_type, handler, workers=workers)
 
     def query(
@@ -132,12 +141,13 @@ class Bus:
         Raises
         ------
         FaultError
-            UNAVAILABLE when the service is not there or vanishes, DEADLINE_EXCEEDED when it is silent, CANCELLED on
-            `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS when it ends without a result or answers
-            something else, and whatever fault it answers itself. Nothing is ever asked twice.
+            PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there or vanishes,
+            DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key,
+            DATA_LOSS when it ends without a result or with something else, and what it answers. Nothing is asked twice.
         BusError
             This bus is closed.
         """
+        self._permission.expect(Operation.ASK, key)
         try:
             return self._client.query(
                 key,
@@ -170,6 +180,7 @@ class Bus:
             Whether nothing may give way that the recorder has not marked as stored, wherever this session has met
             one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
         """
+        self._permission.expect(Operation.PUBLISH, key)
         if spools is not None:
             self._spaces.add(spools)
         return StreamPublisher(
@@ -180,6 +191,7 @@ class Bus:
             spools=spools or SpoolSpace(8 * SPOOL_BYTES),
             held=durable and self._tracker.met(_STORING),
             largest_bytes=self._limit,
+            published=self._published,
         )
 
     def serve_left_spools(self, spools: SpoolFolder) -> int:
@@ -218,6 +230,7 @@ class Bus:
             spools; what nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages
             may be lost otherwise.
         """
+        self._permission.expect(Operation.RECEIVE, key_expression)
         subscription = Subscription(
             self._session,
             key_expression,
@@ -232,11 +245,16 @@ class Bus:
         return subscription
 
     def declare_live(self, service: str, instance: str) -> LiveToken:
-        """Say that an instance of a service is there; do it last, when it answers."""
+        """Say that an instance of a service is there, and answer for its health; do it last, when it answers."""
         if self._tracker.live(service, instance):
             structlog.get_logger("labbus").warning("Another one is on the bus.", service=service, instance=instance)
+        answering = self.serve(
+            self.keys.health(service, instance),
+            health_pb2.HealthRequest,
+            lambda _request, _call: self._health.tell(service, instance),
+        )
         declared = self._session.liveliness().declare_token(self.keys.live(service, instance))
-        token = LiveToken(declared, on_close=self._tokens.discard)
+        token = LiveToken(declared, answering, on_close=self._tokens.discard)
         self._tokens.add(token)
         return token
 
@@ -319,7 +337,7 @@ def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4)
     service : str
         Who joins, e.g. "rig_sim"; named in the faults it answers.
     workers : int
-        Queries answered at once, 1 or more.
+        Queries of one key answered at once, 1 or more.
 
     Raises
     ------
@@ -327,5 +345,6 @@ def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4)
         One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
     """
     config = config or BusConfig()
+    identity = check_identity(config.tls) if config.tls is not None else None
     session, listening = open_session(config)
-    return Bus(session, config, service=service, workers=workers, listening=listening)
+    return Bus(session, config, service=service, workers=workers, listening=listening, identity=identity)

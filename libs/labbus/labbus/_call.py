@@ -17,6 +17,7 @@ from duralab_proto.keys import KeyNameError
 from duralab_proto.v1 import query_pb2
 from labbus._encoding import MessageT, decode, encode, encoding_of
 from labbus._faults import FaultError
+from labbus._refusal_log import RefusalLog, session_of
 
 KEEP_ALIVE_SECONDS: Final = 0.8
 """Progress is sent again after this time, so that a client hears of it at least once a second."""
@@ -78,10 +79,13 @@ class QueryJob(Generic[MessageT]):
         handler: Handler[MessageT],
         service: str,
         largest_bytes: int,
+        refusals: RefusalLog,
         on_end: Callable[[QueryJob[MessageT]], None],
     ) -> None:
         self.key = str(query.key_expr)
         self.asker = "" if query.attachment is None else query.attachment.to_bytes().decode("ascii", "replace")
+        self._session = session_of(query)
+        self._refusals = refusals
         self._query = query
         self._request_type = request_type
         self._handler = handler
@@ -92,6 +96,8 @@ class QueryJob(Generic[MessageT]):
         self._progress = query_pb2.Progress(remaining_seconds=-1.0)
         self._sent_at = time.monotonic()
         self._answered = False
+        self.code = "OK"
+        """How it was answered: the name of a fault's code, or OK."""
         self._cancelled = threading.Event()
         self._log = structlog.get_logger("labbus").bind(key=self.key)
 
@@ -139,7 +145,8 @@ class QueryJob(Generic[MessageT]):
         message = fault.to_message()
         message.service = message.service or self._service
         payload = message.SerializeToString()
-        self._answer(lambda query: query.reply_err(payload, encoding=encoding_of(message)))
+        self._refusals.tell(self.key, fault, session=self._session, asker=self.asker)
+        self._answer(lambda query: query.reply_err(payload, encoding=encoding_of(message)), code=fault.code_name)
 
     def keep_alive(self) -> None:
         """Send the last progress again when the client has heard nothing for a while."""
@@ -169,11 +176,12 @@ class QueryJob(Generic[MessageT]):
         except zenoh.ZError:
             self._log.info("Progress could not be sent; the session is closed.")
 
-    def _answer(self, send: Callable[[zenoh.Query], None]) -> None:
+    def _answer(self, send: Callable[[zenoh.Query], None], *, code: str = "OK") -> None:
         with self._lock:
             if self._answered:
                 return
             self._answered = True
+            self.code = code
             try:
                 # Leaving the query undropped would let the client wait for more.
                 with self._query as query:

@@ -52,6 +52,7 @@ class QueryClient:
         self._session = session
         self._keys = keys
         self._tracker = tracker
+        self._source = tracker.source
         self._largest_bytes = largest_bytes
         self._discovered_at = time.monotonic() + DISCOVERY_SECONDS
 
@@ -89,6 +90,7 @@ class QueryClient:
                     payload=payload,
                     encoding=encoding_of(request),
                     attachment=asker,
+                    source_info=self._source,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
                     congestion_control=zenoh.CongestionControl.BLOCK,

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import re
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from duralab_proto.keys import Keys
 
-_ENDPOINT = re.compile(r"tcp/(?P<host>\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
+_ENDPOINT = re.compile(r"(?:tcp|tls)/(?P<host>\[[0-9a-fA-F:]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
 
 LARGEST_PORT = 65535
+SECURED = "tls/"
+
+LARGEST_PAYLOAD_BYTES = 512 * 2**20
+"""The largest message of the contract is an IterationStep: drive, response and filtered response of 12 + 6 rows of
+float64 at 1 kHz are 144 kB per second of the test, so that 512 MiB hold an hour, and a few of them at once still fit
+the memory of a small machine. Zenoh itself stops at 1 GiB."""
 
 
 class BusMode(StrEnum):
@@ -29,7 +36,10 @@ class BusMode(StrEnum):
 def _check_endpoint(endpoint: str) -> str:
     match = _ENDPOINT.fullmatch(endpoint)
     if match is None or int(match["port"]) > LARGEST_PORT:
-        raise ValueError(f"the endpoint {endpoint!r} is not of the form 'tcp/<host>:<port>', e.g. 'tcp/127.0.0.1:7474'")
+        raise ValueError(
+            f"the endpoint {endpoint!r} is not of the form 'tcp/<host>:<port>', e.g. 'tcp/127.0.0.1:7474', "
+            "or 'tls/<host>:<port>' of a secured lab"
+        )
     return endpoint
 
 
@@ -47,6 +57,28 @@ Endpoint = Annotated[str, AfterValidator(_check_endpoint)]
 RemoteEndpoint = Annotated[Endpoint, AfterValidator(_check_remote)]
 
 
+class TlsConfig(BaseModel):
+    """Certificate, private key and certificate authority of a session, as `duralab certs` makes them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    # The lab's certificate authority: whoever it signed belongs to the lab.
+    ca: Path
+    certificate: Path
+    # Readable by its owner only.
+    key: Path
+
+    @classmethod
+    def of(cls, identity: Path | str) -> Self:
+        """Return the files of an identity `<folder>/<role>.<name>`: its certificate, its key, and `ca.crt` beside."""
+        path = Path(identity)
+        return cls(
+            ca=path.with_name("ca.crt"),
+            certificate=path.with_name(f"{path.name}.crt"),
+            key=path.with_name(f"{path.name}.key"),
+        )
+
+
 class BusConfig(BaseModel):
     """How a session joins the bus; the default is a peer on loopback that nobody else is told of."""
 
@@ -61,10 +93,10 @@ class BusConfig(BaseModel):
     connect: tuple[RemoteEndpoint, ...] = ()
     # How long the start waits for the endpoints of `connect`, in seconds.
     connect_timeout_seconds: float = Field(default=5.0, gt=0, le=600)
-    # Largest message sent or accepted, in bytes. The largest of the contract is an IterationStep: drive, response and
-    # filtered response of 12 + 6 rows of float64 at 1 kHz are 144 kB per second of the test, so that 512 MiB hold an
-    # hour, and a few of them at once still fit the memory of a small machine. Zenoh itself stops at 1 GiB.
-    largest_payload_bytes: int = Field(default=512 * 2**20, ge=1024, le=2**30)
+    # Largest message sent or accepted, in bytes.
+    largest_payload_bytes: int = Field(default=LARGEST_PAYLOAD_BYTES, ge=1024, le=2**30)
+    # What it shows a secured lab, and how it knows that lab; with endpoints 'tls/…' only.
+    tls: TlsConfig | None = None
 
     @model_validator(mode="after")
     def _check_listener(self) -> Self:
@@ -74,4 +106,19 @@ class BusConfig(BaseModel):
         elif not self.listen:
             # Measured: a peer without a listener received none of 200 messages, without a word.
             raise ValueError(f"a {self.mode} needs an endpoint in `listen`, e.g. 'tcp/127.0.0.1:0'")
+        self._check_security()
         return self
+
+    def _check_security(self) -> None:
+        secured = [endpoint for endpoint in self.connect if endpoint.startswith(SECURED)]
+        if self.tls is None and secured:
+            raise ValueError(f"the endpoint {secured[0]!r} is secured; name `ca`, `certificate` and `key` in `tls`")
+        if self.tls is None:
+            return
+        if self.mode is not BusMode.CLIENT:
+            # Access control is the router's: peers that talk directly would go around it.
+            raise ValueError(
+                f"a session with `tls` must be a client of the router, not a {self.mode}; say mode: client"
+            )
+        if len(secured) != len(self.connect):
+            raise ValueError(f"`tls` is given, but {self.connect[0]!r} is not secured; connect to 'tls/<host>:<port>'")

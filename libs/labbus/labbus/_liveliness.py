@@ -61,6 +61,11 @@ class LivelinessTracker:
             keys.live(ANY, ANY), zenoh.handlers.Callback(self._events.put, indirect=False), history=True
         )
 
+    @property
+    def source(self) -> zenoh.SourceInfo:
+        """Names this session to those whom it asks."""
+        return zenoh.SourceInfo(self._subscriber.id, 0)
+
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
         """Return who is there now, of a service and an instance or of any."""
         with self._changed:

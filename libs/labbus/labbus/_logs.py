@@ -15,20 +15,24 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 class _StandardError:
     """Writes whole lines. A service whose reader has gone has nobody to tell, and must still end in order."""
 
-    def __init__(self) -> None:
+    def __init__(self, stream: TextIO | None) -> None:
         self._lock = threading.Lock()
+        self._stream = stream
 
     def write(self, text: str) -> None:
         with self._lock, contextlib.suppress(BrokenPipeError):
-            sys.stderr.write(text)
-            sys.stderr.flush()
+            stream = self._stream or sys.stderr
+            stream.write(text)
+            stream.flush()
 
     def flush(self) -> None:
         """Do nothing: every line is flushed."""
 
 
-def configure_logs(service: str) -> None:
+def configure_logs(service: str, *, stream: TextIO | None = None) -> None:
     """Write structlog's and the standard library's logs as JSON lines with timestamp, level and service name.
+
+    They go to `stream`, or to standard error where none is given.
 
     What is bound by `structlog.contextvars.bind_contextvars`, such as a run, is added to every line of that thread.
     """
@@ -44,14 +48,14 @@ def configure_logs(service: str) -> None:
         structlog.processors.TimeStamper(fmt="iso", utc=True),
         structlog.processors.format_exc_info,
     ]
-    stream = _StandardError()
+    lines = _StandardError(stream)
     structlog.configure(
         processors=[*shared, structlog.processors.JSONRenderer()],
-        logger_factory=structlog.WriteLoggerFactory(file=cast(TextIO, stream)),
+        logger_factory=structlog.WriteLoggerFactory(file=cast(TextIO, lines)),
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         cache_logger_on_first_use=False,
     )
-    handler = logging.StreamHandler(stream)
+    handler = logging.StreamHandler(lines)
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=shared,

@@ -166,6 +166,13 @@ class ReplayServer:
         self._later = Later("labbus-expiry")
         self._closed = False
 
+    @property
+    def unstored(self) -> int:
+        """How many messages somebody is waited for to store."""
+        with self._lock:
+            extents = [offer.spool.extent for offer in self._offers if offer.spool.held]
+        return sum(extent.next - extent.marked for extent in extents)
+
     def offer(self, *, key: str, epoch: int, spool: Spool) -> SpoolOffer:
         """Offer a spool on the bus."""
         with self._lock:

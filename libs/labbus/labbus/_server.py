@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,12 +19,17 @@ from duralab_proto.v1 import query_pb2
 from labbus._call import Handler, QueryJob
 from labbus._encoding import MessageT
 from labbus._faults import FaultError
+from labbus._figures import NO_LABELS, Figures, Labels
 from labbus._liveliness import DEBOUNCE_SECONDS
-from labbus._workers import WorkerPool
+from labbus._refusal_log import RefusalLog
+from labbus._workers import PATIENCE_SECONDS, WorkerPool
 
 _TICK_SECONDS: Final = 0.1
 _DRAIN_SECONDS: Final = 1.5
 _REMEMBERED_DEPARTURES: Final = 256
+# Queries of one key that wait in Zenoh's own memory. Its threads never wait for Python's lock: a key that is flooded
+# keeps nobody from the others. When there are more, the oldest end without an answer.
+_MOST_UNTAKEN: Final = 1024
 
 
 @dataclass(frozen=True)
@@ -39,16 +45,19 @@ class _Route:
 class Served:
     """A key expression that is being served; `close` ends it."""
 
-    def __init__(self, server: QueryServer, route: _Route, queryable: zenoh.Queryable[None]) -> None:
+    def __init__(self, server: QueryServer, route: _Route, queryable: zenoh.Queryable[Any]) -> None:
         self._server = server
         self._route = route
         self._queryable = queryable
+        self._untaken = queryable.handler
         self._closed = False
 
     def close(self) -> None:
         """Take no more queries; those that run go on."""
         if not self._closed:
             self._closed = True
+            while (query := self._untaken.try_recv()) is not None:
+                self._server.take(self._route, query)
             self._queryable.undeclare()
             self._server.forget(self, self._route)
 
@@ -56,22 +65,42 @@ class Served:
 class QueryServer:
     """Answers the queries of one session."""
 
-    def __init__(self, session: zenoh.Session, keys: Keys, *, service: str, workers: int, largest_bytes: int) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: Keys,
+        *,
+        service: str,
+        workers: int,
+        largest_bytes: int,
+        figures: Figures,
+    ) -> None:
         self._session = session
         self._keys = keys
         self._service = service
         self._largest_bytes = largest_bytes
-        self._pool: WorkerPool[QueryJob[Any]] = WorkerPool(workers, name="labbus-worker")
-        self._pools = [self._pool]
+        self._workers = workers
+        self._pools: list[WorkerPool[QueryJob[Any]]] = []
         self._routes: list[_Route] = []
         self._served: set[Served] = set()
         self._changed = threading.Condition()
-        self._jobs: set[QueryJob[Any]] = set()
+        self._jobs: dict[QueryJob[Any], _Route] = {}
         self._departures: dict[str, float] = {}
         self._departed: deque[str] = deque(maxlen=_REMEMBERED_DEPARTURES)
         self._askers: zenoh.Subscriber[None] | None = None
         self._closed = False
+        self._refusals = RefusalLog()
         self._log = structlog.get_logger("labbus")
+        self._answered = figures.count(
+            "duralab_queries_total", "Queries answered, by key and code", labels=("key", "code")
+        )
+        figures.follow(
+            "duralab_queries_running",
+            "Queries whose handler runs or waits for a worker",
+            self._running,
+            labels=("key",),
+        )
+        figures.follow("duralab_queries_waiting", "Queries that wait for a worker", self._waiting)
 
     def serve(
         self, key_expression: str, request_type: type[MessageT], handler: Handler[MessageT], *, workers: int | None
@@ -82,25 +111,31 @@ class QueryServer:
                 self._keys.asking(ANY), zenoh.handlers.Callback(self._on_asker, indirect=False)
             )
             threading.Thread(target=self._tick, name="labbus-keep-alive", daemon=True).start()
-        pool = self._pool
-        if workers is not None:
+        # Workers for each key alone: who asks one without end keeps nobody from the others.
+        pool: WorkerPool[QueryJob[Any]] = WorkerPool(
+            workers or self._workers,
+            name=f"labbus-{request_type.DESCRIPTOR.name}",
             # Not to be refused: whoever asks a second time for a stop has the same right to it.
-            pool = WorkerPool(workers, name=f"labbus-{request_type.DESCRIPTOR.name}", patience_seconds=math.inf)
-            with self._changed:
-                self._pools.append(pool)
+            patience_seconds=PATIENCE_SECONDS if workers is None else math.inf,
+        )
+        with self._changed:
+            self._pools.append(pool)
         route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
         with self._changed:
             self._routes.append(route)
 
-        def on_query(query: zenoh.Query) -> None:
-            self._on_query(route, query)
-
         queryable = self._session.declare_queryable(
             key_expression,
-            zenoh.handlers.Callback(on_query, indirect=False),
+            zenoh.handlers.RingChannel(_MOST_UNTAKEN),
             # Complete: a query goes to one service only, even where two are started by mistake.
             complete=True,
         )
+        threading.Thread(
+            target=self._take_all,
+            args=(route, queryable.handler),
+            name=f"labbus-take-{request_type.DESCRIPTOR.name}",
+            daemon=True,
+        ).start()
         served = Served(self, route, queryable)
         with self._changed:
             self._served.add(served)
@@ -112,7 +147,7 @@ class QueryServer:
             self._served.discard(served)
             if route in self._routes:
                 self._routes.remove(route)
-            if route.pool is not self._pool and route.pool in self._pools:
+            if route.pool in self._pools:
                 self._pools.remove(route.pool)
                 route.pool.finish()
 
@@ -124,12 +159,12 @@ class QueryServer:
             self._closed = True
             self._changed.notify_all()
         with self._changed:
-            all_served = list(self._served)
+            all_served, pools = list(self._served), list(self._pools)
         for served in all_served:
             served.close()
         if self._askers is not None:
             self._askers.undeclare()
-        for pool in self._pools:
+        for pool in pools:
             for job in pool.close():
                 job.refuse(self._ended(job.key))
         with self._changed:
@@ -146,8 +181,17 @@ class QueryServer:
             query_pb2.FAULT_CODE_UNAVAILABLE, f"The {self._service} ended before it answered {key}; start it again."
         )
 
-    def _on_query(self, route: _Route, query: zenoh.Query) -> None:
-        """Take a query over from Zenoh's thread: nothing here may block."""
+    def _take_all(self, route: _Route, untaken: zenoh.handlers.Handler[zenoh.Query]) -> None:
+        while True:
+            try:
+                query = untaken.recv()
+            except zenoh.ZError:
+                return  # It is served no more, or its session is closed.
+            self.take(route, query)
+            route.pool.wait_for_room()
+
+    def take(self, route: _Route, query: zenoh.Query) -> None:
+        """Take a query over from Zenoh."""
         with self._changed:
             outranked = self._outranked(route, query.key_expr)
         if outranked:
@@ -159,10 +203,11 @@ class QueryServer:
             handler=route.handler,
             service=self._service,
             largest_bytes=self._largest_bytes,
-            on_end=self._on_end,
+            refusals=self._refusals,
+            on_end=lambda job: self._on_end(job, route),
         )
         with self._changed:
-            self._jobs.add(job)
+            self._jobs[job] = route
             if job.asker in self._departed:
                 job.cancel()
             self._changed.notify_all()
@@ -179,10 +224,19 @@ class QueryServer:
             for other in self._routes
         )
 
-    def _on_end(self, job: QueryJob[Any]) -> None:
+    def _on_end(self, job: QueryJob[Any], route: _Route) -> None:
+        self._answered.add(self._keys.within(str(route.expression)), job.code)
         with self._changed:
-            self._jobs.discard(job)
+            self._jobs.pop(job, None)
             self._changed.notify_all()
+
+    def _running(self) -> Mapping[Labels, float]:
+        with self._changed:
+            return Counter((self._keys.within(str(route.expression)),) for route in self._jobs.values())
+
+    def _waiting(self) -> Mapping[Labels, float]:
+        with self._changed:
+            return {NO_LABELS: sum(pool.waiting for pool in self._pools)}
 
     def _on_asker(self, sample: zenoh.Sample) -> None:
         asker = str(sample.key_expr).rpartition("/")[2]
@@ -220,7 +274,7 @@ class QueryServer:
                     overdue.refuse(
                         FaultError(
                             query_pb2.FAULT_CODE_BUSY,
-                            f"All {pool.workers} workers of the {self._service} are taken; ask again later.",
+                            f"All {pool.workers} workers of the {self._service} for it are taken; ask again later.",
                         )
                     )
             time.sleep(_TICK_SECONDS)

@@ -22,7 +22,9 @@ from labbus._bus import Bus, open_bus
 from labbus._config import BusConfig
 from labbus._faults import BusError, FaultError
 from labbus._logs import configure_logs
-from labbus._yaml import ConfigError, load_config
+from labbus._metrics import MetricsConfig, tell_prometheus
+from labbus._settings import configured
+from labbus._yaml import ConfigError
 
 EXIT_MISCONFIGURED: Final = 2
 EXIT_STUCK: Final = 1
@@ -37,7 +39,9 @@ class ServiceConfig(BaseModel):
     bus: BusConfig = BusConfig()
     # End when standard input ends: the supervisor holds the other end of the pipe, so that no service outlives it.
     exit_with_parent: bool = False
-    # Queries answered at once.
+    # Where its figures are told to Prometheus; nowhere where not given.
+    metrics: MetricsConfig | None = None
+    # Queries of one key answered at once.
     workers: int = Field(default=4, ge=1, le=64)
 
 
@@ -77,11 +81,14 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
             context = build(bus)
             if context is not None:
                 stack.enter_context(context)
+            metrics = stack.enter_context(tell_prometheus(config.metrics, bus.figures)) if config.metrics else None
         except (BusError, ConfigError, FaultError) as error:
             _refuse(error)
+        # Who sees the token may ask, and a handler may run from then on: a signal must not cut in any more.
+        stop.set_up()
         for instance in instances:
             bus.declare_live(name, instance)
-        log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab)
+        log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab, metrics=metrics)
         stop.wait()
         log.info("ending", why=stop.reason)
         # Before what `build` made is taken apart: a handler may be using it.
@@ -96,7 +103,7 @@ def service_main(
     *,
     instances: Callable[[ServiceConfigT], Sequence[str]] = lambda _: (MAIN_INSTANCE,),
 ) -> None:
-    """Run a service from the command line: `python -m <name> --config FILE`.
+    """Run a service from the command line: `python -m <name> --config FILE`; see `configured` for the environment.
 
     Parameters
     ----------
@@ -113,7 +120,7 @@ def service_main(
     parser.add_argument("--config", type=Path, metavar="FILE", help="YAML file; the defaults where not given")
     path: Path | None = parser.parse_args().config
     try:
-        config = config_type() if path is None else load_config(config_type, path)
+        config = configured(config_type, path)
     except ConfigError as error:
         _refuse(error)
     run_service(name, config, build(config), instances=instances(config))
@@ -153,8 +160,11 @@ class _StopSignal:
         if standard_input:
             threading.Thread(target=self._follow_parent, name="labbus-parent", daemon=True).start()
 
-    def wait(self) -> None:
+    def set_up(self) -> None:
+        """From now on a signal is only noted, until `wait` reads it."""
         self._waiting = True
+
+    def wait(self) -> None:
         os.read(self._main_reads, 1)
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 import socket
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import zenoh
 
 from labbus._config import BusConfig, BusMode
 from labbus._faults import BusError
+from labbus._identity import explain_refusal
 
 # A free port is found by asking the system and giving it back; another process may take it in between.
 _PORT_ATTEMPTS: Final = 5
@@ -26,6 +28,20 @@ _FULL_LINK_MICROSECONDS: Final = 8_000
 # replayed); a handler whose asker is frozen should not for longer than needed. It is Zenoh's own default.
 _BLOCKED_LINK_MICROSECONDS: Final = 5_000_000
 
+LINK_SETTINGS: Final[Mapping[str, Any]] = {
+    "lease": _LEASE_MILLISECONDS,
+    "keep_alive": 4,
+    "queue": {
+        # The most that Zenoh allows for what is streamed: batches of 64 KiB.
+        "size": {"interactive_low": 16},
+        "congestion_control": {
+            "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},
+            "block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS},
+        },
+    },
+}
+"""How every session of a lab sends on a link, its router included."""
+
 
 def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
     """Open a session.
@@ -40,7 +56,8 @@ def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
     Raises
     ------
     BusError
-        A port is in use, nothing answers at an endpoint of `connect`, or Zenoh refuses the configuration.
+        A port is in use, nothing answers at an endpoint of `connect`, the router lets this session not in, a
+        certificate or key is not usable, or Zenoh refuses the configuration.
     """
     for attempt in range(1, _PORT_ATTEMPTS + 1):
         listening = () if config.mode is BusMode.CLIENT else tuple(_with_port(endpoint) for endpoint in config.listen)
@@ -73,24 +90,29 @@ def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config
                 "transport": {
                     # Silent drops under a stalled receiver were reported with it.
                     "shared_memory": {"enabled": False},
-                    "link": {
-                        "tx": {
-                            "lease": _LEASE_MILLISECONDS,
-                            "keep_alive": 4,
-                            "queue": {
-                                # The most that Zenoh allows for what is streamed: batches of 64 KiB.
-                                "size": {"interactive_low": 16},
-                                "congestion_control": {
-                                    "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},
-                                    "block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS},
-                                },
-                            },
-                        }
-                    },
+                    "link": {"tx": LINK_SETTINGS, **_tls_settings(config)},
                 },
             }
         )
     )
+
+
+def _tls_settings(config: BusConfig) -> dict[str, Any]:
+    tls = config.tls
+    if tls is None:
+        return {}
+    return {
+        # Not a second way in beside the secured one.
+        "protocols": ["tls"],
+        "tls": {
+            "root_ca_certificate": str(tls.ca),
+            "connect_certificate": str(tls.certificate),
+            "connect_private_key": str(tls.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        },
+    }
 
 
 def _host_and_port(endpoint: str) -> tuple[str, int]:
@@ -132,9 +154,12 @@ def _explain(error: str, config: BusConfig) -> str:
         silent = [endpoint for endpoint in config.connect if not _answers(endpoint)]
         if silent:
             return f"Nothing listens at {', '.join(silent)} (tried for {seconds}); start it first or correct `connect`."
+        if config.tls is not None:
+            reason = explain_refusal(*_host_and_port(config.connect[0]), config.tls)
+            return f"{config.connect[0]} answers but let this session not in within {seconds}: {reason}."
         return (
             f"{', '.join(config.connect)} answers but let this session not in within {seconds}; "
-            "is it a Zenoh endpoint, and may this session join it?"
+            "is it a Zenoh endpoint, and not that of a secured lab, which is joined at 'tls/…' with a certificate?"
         )
     reason = re.sub(r" at /\S+:\d+\.?", "", error)
     return f"Cannot open the bus: {reason}"

@@ -61,6 +61,16 @@ class StreamOrder(Generic[T]):
         return self._next < self._count
 
     @property
+    def lost(self) -> int:
+        """How many messages nobody has any more."""
+        return sum(gap.stop - gap.start for gap in self._lost)
+
+    @property
+    def missing(self) -> int:
+        """How many messages are published, as far as is known, and not delivered, held back or lost."""
+        return sum(gap.stop - gap.start for gap in self._delivered.missing(self._count)) - len(self._held)
+
+    @property
     def mark(self) -> int:
         """All below this number are stored, or lost: they need not be kept for this receiver."""
         return self._stored.contiguous

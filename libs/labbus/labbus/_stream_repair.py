@@ -85,6 +85,9 @@ class StreamRepair(Generic[MessageT]):
         self._streams: dict[Stream, _Followed[MessageT]] = {}
         self._freed: list[_Followed[MessageT]] = []
         self._wake = threading.Event()
+        self.fetched = 0
+        """Messages that were fetched from a publisher's spool."""
+        self._lost_by_forgotten = 0
         self._closed = False
         self._log = structlog.get_logger("labbus").bind(key=key_expression)
         self._thread = threading.Thread(target=self._run, name="labbus-repair", daemon=True)
@@ -139,6 +142,18 @@ class StreamRepair(Generic[MessageT]):
             followed = self._streams.get((key, epoch))
             return StreamOrder[object]().proof() if followed is None else followed.order.proof()
 
+    @property
+    def lost(self) -> int:
+        """Messages that nobody has any more, of all streams that were ever followed."""
+        with self._lock:
+            return self._lost_by_forgotten + sum(followed.order.lost for followed in self._streams.values())
+
+    @property
+    def missing(self) -> int:
+        """Messages that are known to be published, and neither here nor lost."""
+        with self._lock:
+            return sum(followed.order.missing for followed in self._streams.values())
+
     def close(self) -> None:
         """Ask no more."""
         self._closed = True
@@ -151,7 +166,8 @@ class StreamRepair(Generic[MessageT]):
         self._streams[stream] = followed
         if len(self._streams) > FOLLOWED_STREAMS:
             strangers = (known for known, other in self._streams.items() if math.isinf(other.heard) and known != stream)
-            del self._streams[next(strangers, next(iter(self._streams)))]
+            forgotten = self._streams.pop(next(strangers, next(iter(self._streams))))
+            self._lost_by_forgotten += forgotten.order.lost
         return followed
 
     def _run(self) -> None:
@@ -233,6 +249,7 @@ class StreamRepair(Generic[MessageT]):
         if found:
             self._deliver(found)
             followed.replayed += len(found)
+            self.fetched += len(found)
             followed.cursor = found[-1].seq + 1
             return True
         followed.cursor = wanted.stop

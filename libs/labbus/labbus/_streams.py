@@ -11,6 +11,7 @@ from google.protobuf.message import Message
 
 from labbus._encoding import encode, encoding_of
 from labbus._faults import BusError
+from labbus._figures import Tally
 from labbus._replay import ReplayServer
 from labbus._spool import Spool
 from labbus._spool_space import SPOOL_BYTES, SpoolSpace
@@ -49,8 +50,10 @@ class StreamPublisher:
         spools: SpoolSpace,
         held: bool,
         largest_bytes: int,
+        published: Tally,
     ) -> None:
         self.key = key
+        self._published = published
         self.epoch = _new_epoch()
         self._largest_bytes = largest_bytes
         self._lock = threading.Lock()
@@ -115,6 +118,7 @@ class StreamPublisher:
                 self._publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
             except zenoh.ZError as error:
                 raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
+            self._published.add(message.DESCRIPTOR.name)
             return seq
 
     def close(self) -> None:

@@ -38,6 +38,10 @@ class Subscription(Generic[MessageT]):
         client: ReplayClient | None,
         on_close: Callable[[Subscription[MessageT]], None],
     ) -> None:
+        self.message: str = message_type.DESCRIPTOR.name
+        """Name of the message type."""
+        self.received = 0
+        """Messages handed to the callback."""
         self._type = message_type
         self._callback = callback
         self._on_problem = on_problem or self._log_problem
@@ -77,6 +81,21 @@ class Subscription(Generic[MessageT]):
     def proof(self, key: str, epoch: int) -> StreamProof:
         """Return what is known of an epoch of a stream: whether every message of it was delivered."""
         return self._repaired.proof(key, epoch)
+
+    @property
+    def fetched(self) -> int:
+        """Messages that were lost on the way here and fetched from their publisher's spool."""
+        return 0 if self._repair is None else self._repair.fetched
+
+    @property
+    def lost(self) -> int:
+        """Messages that nobody has any more."""
+        return 0 if self._repair is None else self._repair.lost
+
+    @property
+    def missing(self) -> int:
+        """Messages that are known to be published, and neither here nor lost."""
+        return 0 if self._repair is None else self._repair.missing
 
     def close(self) -> None:
         """Receive no more; what was received before is delivered first, also what was held back behind a gap."""
@@ -140,6 +159,7 @@ class Subscription(Generic[MessageT]):
                     self._call(each)
 
     def _call(self, item: StreamItem[MessageT]) -> None:
+        self.received += 1
         try:
             self._callback(item)
         except Exception:  # noqa: BLE001 - what the owner's callback raises must not keep the others from it

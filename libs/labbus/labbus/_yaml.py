@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -30,6 +30,15 @@ def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
     ConfigError
         The file cannot be read, is not YAML, or does not fit; all that does not fit is named at once.
     """
+    content = read_mapping(path)
+    try:
+        return config_type.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {explain_validation(error, config_type)}") from error
+
+
+def read_mapping(path: Path | str) -> dict[str, Any]:
+    """Read the mapping of a YAML file, empty for an empty file; raises ConfigError where it holds none."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -43,10 +52,7 @@ def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
         raise ConfigError(f"{path} is not YAML: {reason}.") from error
     if content is not None and not isinstance(content, dict):
         raise ConfigError(f"{path} holds a {type(content).__name__}; it must hold a mapping of fields to values.")
-    try:
-        return config_type.model_validate(content or {})
-    except ValidationError as error:
-        raise ConfigError(f"{path}: {explain_validation(error, config_type)}") from error
+    return content or {}
 
 
 def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> str:

@@ -77,7 +77,7 @@ def test_closed_subscriptions_watches_tokens_and_keys_are_let_go(hub):
     assert [len(kept) for kept in (hub._subscriptions, hub._watches, hub._tokens, server._served, server._routes)] == (
         [0] * 5
     )
-    assert server._pools == [server._pool]
+    assert server._pools == []
 
 
 def wait_for(condition):

@@ -20,6 +20,7 @@ class FaultCode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_CODE_INTERNAL: _ClassVar[FaultCode]
     FAULT_CODE_UNIMPLEMENTED: _ClassVar[FaultCode]
     FAULT_CODE_RESOURCE_EXHAUSTED: _ClassVar[FaultCode]
+    FAULT_CODE_PERMISSION_DENIED: _ClassVar[FaultCode]
 FAULT_CODE_UNSPECIFIED: FaultCode
 FAULT_CODE_INVALID_ARGUMENT: FaultCode
 FAULT_CODE_NOT_FOUND: FaultCode
@@ -33,6 +34,7 @@ FAULT_CODE_DATA_LOSS: FaultCode
 FAULT_CODE_INTERNAL: FaultCode
 FAULT_CODE_UNIMPLEMENTED: FaultCode
 FAULT_CODE_RESOURCE_EXHAUSTED: FaultCode
+FAULT_CODE_PERMISSION_DENIED: FaultCode
 
 class Fault(_message.Message):
     __slots__ = ("code", "message", "field", "service")

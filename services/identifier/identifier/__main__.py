@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from identifier.service import SERVICE, IdentifierConfig, IdentifierService
-from labbus import Bus, service_main
+from labbus import Bus, HostedService, service_main
 
 
 def _build(config: IdentifierConfig) -> Callable[[Bus], None]:
@@ -13,5 +13,8 @@ def _build(config: IdentifierConfig) -> Callable[[Bus], None]:
     return build
 
 
+HOSTED = HostedService(SERVICE, IdentifierConfig, _build)
+"""The service as one of several in a process."""
+
 if __name__ == "__main__":
-    service_main(SERVICE, IdentifierConfig, _build)
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

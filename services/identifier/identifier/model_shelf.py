@@ -27,6 +27,9 @@ class ModelShelf:
         self._models: OrderedDict[str, identifier_pb2.Model] = OrderedDict()
         self._lock = threading.Lock()
 
+    def __len__(self) -> int:
+        return len(self._models)
+
     def put(self, model: identifier_pb2.Model) -> None:
         """Hold a model; the one not used for longest gives way where the shelf is full.
 

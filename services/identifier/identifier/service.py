@@ -62,6 +62,12 @@ class IdentifierService:
         self._bus = bus
         self._shelf = ModelShelf(config.kept_models)
         self._log = structlog.get_logger(SERVICE)
+        self._identified_rigs = bus.figures.count(
+            "duralab_identifier_models_total", "Models identified, by rig", labels=("rig",)
+        )
+        bus.figures.follow(
+            "duralab_identifier_kept_models", "Models that can be asked for", lambda: {(): float(len(self._shelf))}
+        )
         keys = bus.keys
         bus.serve(keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
         bus.serve(keys.experiment_plan(), identifier_pb2.PlanRequest, self.plan)
@@ -298,6 +304,7 @@ class IdentifierService:
         )
         message = to_message(model)
         self._shelf.put(message)
+        self._identified_rigs.add(request.rig)
         log.info("identified", model=message.id, blocks=message.blocks, warnings=len(message.warnings))
         return message
 

@@ -23,6 +23,7 @@ from iterator.admission import (
     require_same_rig,
 )
 from iterator.campaign import Campaign
+from iterator.campaign_figures import CampaignFigures
 from iterator.campaign_plan import plan_campaign
 from iterator.campaign_resumption import Resumption, new_campaign, require_no_settings, same_campaign
 from iterator.identification import identification_request, identification_run
@@ -68,6 +69,7 @@ class IteratorService:
         self._entries: dict[str, _Entry] = {}
         # Rig to the campaign that has it, from the checks to the end.
         self._taken_rigs: dict[str, str] = {}
+        self._figures = CampaignFigures(bus.figures, self._running)
         keys = bus.keys
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
@@ -289,6 +291,11 @@ class IteratorService:
         with self._lock:
             del self._taken_rigs[rig]
 
+    def _running(self) -> list[iterator_pb2.CampaignStatus]:
+        with self._lock:
+            boards = [entry.board for entry in self._entries.values() if not entry.board.ended]
+        return [board.snapshot() for board in boards]
+
     def _publishing(self, campaign: str) -> Callable[[iterator_pb2.CampaignStatus], None]:
         publisher = self._bus.publisher(self._bus.keys.campaign_event(campaign))
 
@@ -296,6 +303,7 @@ class IteratorService:
             try:
                 publisher.put(iterator_pb2.CampaignEvent(status=status))
                 if is_final(status):
+                    self._figures.ended(status)
                     publisher.close()
             except BusError as error:
                 structlog.get_logger(SERVICE).warning("An event was not published.", campaign=campaign, why=str(error))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from labbus import service_main
+from labbus import HostedService, service_main
 from recorder.config import RecorderConfig
 from recorder.service import NAME, build
 
+HOSTED = HostedService(NAME, RecorderConfig, build)
+"""The service as one of several in a process."""
+
 if __name__ == "__main__":
-    service_main(NAME, RecorderConfig, build)
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

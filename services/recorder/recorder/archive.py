@@ -205,9 +205,7 @@ class Archive:
     def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
         """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
         run = self._runs.find(played.rig, played.run)
-        if run is None or run.recording != name:
-            return []
-        return run.gaps_of(played.epoch, played.blocks)
+        return [] if run is None or run.recording != name else run.gaps_of(played.epoch, played.blocks)
 
     def take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> str | None:
         """Write a signal block; return the recording it went to, or None where it belongs to none."""
@@ -313,6 +311,10 @@ class Archive:
     def waiting(self, name: str) -> str:
         """Return why a recording cannot be written now; empty where it can."""
         return self._interruptions.why(name) if name in self._interruptions else ""
+
+    def counts(self) -> tuple[int, int]:
+        """Return how many recordings are open, and how many wait for their disk; on any thread."""
+        return len(self._open), len(self._interruptions)
 
     def open_names(self) -> list[str]:
         """Return the ids of the recordings that are written now."""

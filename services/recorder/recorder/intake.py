@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any, Final
 
 from labbus import StreamItem
@@ -24,6 +25,8 @@ class Intake:
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most_bytes = most_bytes
         self._bytes = 0
+        # When each came, in that order.
+        self._since: dict[int, float] = {}
         self._closed = False
         self._changed = threading.Condition()
 
@@ -32,12 +35,26 @@ class Intake:
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._bytes < self._most_bytes)
             self._bytes += _size(item)
+            self._since[id(item)] = time.monotonic()
 
     def settle(self, items: list[StreamItem[Any]]) -> None:
         """Take note of messages that are safe, or that nothing is to be done about."""
         with self._changed:
-            self._bytes -= sum(_size(item) for item in items)
+            # Poses are settled as well, and were not admitted: nothing is held up for them.
+            self._bytes -= sum(_size(item) for item in items if self._since.pop(id(item), None) is not None)
             self._changed.notify_all()
+
+    @property
+    def bytes(self) -> int:
+        """How much is not safe yet."""
+        return self._bytes
+
+    @property
+    def lag_seconds(self) -> float:
+        """For how long the oldest of it has waited; 0 where there is none."""
+        with self._changed:
+            oldest = next(iter(self._since.values()), None)
+        return 0.0 if oldest is None else time.monotonic() - oldest
 
     def close(self) -> None:
         """Hold nobody up any more."""

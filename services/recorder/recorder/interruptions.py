@@ -32,6 +32,9 @@ class Interruptions:
     def __contains__(self, name: str) -> bool:
         return name in self._waiting
 
+    def __len__(self) -> int:
+        return len(self._waiting)
+
     def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
         """Note that a recording waits.
 

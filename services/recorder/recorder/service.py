@@ -20,6 +20,7 @@ from recorder.catalogue import describe, fits, read_part, verify
 from recorder.config import RecorderConfig
 from recorder.intake import Intake
 from recorder.live_views import LiveViews
+from recorder.recorder_figures import follow_recorder
 from recorder.recording_files import checked_name, existing_file, files_of, recordings_in
 from recorder.refused import RefusedError
 from recorder.signal_windows import read_window
@@ -62,6 +63,7 @@ class RecorderService:
             least_free_bytes=config.least_free_mebibytes * MEBIBYTE,
         )
         self._intake = Intake()
+        self._missing_blocks = 0
         self._marking: dict[type[Any], Subscription[Any]] = {}
         self._writer = WorkThread("recorder-writer", regularly=self._make_safe)
         self._views: LiveViews | None = None
@@ -73,6 +75,8 @@ class RecorderService:
     def attach(self, bus: Bus) -> None:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
+        told = (self._archive, self._intake, self._writer)
+        follow_recorder(bus.figures, self._folder, *told, missing=lambda: self._missing_blocks)
         self._marking = {
             rig_pb2.SignalBlock: bus.subscribe(
                 keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._taking(self._take_block), repair=True
@@ -87,7 +91,11 @@ class RecorderService:
         # As they come: a view can do without some of them.
         bus.subscribe(keys.rig_pose(ANY), rig_pb2.PoseBlock, self._on_pose)
         bus.serve(
-            keys.commit(), recorder_pb2.CommitRequest, _granting(lambda request, call: self.commit(bus, request, call))
+            keys.commit(),
+            recorder_pb2.CommitRequest,
+            _granting(lambda request, call: self.commit(bus, request, call)),
+            # Of their own: who reads recordings does not keep a campaign from going on.
+            workers=4,
         )
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
@@ -205,6 +213,7 @@ class RecorderService:
                     missing=missing,
                     blocks=played.blocks,
                 )
+                self._missing_blocks += missing
                 return
             call.progress("waiting for signal blocks", max(0.0, 1.0 - missing / played.blocks))
             time.sleep(_POLL_SECONDS)

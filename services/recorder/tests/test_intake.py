@@ -43,3 +43,16 @@ def test_nobody_is_held_up_at_the_end():
     threading.Thread(target=deliver, daemon=True).start()
     intake.close()
     assert through.wait(10.0)
+
+
+def test_poses_are_settled_without_having_been_admitted_and_free_no_room():
+    intake = Intake(most_bytes=25_000)
+    intake.settle(ITEMS)
+    assert intake.bytes == 0
+    assert intake.lag_seconds == 0.0
+    for item in ITEMS[:2]:
+        intake.admit(item)
+    assert intake.bytes == 2 * (9000 + 1024)
+    assert intake.lag_seconds > 0.0
+    intake.settle(ITEMS)
+    assert (intake.bytes, intake.lag_seconds) == (0, 0.0)

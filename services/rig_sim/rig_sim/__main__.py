@@ -1,15 +1,22 @@
-"""`python -m rig_sim --config FILE`: run the rig simulator until it is told to end. `--list`: name the shipped rigs."""
+"""`python -m rig_sim --config FILE`: run the rig simulator until it is told to end.
+
+`--list` names the shipped rigs, `--specimens` says what their files hold; both as JSON.
+"""
 
 import json
 import sys
 
-from labbus import service_main
-from rig_sim.loading import shipped_titles
+from labbus import HostedService, service_main
+from rig_sim.loading import shipped_documents, shipped_titles
 from rig_sim.service import SERVICE, RigSimConfig, serve
 
+# The rigs declare themselves live: a specimen's file says its name, the configuration does not.
+HOSTED = HostedService(SERVICE, RigSimConfig, lambda config: lambda bus: serve(bus, config), instances=())
+"""The service as one of several in a process."""
+
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--list"]:
-        sys.stdout.write(json.dumps(shipped_titles(), indent=2) + "\n")
+    listings = {"--list": shipped_titles, "--specimens": shipped_documents}
+    if len(sys.argv) == 2 and sys.argv[1] in listings:
+        sys.stdout.write(json.dumps(listings[sys.argv[1]](), indent=2) + "\n")
         raise SystemExit(0)
-    # The rigs declare themselves live: a specimen's file says its name, the configuration does not.
-    service_main(SERVICE, RigSimConfig, lambda config: lambda bus: serve(bus, config), instances=lambda _: ())
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build, instances=lambda _: HOSTED.instances)

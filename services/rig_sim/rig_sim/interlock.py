@@ -12,8 +12,8 @@ LONGEST_REASON = 300
 #: A stop takes the rest of a block and a ramp: less than a second on the shipped rigs, several times that where Drake
 #: plays slower than real time, and up to 20 s where a specimen's `approach` says so.
 REST_SECONDS = 60.0
-#: Names of so many playbacks are remembered. A name guards against playing a query twice, which would come within
-#: seconds; so old ones may be forgotten, and a rig that runs for months does not grow.
+#: Names of so many playbacks, and ids of so many resets, are remembered. They guard against doing a query twice, which
+#: would come within seconds; so old ones may be forgotten, and a rig that runs for months does not grow.
 REMEMBERED_RUNS = 10_000
 
 
@@ -31,6 +31,7 @@ class Interlock:
         self._stop = threading.Event()
         # A dict keeps the order in which the names came.
         self._runs: dict[str, None] = {}
+        self._resets: dict[str, None] = {}
 
     def state(self) -> rig_pb2.RigState:
         """Return the state as the contract puts it; with a run until it rests, latched or not."""
@@ -76,9 +77,7 @@ class Interlock:
                     f"run {run!r} was played on {self._rig} before; give every playback a name of its own.",
                     field="run",
                 )
-            self._runs[run] = None
-            if len(self._runs) > REMEMBERED_RUNS:
-                del self._runs[next(iter(self._runs))]
+            _remember(self._runs, run)
             self._run, self._fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
 
     def enter(self, mode: rig_pb2.RigMode) -> None:
@@ -122,8 +121,31 @@ class Interlock:
                 )
             return self.state()
 
+    def claim(self, command: str) -> None:
+        """Remember the id of a reset, so that it is done once.
+
+        Raises
+        ------
+        FaultError
+            ALREADY_EXISTS where it came before.
+        """
+        with self._changed:
+            if command in self._resets:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_ALREADY_EXISTS,
+                    f"the reset {command!r} of {self._rig} was done before; give every command an id of its own.",
+                    field="command",
+                )
+            _remember(self._resets, command)
+
     def reset(self) -> None:
         """Clear the latch; a rig that is not latched stays as it is."""
         with self._changed:
             self._latched, self._reason = False, ""
             self._stop.clear()
+
+
+def _remember(names: dict[str, None], name: str) -> None:
+    names[name] = None
+    if len(names) > REMEMBERED_RUNS:
+        del names[next(iter(names))]

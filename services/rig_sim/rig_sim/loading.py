@@ -37,6 +37,11 @@ def shipped_titles() -> dict[str, str]:
     return {name: read_document(path)["title"] for name, path in shipped_specimens().items()}
 
 
+def shipped_documents() -> dict[str, dict[str, object]]:
+    """Return where the YAML of each shipped rig is (`path`) and what it says (`document`), by name."""
+    return {name: {"path": str(path), "document": read_document(path)} for name, path in shipped_specimens().items()}
+
+
 def rigs_by_name(paths: Iterable[Path]) -> dict[str, Path]:
     """Return the YAMLs of some rigs by the rigs' names, in order.
 

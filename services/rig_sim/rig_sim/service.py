@@ -13,7 +13,7 @@ import structlog
 from pydantic import Field, model_validator
 
 from duralab_proto.arrays import from_record, to_array
-from duralab_proto.keys import check_run
+from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolSpace
 from rig_sim.drive_check import DriveError, check_drive
@@ -26,6 +26,7 @@ from rig_sim.performance import Performance
 from rig_sim.playable import PlayableRig, Response
 from rig_sim.player import Rig
 from rig_sim.refused import serve_refusal
+from rig_sim.rig_figures import RigFigures
 from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
 from rig_sim.view_messages import describe_view
 
@@ -100,6 +101,7 @@ class RigServer:
         self._name = rig.specimen.name
         self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
         self._interlock = Interlock(self._name)
+        self._figures = RigFigures(bus.figures, self._name, self._interlock.state)
         self._publishing = threading.Lock()
         keys = bus.keys
         self._states = bus.publisher(keys.rig_state(self._name))
@@ -158,7 +160,12 @@ class RigServer:
         self._interlock.begin(run)
         try:
             self._publish_state()
-            return self._performance.play(request, drive, call)
+            result = self._performance.play(request, drive, call)
+            self._figures.played(result, seconds=drive.shape[1] / sample_rate)
+            return result
+        except FaultError as fault:
+            self._figures.broken_off(fault.code_name)
+            raise
         finally:
             self._interlock.end()
             self._publish_state()
@@ -174,7 +181,13 @@ class RigServer:
         self.stop(request.reason)
         return self._interlock.wait_for_rest()
 
-    def _on_reset(self, _request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
+    def _on_reset(self, request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
+        if request.command:
+            # Whatever it finds: an old command must not clear a latch that is set later.
+            try:
+                self._interlock.claim(check_run(request.command))
+            except KeyNameError as error:
+                raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field="command") from error
         if self._interlock.state().mode == rig_pb2.RIG_MODE_INTERLOCKED:
             # A latch is not cleared over a rig that is still on its way down.
             self._interlock.wait_for_rest()

@@ -1,12 +1,15 @@
 """A YAML that is a variant of another: lists and mappings grow, single values change, nonsense is refused."""
 
+import json
 import shutil
+from pathlib import Path
 
 import pytest
 import yaml
 
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.documents import SpecimenError, document_files, read_document
+from rig_sim.loading import shipped_documents
 from rig_sim.specimen import load_specimen
 
 
@@ -67,3 +70,14 @@ def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path, content):
     with pytest.raises(SpecimenError, match=r"mine\.yaml is not YAML: key '[ax]' is given twice .*line \d") as caught:
         read_document(written(tmp_path, "mine.yaml", content))
     assert "\n" not in str(caught.value)
+
+
+def test_the_shipped_documents_are_whole_and_say_where_they_are():
+    documents = shipped_documents()
+    assert set(documents) == set(shipped_specimens())
+    for name, shipped in documents.items():
+        path = Path(shipped["path"])
+        assert path == shipped_specimens()[name]
+        assert "variant_of" not in shipped["document"]
+        # JSON is how they are asked for from outside.
+        assert json.loads(json.dumps(shipped["document"])) == shipped["document"]

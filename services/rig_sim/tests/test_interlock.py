@@ -92,3 +92,16 @@ def test_a_stop_without_a_reason_or_with_a_novel_is_a_stop(interlock):
     interlock.reset()
     interlock.trip("x" * 10_000_000)
     assert interlock.state().reason == "x" * LONGEST_REASON + "…"
+
+
+def test_a_reset_is_done_once(interlock, monkeypatch):
+    interlock.claim("first")
+    with pytest.raises(FaultError, match="'first' of bench was done before") as caught:
+        interlock.claim("first")
+    assert (caught.value.code_name, caught.value.field) == ("ALREADY_EXISTS", "command")
+    monkeypatch.setattr(rig_sim.interlock, "REMEMBERED_RUNS", 2)
+    for command in ("second", "third"):
+        interlock.claim(command)
+    # The memory is bounded, and a run may have the name that a reset had.
+    interlock.claim("first")
+    interlock.begin("first")

@@ -1,0 +1,142 @@
+"""What a sweep gains by a second core, and what a task costs: `python benchmarks/sweep.py --out out/sweep.json`.
+
+One core is a sweep with one worker whose processes all keep to one core; two cores are two of each. Beside wall time,
+which any neighbour spoils, the processor time of each campaign is told: neighbours change it little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import yaml
+from machine import machine
+
+from duralab.sweeps import load_sweep
+from duralab.sweeps.cluster import open_workers
+from duralab.sweeps.results import read_results
+
+SHIPPED = "fifty_gains_and_seeds"
+EMPTY_TASKS = 500
+
+
+@dataclass(frozen=True)
+class Run:
+    """One sweep.
+
+    Parameters
+    ----------
+    cores : int
+        Cores, and workers.
+    campaigns : int
+        How many.
+    wall_seconds : float
+        From the command's start to its end.
+    steady_per_second : float
+        Campaigns a second between the first campaign of every worker and the last of all.
+    processor_seconds : float
+        Of all processes, of each campaign, with their start.
+    campaign_processor_seconds : float
+        Of the worker that runs it, the middle one of the campaigns in a cell that was there.
+    cell_seconds, campaign_seconds : float
+        Opening a cell, the longest; a campaign in one that was there, the middle one.
+    mebibytes : float
+        Of a recording.
+    """
+
+    cores: int
+    campaigns: int
+    wall_seconds: float
+    steady_per_second: float
+    processor_seconds: float
+    campaign_processor_seconds: float
+    cell_seconds: float
+    campaign_seconds: float
+    mebibytes: float
+
+
+def run(folder: Path, *, cores: int, campaigns: int, cell: str) -> Run:
+    """Run campaigns that differ by their seed on so many cores."""
+    document = yaml.safe_load(load_sweep(SHIPPED).text)
+    document |= {"axes": {"seed": {"from": 1, "count": campaigns}}, "cell": cell}
+    file = folder / "sweep.yaml"
+    file.write_text(yaml.safe_dump(document), encoding="utf-8")
+    command = [sys.executable, "-m", "duralab", "sweep", str(file), "--out", str(folder), "--workers", str(cores)]
+    allowed = sorted(os.sched_getaffinity(0))[:cores]
+    if len(allowed) < cores:
+        raise SystemExit(f"{cores} cores are asked for and {len(allowed)} are here.")
+    before, begun = _processor_of_children(), time.perf_counter()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, preexec_fn=lambda: os.sched_setaffinity(0, allowed))
+    wall, used = time.perf_counter() - begun, _processor_of_children() - before
+    results = read_results(folder)
+    if results.failed or len(results.finished) != campaigns:
+        raise SystemExit(f"Of {campaigns} campaigns, {len(results.finished)} came to their end.")
+    ends = sorted((folder / "points" / row["id"] / "outcome.parquet").stat().st_mtime for row in results.rows)
+    warm = sorted(results.rows, key=lambda row: row["seconds_cell"])[:-cores]
+    return Run(
+        cores=cores,
+        campaigns=campaigns,
+        wall_seconds=wall,
+        steady_per_second=(campaigns - cores) / (ends[-1] - ends[cores - 1]),
+        processor_seconds=used / campaigns,
+        campaign_processor_seconds=statistics.median(row["seconds_processor"] for row in warm),
+        cell_seconds=max(row["seconds_cell"] for row in results.rows),
+        campaign_seconds=statistics.median(row["seconds_campaign"] for row in warm),
+        mebibytes=statistics.median(row["bytes"] for row in results.rows) / 2**20,
+    )
+
+
+def empty_task_seconds() -> float:
+    """Return what Dask needs for a task that does nothing: submitted, sent, run, answered."""
+    with tempfile.TemporaryDirectory() as folder, open_workers(Path(folder), workers=2, scheduler=None) as client:
+        client.gather(client.map(abs, range(EMPTY_TASKS), pure=False))
+        begun = time.perf_counter()
+        client.gather(client.map(abs, range(EMPTY_TASKS), pure=False))
+        return (time.perf_counter() - begun) / EMPTY_TASKS
+
+
+def _processor_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def main() -> None:
+    """Measure one and two cores in turns, and write the figures and their ratio."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--campaigns", type=int, default=24, help="of each sweep")
+    parser.add_argument("--turns", type=int, default=2, help="the best of them counts: a neighbour only slows")
+    parser.add_argument("--cell", choices=("process", "lab"), default="process")
+    given = parser.parse_args()
+    empty, runs = empty_task_seconds(), []
+    for _ in range(given.turns):
+        for cores in (1, 2):
+            with tempfile.TemporaryDirectory() as folder:
+                runs.append(run(Path(folder), cores=cores, campaigns=given.campaigns, cell=given.cell))
+    one, two = ([each for each in runs if each.cores == cores] for cores in (1, 2))
+    figures = {
+        "machine": machine(),
+        "cell": given.cell,
+        "empty_task_seconds": empty,
+        "efficiency_steady": max(r.steady_per_second for r in two) / (2 * max(r.steady_per_second for r in one)),
+        "efficiency_with_start": min(r.wall_seconds for r in one) / (2 * min(r.wall_seconds for r in two)),
+        "efficiency_by_processor_time": min(r.campaign_processor_seconds for r in one)
+        / min(r.campaign_processor_seconds for r in two),
+        "runs": [asdict(each) for each in runs],
+    }
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    sys.stdout.write(json.dumps(figures, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""From a sweep file to its points: the whole campaign of each, checked before any of them is run."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from duralab.campaign_file import Campaign
+from duralab.campaign_loading import load_campaign, parse_campaign
+from duralab.errors import InputError
+from duralab.sweeps.dotted_keys import change, look_up
+from duralab.sweeps.identity import file_sha256, installed_versions, point_id
+from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText
+from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
+
+_PATHS: Final = ("target.file", "target.opencrg.path")
+"""Keys of a campaign file that name a file, relative to it."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One campaign of a sweep.
+
+    Parameters
+    ----------
+    id : str
+        Of its content; see `point_id`.
+    settings : mapping
+        What it has that others may have otherwise, by dotted key.
+    campaign : str
+        Its campaign file; paths in it are absolute.
+    rigs : tuple of str
+        The shipped rigs it needs as they are.
+    specimens : tuple of SpecimenText
+        The other rigs it needs.
+    """
+
+    id: str
+    settings: Mapping[str, Any]
+    campaign: str
+    rigs: tuple[str, ...]
+    specimens: tuple[SpecimenText, ...]
+
+    @property
+    def cell(self) -> tuple[object, ...]:
+        """What its rig cell holds: points with the same may follow each other in one."""
+        return (self.rigs, self.specimens)
+
+
+class PointMaker:
+    """Makes points of settings.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Whose campaign and specimens are changed.
+
+    Raises
+    ------
+    InputError
+        There is no such campaign or specimen.
+    """
+
+    def __init__(self, sweep: Sweep) -> None:
+        self._sweep = sweep
+        named = sweep.folder / sweep.campaign
+        self._base = load_campaign(named if named.is_file() else sweep.campaign)
+        self._document: dict[str, Any] = yaml.safe_load(self._base.text)
+        self._specimens = Specimens(sweep)
+        self._versions = installed_versions()
+        for key, value in sweep.settings.items():
+            self._put(self._document, {}, key, value)
+
+    @cached_property
+    def _hashes(self) -> dict[Path, str]:
+        return {}
+
+    def make(self, settings: Mapping[str, Any]) -> Point:
+        """Return the point of some settings; raises InputError where its campaign or specimen is not allowed."""
+        document, changes = deepcopy(self._document), dict[str, dict[str, Any]]()
+        resolved: dict[str, Any] = {}
+        for key, value in settings.items():
+            resolved[key] = self._put(document, changes, key, value)
+        described = ", ".join(f"{key}: {value}" for key, value in resolved.items())
+        place = f"sweep {self._sweep.name}, point ({described})"
+        document["name"] = self._sweep.name
+        plan = parse_campaign(yaml.safe_dump(document, sort_keys=False), name=place, folder=self._base.folder)
+        rigs, specimens = self._specimens.of(plan.rigs, changes)
+        id = point_id(
+            _without_paths(plan),
+            files=self._files(plan, place=place),
+            specimens={specimen.rig: specimen.content for specimen in specimens},
+            versions=self._versions,
+        )
+        for key in _PATHS:
+            _make_absolute(document, key, folder=self._base.folder)
+        document["name"] = f"{self._sweep.name}-{id}"
+        return Point(id, resolved, yaml.safe_dump(document, sort_keys=False), rigs, specimens)
+
+    def _put(self, document: dict[str, Any], changes: dict[str, dict[str, Any]], key: str, value: Any) -> Any:
+        """Change a campaign or note a change of a specimen, and return the value that it gets."""
+        head, _, rest = key.partition(".")
+        if head == SPECIMEN:
+            rig, _, inner = rest.partition(".")
+            if isinstance(value, Multiple):
+                value = value.of(look_up(self._specimens.document(rig), inner, what=f"specimen {rig}"), key=key)
+            changes.setdefault(rig, {})[inner] = value
+            return value
+        if isinstance(value, Multiple):
+            value = value.of(look_up(document, key, what="the campaign"), key=key)
+        change(document, key, value, what="the campaign")
+        return value
+
+    def _files(self, plan: Campaign, *, place: str) -> dict[str, str]:
+        named = {"target.file": plan.target.file, "target.opencrg": plan.target.opencrg and plan.target.opencrg.path}
+        return {key: self._hash(plan.folder / path, place=place) for key, path in named.items() if path is not None}
+
+    def _hash(self, path: Path, *, place: str) -> str:
+        if path not in self._hashes:
+            try:
+                self._hashes[path] = file_sha256(path)
+            except OSError as error:
+                raise InputError(f"{place}: the target's file {path} cannot be read: {error.strerror}.") from error
+        return self._hashes[path]
+
+
+@dataclass(frozen=True)
+class Multiple:
+    """So many times what stands in the file."""
+
+    factor: float
+
+    def of(self, number: object, *, key: str) -> float:
+        """Return the product; raises InputError where there is no number to multiply."""
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise InputError(
+                f"axes.{key} scales {number!r}; only a number can be scaled, so list the values.", field=key
+            )
+        return self.factor * number
+
+
+def grid(sweep: Sweep) -> Iterator[Settings]:
+    """Yield the settings of every point: each listed point with each value of each axis, the last axis quickest."""
+    axes = [[(key, value) for value in _values(axis)] for key, axis in sweep.axes.items()]
+    for point in sweep.points or ({},):
+        for combination in itertools.product(*axes):
+            yield {**point, **dict(combination)}
+
+
+def grid_size(sweep: Sweep) -> int:
+    """Return how many settings `grid` yields; raises InputError where they are too many."""
+    size = max(1, len(sweep.points))
+    for axis in sweep.axes.values():
+        size *= len(_values(axis))
+    if size > MOST_POINTS:
+        raise InputError(
+            f"The axes of sweep {sweep.name!r} have {size} points; {MOST_POINTS} are allowed, so divide it."
+        )
+    return size
+
+
+def _values(axis: Sequence[Any] | Counted | Scaled) -> Sequence[Any]:
+    if isinstance(axis, Counted):
+        return range(axis.start, axis.start + axis.count)
+    return [Multiple(factor) for factor in axis.scale] if isinstance(axis, Scaled) else axis
+
+
+def _without_paths(plan: Campaign) -> dict[str, Any]:
+    content = plan.model_dump(mode="json", exclude={"name"})
+    content["target"].pop("file")
+    if content["target"]["opencrg"] is not None:
+        content["target"]["opencrg"].pop("path")
+    return content
+
+
+def _make_absolute(document: dict[str, Any], key: str, *, folder: Path) -> None:
+    *parents, last = key.split(".")
+    place: Any = document
+    for part in parents:
+        place = place.get(part) or {}
+    if place.get(last) is not None:
+        place[last] = str((folder / place[last]).resolve())

@@ -1,0 +1,136 @@
+"""Specimens with tolerances: what a rig's YAML says, changed for a point."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from duralab.errors import InputError, LabError
+from duralab.sweeps.dotted_keys import change
+from duralab.sweeps.sweep_file import Sweep
+
+SPECIMEN: Final = "specimen"
+"""What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""
+
+_SECONDS: Final = 60.0
+_BODIES: Final = "sdf"
+
+
+@dataclass(frozen=True)
+class SpecimenText:
+    """A rig that is not taken as it is shipped; hashable, so that cells can be compared by it.
+
+    Parameters
+    ----------
+    rig : str
+        Its name.
+    text : str
+        Its YAML.
+    bodies : str
+        Name of the SDF or URDF that belongs beside it; empty where it has none.
+    bodies_text : str
+        Its content: a worker may see no file of this machine.
+    """
+
+    rig: str
+    text: str
+    bodies: str
+    bodies_text: str
+
+    @property
+    def content(self) -> tuple[str, str]:
+        """What decides how it answers."""
+        return self.text, self.bodies_text
+
+    def write(self, folder: Path) -> Path:
+        """Put it into a folder of its own and return where its YAML is."""
+        own = folder / self.rig
+        own.mkdir(parents=True, exist_ok=True)
+        if self.bodies:
+            (own / self.bodies).write_text(self.bodies_text, encoding="utf-8")
+        path = own / f"{self.rig}.yaml"
+        path.write_text(self.text, encoding="utf-8")
+        return path
+
+
+class Specimens:
+    """The specimens of a sweep: its own files, and those that the simulator ships."""
+
+    def __init__(self, sweep: Sweep) -> None:
+        self._own = {rig: sweep.folder / path for rig, path in sweep.specimens.items()}
+        self._documents: dict[str, dict[str, Any]] = {}
+        for rig, path in self._own.items():
+            if not path.is_file():
+                raise InputError(f"specimens.{rig} is {str(path)!r}, which is not there; give the rig's YAML.")
+            name = self.document(rig).get("name")
+            if name != rig:
+                raise InputError(f"specimens.{rig} is {str(path)!r}, whose name is {name!r}; call it that.")
+
+    @cached_property
+    def _shipped(self) -> dict[str, Any]:
+        """What the simulator ships: where each YAML is, and what it says with what it is a variant of."""
+        asked = [sys.executable, "-m", "rig_sim", "--specimens"]
+        try:
+            answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout
+            return json.loads(answer)
+        except (OSError, subprocess.SubprocessError, ValueError) as error:
+            raise LabError(f"The simulator does not say which specimens it ships: {error}.") from error
+
+    def document(self, rig: str) -> dict[str, Any]:
+        """Return what a rig's YAML says; raises InputError where there is no such rig."""
+        if rig not in self._documents:
+            self._documents[rig] = self._read(rig)
+        return self._documents[rig]
+
+    def _read(self, rig: str) -> dict[str, Any]:
+        if rig in self._own:
+            try:
+                document = yaml.safe_load(self._own[rig].read_text(encoding="utf-8"))
+            except (OSError, ValueError, yaml.YAMLError) as error:
+                raise InputError(f"specimens.{rig} cannot be read: {' '.join(str(error).split())}.") from error
+            if not isinstance(document, dict):
+                raise InputError(f"specimens.{rig} holds no keys; give the rig's YAML.")
+            return document
+        if rig not in self._shipped:
+            known = ", ".join((*self._own, *self._shipped))
+            raise InputError(f"There is no specimen {rig!r}; there are {known}.", field=f"{SPECIMEN}.{rig}")
+        return self._shipped[rig]["document"]
+
+    def of(
+        self, rigs: Sequence[str], changes: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[tuple[str, ...], tuple[SpecimenText, ...]]:
+        """Return which of some rigs are taken as they are shipped, and the texts of the others.
+
+        Raises
+        ------
+        InputError
+            A change is of a rig that is not needed, or leads nowhere.
+        """
+        if idle := [rig for rig in changes if rig not in rigs]:
+            raise InputError(f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}.")
+        made = tuple(self._text(rig, changes.get(rig, {})) for rig in rigs if rig in self._own or rig in changes)
+        return tuple(rig for rig in rigs if rig not in self._own and rig not in changes), made
+
+    def _text(self, rig: str, changes: Mapping[str, Any]) -> SpecimenText:
+        document = deepcopy(self.document(rig))
+        # A shipped rig's YAML is found by its file's name, and says it too; a copy has to say it.
+        document.setdefault("name", rig)
+        for key, value in changes.items():
+            change(document, key, value, what=f"specimen {rig}", add=False)
+        bodies = str(document.get(_BODIES, ""))
+        place = self._own[rig] if rig in self._own else Path(self._shipped[rig]["path"])
+        beside = place.with_name(bodies) if bodies else place
+        try:
+            content = beside.read_text(encoding="utf-8") if bodies else ""
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"specimen {rig}: {bodies!r} belongs beside its YAML and cannot be read.") from error
+        return SpecimenText(rig, yaml.safe_dump(document, sort_keys=False), bodies, content)

@@ -1,0 +1,193 @@
+"""The sweep file: which campaign is run how often, with what changed from one run to the next."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+
+from duralab.campaign_values import Section, Seed
+
+MOST_POINTS = 100_000
+"""Points of one sweep: their settings are made and checked before the first of them is run."""
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Setting = Any
+"""What a key of a campaign file can hold; the campaign file itself says what is allowed."""
+
+Settings = dict[str, Setting]
+"""Settings by their dotted keys."""
+
+
+class CellKind(StrEnum):
+    """What a task runs its campaign in."""
+
+    PROCESS = "process"
+    """The services in the worker's own process, on a bus of its own: no message leaves it."""
+    LAB = "lab"
+    """The embedded lab: a process for each service, on loopback."""
+
+
+class Kept(StrEnum):
+    """What is kept of each campaign beside its figures."""
+
+    RECORDINGS = "recordings"
+    FIGURES = "figures"
+
+
+class Objective(StrEnum):
+    """The figure that campaigns are compared by; small is good."""
+
+    OVERALL_ERROR = "overall_error"
+    """Relative RMS error over all judged channels, of the best playback."""
+    WORST_ERROR = "worst_error"
+    """Largest relative RMS error of a judged channel, of the best playback."""
+
+
+class Counted(Section):
+    """Whole numbers in a row, e.g. seeds."""
+
+    start: Seed = Field(alias="from", description="The first.")
+    count: int = Field(ge=1, le=MOST_POINTS, description="How many.")
+
+
+class Scaled(Section):
+    """Multiples of the number that stands in the file."""
+
+    scale: tuple[Number, ...] = Field(min_length=1, strict=False, description="The multiples, e.g. [0.9, 1.0, 1.1].")
+
+
+Listed = Annotated[tuple[Setting, ...], Field(min_length=1, strict=False)]
+
+
+def _way_of_an_axis(given: object) -> str:
+    if isinstance(given, dict):
+        return "scale" if "scale" in given else "row"
+    return "scale" if isinstance(given, Scaled) else "row" if isinstance(given, Counted) else "values"
+
+
+Axis = Annotated[
+    Annotated[Listed, Tag("values")] | Annotated[Counted, Tag("row")] | Annotated[Scaled, Tag("scale")],
+    Discriminator(_way_of_an_axis),
+]
+"""Values one after the other; whole numbers in a row; or multiples of what stands there."""
+
+
+class SearchedRange(Section):
+    """Numbers between two bounds."""
+
+    lowest: Number = Field(alias="from", description="Lower bound.")
+    highest: Number = Field(alias="to", description="Upper bound.")
+    whole: bool = Field(default=False, description="Whole numbers only.")
+    logarithmic: bool = Field(default=False, description="Even on a logarithmic scale; both bounds are above 0.")
+
+    @model_validator(mode="after")
+    def _check_bounds(self) -> Self:
+        if not self.lowest < self.highest:
+            raise ValueError(f"reaches from {self.lowest:g} to {self.highest:g}; the first must be below the second")
+        if self.logarithmic and self.lowest <= 0:
+            raise ValueError(f"is logarithmic and begins at {self.lowest:g}; it must begin above 0")
+        if self.whole and not (self.lowest.is_integer() and self.highest.is_integer()):
+            raise ValueError(f"is of whole numbers and reaches from {self.lowest:g} to {self.highest:g}")
+        return self
+
+
+class SearchedChoice(Section):
+    """One of some values."""
+
+    choices: tuple[bool | int | float | str, ...] = Field(min_length=2, strict=False, description="The values.")
+
+
+def _way_of_a_search(given: object) -> str:
+    chosen = isinstance(given, SearchedChoice) or (isinstance(given, dict) and "choices" in given)
+    return "choices" if chosen else "bounds"
+
+
+Searched = Annotated[
+    Annotated[SearchedRange, Tag("bounds")] | Annotated[SearchedChoice, Tag("choices")], Discriminator(_way_of_a_search)
+]
+"""Bounds or choices."""
+
+
+class Search(Section):
+    """What is searched for: settings with the smallest error, by a tree-structured Parzen estimator."""
+
+    settings: dict[str, Searched] = Field(min_length=1, description="Bounds (from, to) or choices, by dotted key.")
+    budget: int = Field(ge=1, le=MOST_POINTS, description="Campaigns in all; the points below cost one each.")
+    seed: Seed = Field(description="Every choice of the search comes from this seed.")
+    startup: int = Field(default=10, ge=1, description="Settings that are drawn at random before the search begins.")
+    together: int = Field(
+        default=4, ge=1, le=1000, description="Settings that are tried at once, however many workers there are."
+    )
+    minimise: Objective = Field(
+        default=Objective.OVERALL_ERROR, strict=False, description="The figure; its mean where there are axes too."
+    )
+
+
+class Sweep(Section):
+    """The content of a sweep file."""
+
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$", description="Lower case letters, digits, '-' and '_'; names its folder."
+    )
+    campaign: str = Field(description="A campaign file, relative to this one, or a shipped campaign.")
+    settings: Settings = Field(default_factory=dict, description="What differs from that file in every run.")
+    specimens: dict[str, Annotated[Path, Field(strict=False)]] = Field(
+        default_factory=dict, description="YAML files of rigs that are not shipped, by the rig's name."
+    )
+    points: tuple[Settings, ...] = Field(
+        default=(), strict=False, description="Settings that change together, one point for each entry."
+    )
+    axes: dict[str, Axis] = Field(default_factory=dict, description="Values by dotted key: each with each other.")
+    search: Search | None = Field(default=None, description="Settings that are searched for.")
+    cell: CellKind = Field(
+        default=CellKind.PROCESS,
+        strict=False,
+        description="What a task runs in: process is quicker, lab is the real one.",
+    )
+    keep: Kept = Field(
+        default=Kept.RECORDINGS, strict=False, description="recordings of every campaign, or its figures only."
+    )
+    compare_by: Objective = Field(
+        default=Objective.OVERALL_ERROR, strict=False, description="The figure the report compares by."
+    )
+
+    _folder: Path = PrivateAttr(default=Path())
+    _text: str = PrivateAttr(default="")
+
+    @model_validator(mode="after")
+    def _check_keys(self) -> Self:
+        groups = [("settings", self.settings), ("axes", self.axes), *(("points", point) for point in self.points)]
+        if self.search is not None:
+            groups.append(("search.settings", self.search.settings))
+        for place, keys in groups:
+            if "name" in keys:
+                raise ValueError(f"{place} changes name; every campaign of a sweep is named after its point")
+        varied = [set(self.axes), set().union(*self.points), set(self.search.settings if self.search else ())]
+        twice = (varied[0] & varied[1]) | (varied[0] & varied[2]) | (varied[1] & varied[2])
+        if twice:
+            raise ValueError(f"varies {', '.join(sorted(twice))} in two of axes, points and search; one is enough")
+        if any(set(point) != set(self.points[0]) for point in self.points):
+            raise ValueError("has points with different keys; name the same keys in each")
+        if not any(varied):
+            raise ValueError("has no axes, no points and no search; name what changes from one campaign to the next")
+        return self
+
+    @property
+    def folder(self) -> Path:
+        """Where the relative paths of the file start."""
+        return self._folder
+
+    @property
+    def text(self) -> str:
+        """The file, word for word."""
+        return self._text
+
+    def read_from(self, *, folder: Path, text: str) -> Self:
+        """Return this sweep with the place and the words it was read from."""
+        copy = self.model_copy()
+        copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
+        copy._text = text  # noqa: SLF001
+        return copy

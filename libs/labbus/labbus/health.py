@@ -1,0 +1,95 @@
+"""Is a service there and answering? `python -m labbus.health SERVICE [INSTANCE …] [--config FILE]`.
+
+For health checks of containers and supervisors: joins the bus as the service's own configuration says, asks each
+instance for its health, and ends with exit code 0, or 1 and one sentence; 2 where it is misconfigured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict
+
+from duralab_proto.keys import MAIN_INSTANCE
+from duralab_proto.v1 import health_pb2
+from labbus._bus import open_bus
+from labbus._config import BusConfig, BusMode
+from labbus._faults import BusError, FaultError
+from labbus._settings import configured
+from labbus._yaml import ConfigError
+
+EXIT_SICK: Final = 1
+EXIT_MISCONFIGURED: Final = 2
+
+
+class _Joining(BaseModel):
+    """What of a service's configuration says how to join the bus."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    bus: BusConfig = BusConfig()
+
+
+def check_health(bus: BusConfig, service: str, instances: list[str], *, timeout_seconds: float) -> None:
+    """Ask instances of a service for their health.
+
+    Parameters
+    ----------
+    bus : BusConfig
+        Of the service; it is joined as a client of the endpoints it connects to.
+    service : str
+        Its name.
+    instances : list of str
+        Each has to answer.
+    timeout_seconds : float
+        For each to be seen, and again to answer.
+
+    Raises
+    ------
+    BusError
+        The bus cannot be joined.
+    FaultError
+        An instance is not there, or does not answer.
+    """
+    client = bus.model_copy(update={"mode": BusMode.CLIENT, "connect_timeout_seconds": timeout_seconds})
+    with open_bus(client, service="health") as session:
+        session.wait_for_live({(service, instance) for instance in instances}, timeout_seconds)
+        for instance in instances:
+            session.query(
+                session.keys.health(service, instance),
+                health_pb2.HealthRequest(),
+                health_pb2.Health,
+                silence_seconds=timeout_seconds,
+            )
+
+
+def main() -> int:
+    """Read the command line, ask, and return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m labbus.health", description="Is a service there and answering?")
+    parser.add_argument("service", help="as in its liveliness key, e.g. rig_sim")
+    parser.add_argument("instance", nargs="*", default=[MAIN_INSTANCE], help="rigs, of rig_sim; main of the others")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="the service's own; the environment counts too")
+    parser.add_argument("--timeout", type=float, default=5.0, metavar="SECONDS")
+    options = parser.parse_args()
+    try:
+        config = configured(_Joining, options.config)
+        if not config.bus.connect:
+            raise ConfigError("The service connects to nobody, so nobody can look at it; name an endpoint in connect.")
+        check_health(config.bus, options.service, options.instance, timeout_seconds=options.timeout)
+    except ConfigError as error:
+        return _told(error, EXIT_MISCONFIGURED)
+    except (BusError, FaultError) as error:
+        return _told(error, EXIT_SICK)
+    return 0
+
+
+def _told(error: Exception, code: int) -> int:
+    sys.stderr.write(f"{error}\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

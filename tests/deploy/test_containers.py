@@ -1,0 +1,101 @@
+"""The compose file's containers run: read-only, as nobody, healthy, at work, and gone when they are told."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from duralab.certificates import init_authority, issue
+
+from .compose_file import ROOT
+from .containers_as_processes import ContainersAsProcesses, why_not
+
+pytestmark = [
+    pytest.mark.skipif(bool(why_not()), reason=why_not() or "possible"),
+    pytest.mark.timeout(300),
+]
+USER = 10001
+HEALTHY_SECONDS = 120.0
+SERVICES = ("rig", "identifier", "iterator", "recorder")
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    init_authority(folder)
+    issue(folder, "router", "main", hosts=["router"])
+    for role in (*SERVICES, "operator"):
+        issue(folder, role, "main")
+    # As the guide says: keys are readable by their owner alone, who is the user of the containers.
+    for path in folder.iterdir():
+        os.chown(path, USER, USER)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def lab(certificates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ContainersAsProcesses]:
+    folder = tmp_path_factory.mktemp("containers")
+    with ContainersAsProcesses(folder, certificates=certificates, network=f"duralab-{os.getpid()}") as lab:
+        for name in ("router", "viewer"):
+            lab.start(name)
+        if shutil.which("nc") is not None:
+            lab.wait_until_healthy("router", timeout_seconds=HEALTHY_SECONDS)
+        for name in SERVICES:
+            lab.start(name)
+        for name in (*SERVICES, "viewer"):
+            lab.wait_until_healthy(name, timeout_seconds=HEALTHY_SECONDS)
+        yield lab
+
+
+def test_lab_of_containers_plays_a_drive(lab: ContainersAsProcesses, certificates: Path) -> None:
+    script = ROOT / "tests" / "deploy" / "operator_script.py"
+    # The name of the router is known in the containers alone.
+    hosts = 'mount --bind "$0" /etc/hosts && exec "$@"'
+    play = [sys.executable, str(script), str(certificates), "front_axle"]
+    done = lab.run_beside(["unshare", "--mount", "sh", "-c", hosts, str(lab.hosts), *play])
+    assert done.returncode == 0, done.stderr
+    written = json.loads(done.stdout)
+    assert written["troubles"] == []
+    assert written["playbacks"] == 1.0
+    assert {"rig_sim/front_axle", "rig_sim/predecessor", "iterator/main", "recorder/main"} <= set(written["live"])
+    assert written["received"] > 0
+
+
+@pytest.mark.parametrize("name", ["router", *SERVICES, "viewer"])
+def test_container_is_nobody_and_may_do_nothing(lab: ContainersAsProcesses, name: str) -> None:
+    status = Path(f"/proc/{lab.process_id(name)}/status").read_text()
+    fields = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+    assert set(fields["Uid"].split()) == set(fields["Gid"].split()) == {str(USER)}
+    assert {int(fields[kind], 16) for kind in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb")} == {0}
+    assert fields["NoNewPrivs"].strip() == "1"
+
+
+@pytest.mark.parametrize("name", ["rig", "recorder"])
+def test_container_writes_to_its_volume_and_tmp_and_nowhere_else(lab: ContainersAsProcesses, name: str) -> None:
+    (volume,) = [mount.target for mount in lab.containers[name].mounts if not mount.read_only]
+    script = "for place; do touch $place/probe 2>/dev/null && rm $place/probe && echo $place; done; true"
+    tried = lab.run(name, ["sh", "-c", script, "sh", "/", "/etc/duralab/certificates", str(ROOT), "/tmp", volume])
+    assert tried.stdout.split() == ["/tmp", volume]
+
+
+def test_health_check_of_who_is_not_there_fails(lab: ContainersAsProcesses) -> None:
+    checked = lab.run("rig", ["python", "-m", "labbus.health", "rig_sim", "nobody", "--timeout", "2"])
+    assert checked.returncode == 1
+    assert checked.stderr.startswith("Not on the bus after 2 s: rig_sim/nobody")
+
+
+# The last: nothing of the lab is left afterwards.
+def test_container_ends_in_order_when_it_is_told(lab: ContainersAsProcesses) -> None:
+    codes = {name: lab.stop(name) for name in SERVICES}
+    assert codes == dict.fromkeys(SERVICES, 0), {name: lab.log(name).read_text()[-2000:] for name in SERVICES}
+    for name in SERVICES:
+        entries = [json.loads(line) for line in lab.log(name).read_text().splitlines() if line.startswith("{")]
+        assert [entry["event"] for entry in entries][-2:] == ["ending", "ended"]
+        assert entries[-2]["why"] == "SIGTERM"
+        assert entries[0]["event"] != "ready" or entries[0]["metrics"].endswith("/metrics")

@@ -1,0 +1,66 @@
+"""The whole table, role by key by operation, tried over a router with the configuration that is shipped."""
+
+from __future__ import annotations
+
+import pytest
+
+from duralab.refusals import read_refusals
+from duralab_proto.access import Operation, Role, permits
+from duralab_proto.keys import Keys
+
+from .access_trials import Trial, all_trials, run_trials, token_key
+from .secured_router import SecuredRouter
+
+LOGGED = {
+    Operation.ASK: "Query",
+    Operation.SERVE: "Declare Queryable",
+    Operation.PUBLISH: "Put",
+    Operation.RECEIVE: "Declare Subscriber",
+    Operation.HOLD: "Liveliness Token",
+    Operation.WATCH: "Declare Liveliness Subscriber",
+}
+
+
+@pytest.fixture(scope="module")
+def came(router: SecuredRouter, certificates) -> set[Trial]:
+    return run_trials(router.endpoint, certificates, expected=expected())
+
+
+def expected() -> set[Trial]:
+    return {trial for trial in all_trials(Keys()) if permits(trial.role, trial.operation, trial.key, Keys())}
+
+
+def _tried(trial: Trial) -> str:
+    return token_key(trial.key, trial.role) if trial.operation is Operation.HOLD else trial.key
+
+
+def test_everything_the_table_allows_comes_through(came):
+    assert sorted(map(str, expected() - came)) == []
+
+
+def test_nothing_else_comes_through(came):
+    assert sorted(map(str, came - expected())) == []
+
+
+def test_every_refusal_is_logged_with_who_which_session_and_what(came, router):
+    logged = [refusal for refusal in read_refusals(router.lines()) if refusal.what != "join"]
+    refused = {(refusal.who, refusal.what, refusal.key) for refusal in logged}
+    missing = [
+        trial
+        for trial in set(all_trials(Keys())) - expected()
+        if (f"{trial.role}.main", LOGGED[trial.operation], _tried(trial)) not in refused
+    ]
+    assert sorted(map(str, missing)) == []
+    assert {f"{role}.main" for role in Role} == {who for who, _, _ in refused}
+    assert all(refusal.session and refusal.time for refusal in logged)
+
+
+def test_what_is_allowed_is_not_logged_as_refused(came, router):
+    refused = {(refusal.who, refusal.what, refusal.key) for refusal in read_refusals(router.lines())}
+    allowed = {(f"{trial.role}.main", LOGGED[trial.operation], _tried(trial)) for trial in expected()}
+    assert sorted(refused & allowed) == []
+
+
+def test_a_deletion_is_refused_to_everyone(came, router):
+    deleted = {refusal.who for refusal in read_refusals(router.lines()) if refusal.what == "Delete"}
+    assert deleted == {f"{role}.main" for role in Role}

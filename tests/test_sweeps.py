@@ -1,0 +1,173 @@
+"""Sweeps on real workers: broken off and taken up again, a failing point among others, the same bytes in every cell."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import yaml
+
+import duralab
+from duralab.formats import write_signals
+from duralab.signals import Channel, Signals
+from duralab.sweeps.results import read_results
+
+# Half a minute of processor time in all, most of it the start of processes, which a busy machine makes long.
+pytestmark = pytest.mark.timeout(600)
+SECONDS = 250.0
+RESPONSES = ("left_wing", "right_wing", "nose", "tail", "left_wing_front", "fin")
+CAMPAIGN = {
+    "name": "aircraft",
+    # In closed form: the rig is there at once.
+    "rig": "aerospace",
+    "seed": 7,
+    "target": {"file": "target.parquet"},
+    "excitation": {
+        "lowest_frequency": 4.0,
+        "highest_frequency": 60.0,
+        "corner_frequency": 10.0,
+        "decibels_per_octave": 0.0,
+        "rms": 1.0,
+        "duration": 20.0,
+        "fade": 0.2,
+    },
+    "estimator": {"block_samples": 512},
+    "control_band": {"lowest_frequency": 6.0, "highest_frequency": 50.0},
+    "update": {"algorithm": "basic_twr", "gain": 0.8},
+    "stop": {"iterations": 1, "relative_rms_error": 0.0, "divergence_ratio": 0.0},
+}
+SWEEP = {
+    "name": "tiny",
+    "campaign": "aircraft.yaml",
+    # More than the shakers have: the third point fails when it meets its rig.
+    "axes": {"excitation.rms": [0.5, 1.0, 100.0]},
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("sweeps")
+    samples = np.random.default_rng(3).normal(size=(len(RESPONSES), 6 * 512))
+    samples *= np.hanning(samples.shape[1])
+    channels = tuple(Channel(name, "m/s^2") for name in RESPONSES)
+    write_signals(Signals(channels, 512.0, samples), made / "target.parquet")
+    (made / "aircraft.yaml").write_text(yaml.safe_dump(CAMPAIGN))
+    for cell in ("process", "lab"):
+        axes = SWEEP["axes"] if cell == "process" else {"excitation.rms": [1.0]}
+        (made / f"{cell}.yaml").write_text(yaml.safe_dump({**SWEEP, "axes": axes, "cell": cell}))
+    return made
+
+
+def command(folder, cell):
+    return [
+        sys.executable,
+        "-m",
+        "duralab",
+        "sweep",
+        str(folder / f"{cell}.yaml"),
+        "--out",
+        str(folder / cell),
+        "--workers",
+        "1",
+    ]
+
+
+def outcomes(folder):
+    return {path.parent.name: path.stat().st_mtime_ns for path in folder.glob("points/*/outcome.parquet")}
+
+
+@pytest.fixture(scope="module")
+def resumed(folder):
+    """A sweep that was killed after its first point, and the run that went on with it."""
+    killed = subprocess.Popen(command(folder, "process"), stdout=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + SECONDS
+    while not outcomes(folder / "process") and killed.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    family = [psutil.Process(killed.pid), *psutil.Process(killed.pid).children(recursive=True)]
+    os.kill(killed.pid, signal.SIGKILL)
+    killed.wait()
+    _, alive = psutil.wait_procs(family, timeout=30.0)
+    before = outcomes(folder / "process")
+    ran = subprocess.run(command(folder, "process"), capture_output=True, text=True, timeout=SECONDS, check=False)
+    return alive, before, ran
+
+
+def test_a_killed_sweep_leaves_no_process_and_goes_on_where_it_was(folder, resumed):
+    alive, before, ran = resumed
+    assert alive == []
+    assert before
+    after = outcomes(folder / "process")
+    assert len(after) == 3, ran.stderr
+    assert {id: after[id] for id in before} == before
+
+
+def test_a_point_that_fails_is_recorded_with_its_sentence_and_stops_no_other(folder, resumed):
+    _, _, ran = resumed
+    assert ran.returncode == 1, ran.stderr
+    assert "1 of 3 campaigns failed" in " ".join(ran.stderr.split())
+    results = read_results(folder / "process")
+    (failed,) = results.failed
+    assert failed["excitation.rms"] == 100.0
+    assert "leaves room for" in failed["sentence"]
+    assert sorted(row["excitation.rms"] for row in results.finished) == [0.5, 1.0]
+    assert (folder / "process" / "report.html").is_file()
+
+
+def test_nothing_is_run_and_nobody_started_where_all_has_ended(folder, resumed):
+    before = outcomes(folder / "process")
+    logs = sorted((folder / "process" / "logs").iterdir())
+    again = subprocess.run(command(folder, "process"), capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert again.returncode == 1
+    assert outcomes(folder / "process") == before
+    assert sorted((folder / "process" / "logs").iterdir()) == logs
+
+
+@contextmanager
+def scheduler_with_one_worker(folder):
+    """Give the address of a Dask scheduler that runs already, as in a cluster."""
+    file = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    serving = ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    working = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"]
+    started = [subprocess.Popen([*dask, *words], cwd=folder, **quiet) for words in (serving, working)]
+    try:
+        deadline = time.monotonic() + SECONDS
+        while not file.is_file() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait(30.0)
+
+
+def test_a_lab_of_processes_on_a_worker_of_a_cluster_gives_the_same_bytes(folder, resumed):
+    with scheduler_with_one_worker(folder) as address:
+        words = [*command(folder, "lab")[:-2], "--scheduler", address]
+        ran = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert ran.returncode == 0, ran.stderr
+    (row,) = read_results(folder / "lab").finished
+    one, other = (duralab.open(folder / cell / "points" / row["id"] / "recording.mcap") for cell in ("process", "lab"))
+    for what in ("drive", "response"):
+        first, second = (getattr(recording.playback(1), what).samples for recording in (one, other))
+        assert first.tobytes() == second.tobytes(), what
+    pairs = zip(one.signal(one.runs[0]), other.signal(other.runs[0]), strict=True)
+    assert all(first.samples.tobytes() == second.samples.tobytes() for first, second in pairs)
+
+
+def test_a_scheduler_that_is_none_is_told(folder):
+    words = [*command(folder, "lab")[:-2], "--out", str(folder / "none"), "--scheduler", "http://head"]
+    ran = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert ran.returncode == 2
+    assert "tcp://head:8786" in " ".join(ran.stderr.split())
+    assert not Path(folder / "none" / "points").exists()
