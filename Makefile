@@ -10,12 +10,13 @@ FUZZ ?= 3000
 SEED ?= 1000
 export PYTHON
 
-STUDIES := excitation_against_time figure_3 figure_4 figure_5 figure_7_8_9 \
-	algorithms_on_random_plants rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
+STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
+	algorithms_on_random_plants reachable_floor \
+	sensitivity braking_and_non_square input_side_errors rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test fuzz check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -46,9 +47,9 @@ sbom: setup ## write the bill of materials of what is installed, CycloneDX with 
 multihost: setup ## the secured lab on four hosts (network namespaces): cables cut, slowed, the router killed; needs root
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.multihost $(ARGS)
 
-# One thread each: sums in one order, so the same bytes, and two studies at a time.
+# One thread each: sums in one order, so the same bytes, and two studies at a time; those in quotes share their campaigns.
 studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)
-	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -I{} $(BIN)/python studies/{}.py
+	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -L 1 $(BIN)/python studies/several.py
 
 docs: setup ## build the documentation's site into out/site; a warning is an error
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -62,6 +63,12 @@ examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it 
 
 fuzz: setup ## damage files of every format and read them, long (FUZZ=20000 of each, SEED=1000: other ones)
 	@DURALAB_FUZZ_EXAMPLES=$(FUZZ) DURALAB_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -q --numprocesses=2 duralab/tests/test_formats_fuzz.py
+
+coverage: setup ## measure which lines of the pure cores unit tests run; less than 90 % of one is an error (ARGS="spectra --lines")
+	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/core_coverage.py $(ARGS)
+
+mutation: setup ## change one thing at a time in estimators, updates and the RPC III codec, and name what no test notices
+	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/mutation.py $(ARGS)
 
 check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, docs, determinism
 

@@ -16,6 +16,7 @@ from identifier import (
     EstimatorSettings,
     ExcitationKind,
     ExcitationSettings,
+    PowerSpectrum,
     WhitePink,
     design_experiment,
     estimate_experiment,
@@ -26,6 +27,7 @@ from iterator import (
     DriveLimitError,
     DriveLimits,
     Iteration,
+    LimitPolicy,
     ModelUncertainty,
     RigModel,
     StopCriteria,
@@ -43,12 +45,13 @@ BAND: Final = control_band(0.7, 35.0, sample_rate=SAMPLE_RATE)
 OPERATIONAL: Final = np.array([0.0135, 0.0009, 0.00085] * 2)
 #: Rows of the longitudinal forces among the responses, left and right.
 LONGITUDINAL: Final = (2, 5)
-_IDENTIFIED: Final = (0.4, 45.0)
-_SPECTRUM: Final = WhitePink(
-    lowest_frequency=_IDENTIFIED[0], highest_frequency=_IDENTIFIED[1], corner_frequency=2.0, decibels_per_octave=3.0
+IDENTIFIED: Final = (0.4, 45.0)
+DISPLACEMENT: Final = WhitePink(
+    lowest_frequency=IDENTIFIED[0], highest_frequency=IDENTIFIED[1], corner_frequency=2.0, decibels_per_octave=3.0
 )
 #: Two realisations of six experiments with one delay and two captured blocks each.
 _EXPERIMENT_SECONDS: Final = 75.0
+_ESTIMATOR: Final = EstimatorSettings(kind=EstimatorKind.LOCAL_POLYNOMIAL, local_half_width=6)
 _SPEED: Final = 15.0
 _ROAD_SEED: Final = 8608
 _POTHOLE_SEED: Final = 1
@@ -95,8 +98,11 @@ class Trial:
         return self.error[:, LONGITUDINAL].max(axis=1)
 
 
-def predecessor_target(seconds: float, *, potholes: int) -> NDArray[np.float64]:
-    """Drive the predecessor over a C/D road with potholes and return its spindle forces in the control band, N."""
+def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | None = None) -> NDArray[np.float64]:
+    """Drive the predecessor over a C/D road with potholes and return its responses in the control band.
+
+    They are the spindle forces in N, or those of the vehicle that is given, which drives as the predecessor does.
+    """
     samples = round(seconds * SAMPLE_RATE)
     smooth = roads.iso8608_road(road_class="C/D", length_m=max(60.0, _SPEED * seconds + 1.0), seed=_ROAD_SEED)
     road = roads.add_potholes(
@@ -120,52 +126,83 @@ def predecessor_target(seconds: float, *, potholes: int) -> NDArray[np.float64]:
         lead_in_seconds=1.0,
         axle_distances=(0.0,),
     )
-    vehicle = load_any_rig(shipped_specimens()["predecessor"])
+    driven = load_any_rig(shipped_specimens()["predecessor"]) if vehicle is None else vehicle
     rows: dict[str, NDArray[np.float64]] = dict(zip(roads.EFFECTIVE_INPUTS, inputs, strict=True))
     speed = np.full(samples, _SPEED)
-    drive = np.array([rows.get(channel.name, speed) for channel in vehicle.specimen.drives])
-    return BAND.limit_target(_play(vehicle, drive, seed=_TARGET_NOISE))
+    drive = np.array([rows.get(channel.name, speed) for channel in driven.specimen.drives])
+    return BAND.limit_target(play(driven, drive, seed=_TARGET_NOISE))
 
 
 @cache
 def identified(share: float, seed: int) -> RigModel:
     """Identify the rig at a share of the operational drive RMS; the seed is of phases and noise."""
-    rig = front_axle().rig
+    return identify(front_axle().rig, levels=share * OPERATIONAL, seed=seed)
+
+
+def identify(
+    rig: PlayableRig,
+    *,
+    levels: NDArray[np.float64],
+    seed: int,
+    spectra: tuple[PowerSpectrum, ...] | None = None,
+    seconds: float = _EXPERIMENT_SECONDS,
+    estimator: EstimatorSettings = _ESTIMATOR,
+    response_weight: NDArray[np.float64] | None = None,
+) -> RigModel:
+    """Identify a rig with random orthogonal multisines of the given RMS; displacements where no spectra are given."""
     settings = ExcitationSettings(
         kind=ExcitationKind.RANDOM_ORTHOGONAL,
-        spectra=(_SPECTRUM,) * OPERATIONAL.size,
-        levels=tuple(share * OPERATIONAL),
-        duration_seconds=_EXPERIMENT_SECONDS,
+        spectra=(DISPLACEMENT,) * levels.size if spectra is None else spectra,
+        levels=tuple(levels),
+        duration_seconds=seconds,
         block_samples=AXLE_BLOCK,
         fade_seconds=1.0,
         seed=seed,
         delay_blocks=1,
         capture_blocks=2,
     )
-    experiment = design_experiment(settings, drives=OPERATIONAL.size, sample_rate=SAMPLE_RATE)
+    experiment = design_experiment(settings, drives=levels.size, sample_rate=SAMPLE_RATE)
     estimate = estimate_experiment(
-        EstimatorSettings(kind=EstimatorKind.LOCAL_POLYNOMIAL, local_half_width=6),
+        estimator,
         experiment.layout,
         drive=experiment.drive,
-        response=_play(rig, experiment.drive, seed=_IDENTIFICATION_NOISE + seed),
+        response=play(rig, experiment.drive, seed=_IDENTIFICATION_NOISE + seed),
     )
     uncertainty = ModelUncertainty(estimate.residual_psd, row_covariance(estimate.s_uu, averages=estimate.averages))
-    return rig_model(estimate.frequency, estimate.frf, identified_band=_IDENTIFIED, uncertainty=uncertainty)
+    return rig_model(
+        estimate.frequency,
+        estimate.frf,
+        identified_band=IDENTIFIED,
+        response_weight=response_weight,
+        uncertainty=uncertainty,
+    )
 
 
-def campaign(target: NDArray[np.float64], *, model: RigModel, update: UpdateSettings, playbacks: int) -> Trial:
-    """Iterate on the rig until the last playback, or until the rig's limits or the rig itself end it."""
-    rig = front_axle().rig
+def campaign(
+    target: NDArray[np.float64],
+    *,
+    model: RigModel,
+    update: UpdateSettings,
+    playbacks: int,
+    rig: PlayableRig | None = None,
+    projected_to: DriveLimits | None = None,
+) -> Trial:
+    """Iterate on a rig until the last playback, or until the rig's limits or the rig itself end it.
+
+    The rig is the front axle unless another one is given. Drives beyond its limits are refused, unless limits are given
+    that they are projected to.
+    """
+    played_on = front_axle().rig if rig is None else rig
     noise = iter(range(_PLAYBACK_NOISE, _PLAYBACK_NOISE + playbacks))
-    settings = CampaignSettings(update, StopCriteria(playbacks))
+    policy = LimitPolicy.REFUSE if projected_to is None else LimitPolicy.PROJECT
     done: list[Iteration] = []
     try:
         for step in iterate(
-            lambda drive: _play(rig, drive, seed=next(noise)),
+            lambda drive: play(played_on, drive, seed=next(noise)),
             target,
             model=model,
-            settings=settings,
-            limits=_limits(rig),
+            settings=CampaignSettings(update, StopCriteria(playbacks), limit_policy=policy),
+            limits=limits_of(played_on) if projected_to is None else projected_to,
         ):
             done.append(step)
     except DriveLimitError:
@@ -175,14 +212,16 @@ def campaign(target: NDArray[np.float64], *, model: RigModel, update: UpdateSett
     return Trial(tuple(done), "")
 
 
-def _play(rig: PlayableRig, drive: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
+def play(rig: PlayableRig, drive: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
+    """Play a drive and return the response; the seed is of the sensors' noise."""
     run = rig.playback(drive, seed=seed)
     for _ in run.blocks():
         pass
     return run.response
 
 
-def _limits(rig: PlayableRig) -> DriveLimits:
+def limits_of(rig: PlayableRig) -> DriveLimits:
+    """Return what the rig allows its drives."""
     channels = rig.specimen.drives
     return DriveLimits(
         names=tuple(channel.name for channel in channels),

@@ -31,15 +31,32 @@ from iterator import (
 )
 from spectra import line_frequencies, overall_relative_rms_error, rms
 
-BLOCK: Final = 512
 BAND: Final = control_band(2.0, 30.0, sample_rate=SAMPLE_RATE)
-#: Of the sensors, relative to the target's RMS.
-NOISE: Final = 0.01
-#: Drive level of the identification relative to the target's.
-SOFT: Final = 0.12
 _EXPERIMENTS: Final = 12
 _CAPTURED: Final = 2
 _IDENTIFIED: Final = (0.5, 34.0)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How rigs are identified and measured, and how they change.
+
+    Parameters
+    ----------
+    noise : float
+        RMS of the sensors' noise, relative to the target's.
+    level : float
+        Drive level of the identification, relative to the target's.
+    block_samples : int
+        Of the identification and of all updates.
+    softening : float
+        Share of its stiffness and of its friction that a suspension loses from one playback to the next.
+    """
+
+    noise: float = 0.01
+    level: float = 0.12
+    block_samples: int = 512
+    softening: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,14 +71,17 @@ class Bench:
         In the control band, N.
     models : tuple of RigModel
         As identified.
+    conditions : Conditions
+        Of identification and playbacks.
     """
 
     plants: Plants
     targets: NDArray[np.float64]
     models: tuple[RigModel, ...]
+    conditions: Conditions
 
 
-def make_bench(count: int, *, samples: int, seed: int) -> Bench:
+def make_bench(count: int, *, samples: int, seed: int, conditions: Conditions = Conditions()) -> Bench:
     """Draw plants and roads, measure the predecessors on them, identify the rigs.
 
     Parameters
@@ -72,6 +92,8 @@ def make_bench(count: int, *, samples: int, seed: int) -> Bench:
         Length of a target.
     seed : int
         Of everything.
+    conditions : Conditions, optional
+        The same plants and roads whatever they are.
 
     Returns
     -------
@@ -91,15 +113,27 @@ def make_bench(count: int, *, samples: int, seed: int) -> Bench:
     return Bench(
         plants=plants,
         targets=np.stack([BAND.limit_target(target) for target in targets]),
-        models=_identified(plants, targets, rng=rng),
+        models=_identified(plants, targets, conditions=conditions, rng=rng),
+        conditions=conditions,
     )
 
 
 def measured(
-    plants: Plants, drive: NDArray[np.float64], *, scale: NDArray[np.float64], rng: np.random.Generator
+    plants: Plants, drive: NDArray[np.float64], *, noise: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Play and add the sensors' noise; `scale`, shape (plants, n_y), is the target's RMS."""
-    return play(plants, drive) + NOISE * scale[:, :, None] * rng.standard_normal(drive.shape)
+    """Play and add the sensors' noise of the given RMS, shape (plants, n_y)."""
+    return play(plants, drive) + noise[:, :, None] * rng.standard_normal(drive.shape)
+
+
+def softened(plants: Plants, share: float) -> Plants:
+    """Return plants with so much of their stiffness and friction: rubber that warms and wears."""
+    return replace(
+        plants,
+        stiffness=share * plants.stiffness,
+        coupling=share * plants.coupling,
+        friction_force=share * plants.friction_force,
+        friction_stiffness=share * plants.friction_stiffness,
+    )
 
 
 def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: int) -> NDArray[np.float64]:
@@ -107,7 +141,7 @@ def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: i
     rng = np.random.default_rng(seed)
     update = UPDATES[settings.kind]
     count = len(bench.models)
-    scale = np.stack([rms(target) for target in bench.targets])
+    noise = bench.conditions.noise * np.stack([rms(target) for target in bench.targets])
     histories = [IterationHistory(target=target) for target in bench.targets]
     models = list(bench.models)
     errors = np.empty((count, playbacks))
@@ -117,7 +151,8 @@ def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: i
             step = update(histories[i], models[i], settings)
             models[i] = step.model
             drives.append(step.drive)
-        responses = measured(bench.plants, np.stack(drives), scale=scale, rng=rng)
+        plants = softened(bench.plants, (1.0 - bench.conditions.softening) ** number)
+        responses = measured(plants, np.stack(drives), noise=noise, rng=rng)
         for i in range(count):
             response = BAND.limit_response(responses[i])
             errors[i, number] = overall_relative_rms_error(bench.targets[i], response)
@@ -125,10 +160,12 @@ def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: i
     return errors
 
 
-def _identified(plants: Plants, targets: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[RigModel, ...]:
+def _identified(
+    plants: Plants, targets: NDArray[np.float64], *, conditions: Conditions, rng: np.random.Generator
+) -> tuple[RigModel, ...]:
     """H1 from softly played random-phase multisines, one block to settle and the others to average."""
-    count = targets.shape[0]
-    frequency = line_frequencies(BLOCK, SAMPLE_RATE)
+    count, samples = targets.shape[0], conditions.block_samples
+    frequency = line_frequencies(samples, SAMPLE_RATE)
     driven = (frequency >= _IDENTIFIED[0]) & (frequency <= _IDENTIFIED[1])
     level = np.where(driven, 1.0 / np.maximum(frequency, 3.0), 0.0)
     s_uu = np.zeros((count, frequency.size, CHANNELS, CHANNELS), dtype=np.complex128)
@@ -137,12 +174,13 @@ def _identified(plants: Plants, targets: NDArray[np.float64], *, rng: np.random.
     scale = np.sqrt(np.mean(targets**2, axis=2))
     for _ in range(_EXPERIMENTS):
         phase = rng.uniform(0.0, 2.0 * np.pi, (count, CHANNELS, frequency.size))
-        block = np.fft.irfft(level * np.exp(1j * phase), n=BLOCK, axis=2)
-        block *= SOFT * 1.6 * REFERENCE_DEFLECTION[:, None] / np.sqrt(np.mean(block**2, axis=2, keepdims=True))
+        block = np.fft.irfft(level * np.exp(1j * phase), n=samples, axis=2)
+        wanted = conditions.level * 1.6 * REFERENCE_DEFLECTION[:, None]
+        block *= wanted / np.sqrt(np.mean(block**2, axis=2, keepdims=True))
         drive = np.tile(block, (1, 1, 1 + _CAPTURED))
-        response = measured(plants, drive, scale=scale, rng=rng)
+        response = measured(plants, drive, noise=conditions.noise * scale, rng=rng)
         for k in range(1, 1 + _CAPTURED):
-            piece = slice(k * BLOCK, (k + 1) * BLOCK)
+            piece = slice(k * samples, (k + 1) * samples)
             u, y = (np.fft.rfft(x[:, :, piece], axis=2).transpose(0, 2, 1) for x in (drive, response))
             s_uu += u[..., :, None] * u[..., None, :].conj()
             s_yu += y[..., :, None] * u[..., None, :].conj()

@@ -4,6 +4,9 @@ import ast
 import re
 import subprocess
 import tomllib
+from collections import Counter
+from fnmatch import fnmatch
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,9 @@ DISTRIBUTIONS = sorted(
 LONGEST_FILE, LONGEST_README = 350, 60
 MACHINE_PATH = re.compile(r"(?<![\w.~}:/-])/(?:root|home|tmp|work|Users)/\w")
 ARRAY = re.compile(r"NDArray|ndarray|ArrayLike")
+SHAPE = re.compile(r"[Ss]hape|\([\w ]+,|[Ss]ame")
+ELEMENTARY = {"services/rig_sim/rig_sim/compile/numeric.py"}
+"""Modules of functions that a pocket calculator has: one line says what each is."""
 
 
 def _tracked():
@@ -102,21 +108,154 @@ def test_every_module_and_everything_exported_says_what_it_is():
     assert sorted(missing) == []
 
 
+def _undescribed(function, *, raises=True):
+    """Name what the docstring of a function lacks of Parameters, Returns and Raises."""
+    docstring = ast.get_docstring(function) or ""
+    described = _section(docstring, "Parameters")
+    lacking = [p.arg for p in _parameters(function) if not re.search(rf"^[\w, *]*\b{p.arg}\b", described, re.M)]
+    returns = function.returns is not None and ast.unparse(function.returns) != "None"
+    if returns and _parameters(function) and not (_section(docstring, "Returns") or _section(docstring, "Yields")):
+        lacking.append("Returns")
+    if raises and _refuses(function) and not _section(docstring, "Raises"):
+        lacking.append("Raises")
+    return lacking
+
+
+def _refuses(function):
+    return any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(function))
+
+
+def _undescribed_in_class(node):
+    """Name what the docstring of a class lacks: of what makes it, where users make it, and of what it refuses."""
+    docstring = ast.get_docstring(node) or ""
+    described = _section(docstring, "Parameters") + _section(docstring, "Attributes")
+    methods = {item.name: item for item in node.body if isinstance(item, ast.FunctionDef)}
+    fields = [item for item in node.body if isinstance(item, ast.AnnAssign)]
+    if "__init__" in methods:
+        names = [p.arg for p in _parameters(methods["__init__"])]
+    else:
+        is_dataclass = any("dataclass" in ast.unparse(decorator) for decorator in node.decorator_list)
+        told = {a.target.id for a, b in pairwise(node.body) if a in fields and isinstance(b, ast.Expr)}
+        names = [field.target.id for field in fields if is_dataclass and field.target.id not in told]
+    lacking = [name for name in names if not re.search(rf"^[\w, *]*\b{name}\b", described, re.M)]
+    if "__init__" in methods and re.search(r"\bmade by\b|never directly", docstring, re.I):
+        lacking = []
+    makers = [methods[name] for name in ("__init__", "__post_init__") if name in methods]
+    if any(_refuses(maker) for maker in makers) and not _section(docstring, "Raises"):
+        lacking.append("Raises")
+    return lacking
+
+
+def _exported():
+    """Yield the definitions of what packages export: of several of one name, the one nearest to the package."""
+    exports, definitions = {}, {}
+    for path, tree in _package_modules():
+        for node in tree.body:
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+                exports[path.parent] = ast.literal_eval(node.value)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                definitions.setdefault(node.name, []).append((path, node))
+    for package, names in exports.items():
+        for name in names:
+            inside = [(path, node) for path, node in definitions.get(name, []) if package in path.parents]
+            if inside:
+                yield min(inside, key=lambda found: len(found[0].parts))
+
+
 def test_functions_on_arrays_document_every_parameter_and_what_they_return():
     incomplete = {}
     for path, tree in _package_modules():
         for node in tree.body:
             if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not _takes_arrays(node):
                 continue
-            docstring = ast.get_docstring(node) or ""
-            described = _section(docstring, "Parameters")
-            lacking = [p.arg for p in _parameters(node) if not re.search(rf"^[\w, *]*\b{p.arg}\b", described, re.M)]
-            returns = node.returns is not None and ast.unparse(node.returns) != "None"
-            if returns and not (_section(docstring, "Returns") or _section(docstring, "Yields")):
-                lacking.append("Returns")
-            if lacking:
+            if lacking := _undescribed(node, raises=False):
                 incomplete[f"{_name(path)}:{node.name}"] = lacking
     assert incomplete == {}
+
+
+def test_functions_on_arrays_tell_the_shapes_of_those_they_take_and_return():
+    silent = []
+    for path, tree in _package_modules():
+        for node in tree.body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not _takes_arrays(node):
+                continue
+            docstring = ast.get_docstring(node) or ""
+            entries = re.split(r"(?m)^(?=\S)", _section(docstring, "Parameters"))
+            for parameter in _parameters(node):
+                if re.match(r"(np\.)?(NDArray|ndarray|ArrayLike)", ast.unparse(parameter.annotation or node.args)):
+                    told = [entry for entry in entries if re.match(rf"[\w, *]*\b{parameter.arg}\b", entry)]
+                    silent += [
+                        f"{_name(path)}:{node.name}.{parameter.arg}" for entry in told if not SHAPE.search(entry)
+                    ]
+            returns_array = re.match(r"(np\.)?(NDArray|ndarray)", ast.unparse(node.returns or node.args))
+            if returns_array and not SHAPE.search(_section(docstring, "Returns")):
+                silent.append(f"{_name(path)}:{node.name} -> ")
+    assert silent == []
+
+
+def test_what_packages_export_documents_parameters_results_and_refusals():
+    incomplete = {}
+    for path, node in _exported():
+        if _name(path) in ELEMENTARY:
+            continue
+        lacking = _undescribed_in_class(node) if isinstance(node, ast.ClassDef) else _undescribed(node)
+        if lacking:
+            incomplete[f"{_name(path)}:{node.name}"] = lacking
+    assert incomplete == {}
+
+
+def test_the_methods_of_the_sdk_document_parameters_results_and_refusals():
+    """Some point to the method they call; decoding a message is for this project's own code."""
+    incomplete = {}
+    sdk = ROOT / "duralab"
+    own = {n.name: (path, n) for path, tree in _package_modules() for n in tree.body if isinstance(n, ast.ClassDef)}
+    classes = [(path, node) for path, node in _exported() if isinstance(node, ast.ClassDef) and sdk in path.parents]
+    classes += [own[base.id] for _, node in classes for base in node.bases if getattr(base, "id", "") in own]
+    for path, node in classes:
+        for method in node.body:
+            if not isinstance(method, ast.FunctionDef | ast.AsyncFunctionDef) or not _parameters(method):
+                continue
+            internal = method.name.startswith(("_", "from_message", "read_from"))
+            if internal or re.search(r"see `(Lab|Identifier)\.\w+`", ast.get_docstring(method) or ""):
+                continue
+            if lacking := _undescribed(method):
+                incomplete[f"{_name(path)}:{node.name}.{method.name}"] = lacking
+    assert incomplete == {}
+
+
+def test_every_folder_says_what_it_is_in_a_screen():
+    """Folders right below the root, libs, services and tests by a README or a package's docstring, packages by both."""
+    files = [path.relative_to(ROOT) for path in _tracked()]
+    counted = Counter(parent for path in files for parent in path.parents)
+    near = {"", "libs", "services", "tests"}
+    folders = {
+        folder
+        for folder, count in counted.items()
+        if count > 1 and folder.name and not folder.name.startswith(".") and folder.parent.as_posix().strip(".") in near
+    }
+    packages = {
+        path.parent for path in files if path.suffix == ".py" and (ROOT / path.parent / "__init__.py").is_file()
+    }
+    silent = []
+    for folder in sorted(folders | packages):
+        readme, package = ROOT / folder / "README.md", ROOT / folder / "__init__.py"
+        if readme.is_file():
+            assert readme.read_text(encoding="utf-8").count("\n") <= LONGEST_README, f"{readme} is more than a screen"
+        elif not (package.is_file() and ast.get_docstring(ast.parse(package.read_text(encoding="utf-8")))):
+            silent.append(folder.as_posix())
+    assert silent == []
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "examples", "scripts", "studies", "tests"])
+def test_a_readme_with_a_table_of_files_names_those_that_are_there_and_no_others(folder):
+    text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
+    named = [name.rstrip("/") for name in re.findall(r"[\w*./-]+", text) if re.search(r"\.\w+$|/$", name)]
+    there = {path.relative_to(ROOT / folder).as_posix() for path in _tracked() if path.is_relative_to(ROOT / folder)}
+    there = {name for name in there if "/" not in name and name not in ("README.md", "conftest.py")}
+    assert sorted(name for name in there if not any(fnmatch(name, pattern) for pattern in named)) == []
+    rows = "".join(re.findall(r"^\| ?`[^|]*\|", text, re.M))
+    listed = re.findall(r"`([\w*/-]+(?:\.[\w*]+|/))`", rows)
+    assert [name for name in listed if not list((ROOT / folder).glob(name.rstrip("/")))] == []
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)

@@ -13,9 +13,15 @@ NAMES = (
     "figure_3",
     "figure_4",
     "figure_5",
-    "figure_7_8_9",
+    "figure_7",
+    "figure_8",
+    "figure_9",
     "excitation_against_time",
     "algorithms_on_random_plants",
+    "reachable_floor",
+    "sensitivity",
+    "braking_and_non_square",
+    "input_side_errors",
 )
 
 
@@ -88,6 +94,39 @@ def test_the_first_part_of_a_record_is_whole_sets_of_the_same_experiments(study_
     assert part.layout.captures == record.layout.captures[: 2 * columns]
     np.testing.assert_array_equal(part.response, record.response[:, : part.layout.samples])
     assert record.first(columns * 2 * block) is None  # its last fade does not fit
+
+
+def test_a_stop_pulls_a_wheel_backwards_and_turns_its_spindle_by_the_rolling_radius(study_module):
+    loads = study_module("braking_loads")
+    road, stopping = (loads.spindle_target(4.0, potholes=1, stops=stops) for stops in ((), ((1.5, 1.0),)))
+    pulled = stopping[:6] - road
+    np.testing.assert_array_equal(pulled[[0, 1, 3, 4]], 0.0)
+    scale = np.abs(pulled).max()
+    np.testing.assert_allclose(stopping[6:] / scale, -0.32 * pulled[[2, 5]] / scale, atol=1e-12)
+    assert 1000.0 < scale < 3000.0
+
+
+def test_conditions_change_models_and_neither_rigs_nor_targets(study_module):
+    campaigns = study_module("random_plant_campaigns")
+    usual, other = (
+        campaigns.make_bench(1, samples=1280, seed=1, conditions=conditions)
+        for conditions in (campaigns.Conditions(), campaigns.Conditions(noise=0.1, level=0.4, block_samples=256))
+    )
+    np.testing.assert_array_equal(usual.targets, other.targets)
+    np.testing.assert_array_equal(usual.plants.valve_speed, other.plants.valve_speed)
+    assert usual.models[0].block_samples == 512
+    assert other.models[0].block_samples == 256
+
+
+@pytest.mark.parametrize("on_drives", [True, False])
+def test_a_mistake_of_one_channel_needs_a_diagonal_correction_on_its_own_side_only(study_module, on_drives):
+    study, campaigns = study_module("input_side_errors"), study_module("low_level_campaigns")
+    rig = campaigns.identified(1.0, 1)
+    model = study.mistaken(rig, study.MISTAKES[0], on_drives=on_drives)
+    target = np.random.default_rng(1).standard_normal((6, 100))
+    forward, backward, _ = study.told_of_theory(rig, model, target)
+    assert float(backward if on_drives else forward) == 0.0
+    assert float(forward if on_drives else backward) > 0.5
 
 
 @pytest.mark.parametrize("text", ["no markers", "<!-- numbers: studies/a.py -->", "<!-- end of numbers -->" * 2])

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
         StoppedError,
         UnavailableError,
     )
-    from duralab.identification import (
+    from duralab.identification import Identifier
+    from duralab.identification_results import (
         Convergence,
         ExperimentPlan,
-        Identifier,
         LevelAdvice,
         LevelSeries,
         ModelDifference,
@@ -69,10 +69,10 @@ _MODULES = {
         "StoppedError",
         "UnavailableError",
     ),
-    "duralab.identification": (
+    "duralab.identification": ("Identifier",),
+    "duralab.identification_results": (
         "Convergence",
         "ExperimentPlan",
-        "Identifier",
         "LevelAdvice",
         "LevelSeries",
         "ModelDifference",

@@ -85,7 +85,7 @@ class AsyncLab:
         return await self._call(lambda: self.lab.describe(rig))
 
     async def state(self, rig: str) -> RigState:
-        """Return what a rig does now."""
+        """Return what a rig does now; see `Lab.state`."""
         return await self._call(lambda: self.lab.state(rig))
 
     async def reset(self, rig: str) -> RigState:
@@ -273,7 +273,23 @@ async def async_start(
     rigs: Sequence[str] = DEFAULT_RIGS,
     viewer: str | None = None,
 ) -> AsyncIterator[AsyncLab]:
-    """Start a lab of one's own on this machine, `async with async_start() as lab`; see `start`."""
+    """Start a lab of one's own on this machine, `async with async_start() as lab`; see `start`.
+
+    Parameters
+    ----------
+    out, listen, recordings, rigs, viewer
+        As in `start`.
+
+    Yields
+    ------
+    AsyncLab
+        Open until the `async with` statement ends.
+
+    Raises
+    ------
+    InputError, LabError
+        As in `start`.
+    """
     lab = start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer)
     async with _opened(lab) as opened:
         yield opened
@@ -283,7 +299,23 @@ async def async_start(
 async def async_connect(
     endpoint: str | None = None, *, out: str | Path | None = None, timeout_seconds: float = FIND_SECONDS
 ) -> AsyncIterator[AsyncLab]:
-    """Join a lab that runs already, `async with async_connect() as lab`; see `connect`."""
+    """Join a lab that runs already, `async with async_connect() as lab`; see `connect`.
+
+    Parameters
+    ----------
+    endpoint, out, timeout_seconds
+        As in `connect`.
+
+    Yields
+    ------
+    AsyncLab
+        Open until the `async with` statement ends.
+
+    Raises
+    ------
+    InputError, UnavailableError
+        As in `connect`.
+    """
     async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds)) as opened:
         yield opened
 

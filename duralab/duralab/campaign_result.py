@@ -47,7 +47,18 @@ class CampaignResult:
         return open_recording(self.recording_path)
 
     def report(self, path: str | Path | None = None) -> Path:
-        """Write the report, beside the recording where no path is given, and return where it is."""
+        """Write the report, beside the recording where no path is given, and return where it is.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Where to; what is there is replaced.
+
+        Returns
+        -------
+        Path
+            The report.
+        """
         from duralab.report import write_report
 
         return write_report(self.recording, path or self.recording_path.with_name("report.html"))

@@ -109,7 +109,7 @@ def _nanoseconds(moment: datetime | None) -> int:
 
 
 class Catalogue:
-    """What the recorder of a lab holds; `Lab.catalogue`."""
+    """What the recorder of a lab holds; made by `Lab.catalogue`."""
 
     def __init__(self, ask: Asking) -> None:
         self._ask = ask
@@ -135,6 +135,11 @@ class Catalogue:
             Begun then or later; before then.
         result : Result, optional
             Ended so only.
+
+        Returns
+        -------
+        CatalogueEntries
+            A sequence; printed, it is a table.
         """
         request = recorder_pb2.ListRecordingsRequest(
             rig=rig,
@@ -154,6 +159,11 @@ class Catalogue:
         ----------
         id : str
             The recording; it is not written any more.
+
+        Returns
+        -------
+        list of str
+            Empty where nothing is wrong.
 
         Raises
         ------

@@ -104,7 +104,18 @@ class Comparison:
         return all(difference.setting != "target" for difference in self.differences)
 
     def of_channel(self, channel: str) -> tuple[ChannelComparison, ...]:
-        """Return the rows of one channel, in the order of the recordings."""
+        """Return the rows of one channel, in the order of the recordings.
+
+        Parameters
+        ----------
+        channel : str
+            Name of a response.
+
+        Returns
+        -------
+        tuple of ChannelComparison
+            Empty where no recording has the channel.
+        """
         return tuple(row for row in self.rows if row.channel == channel)
 
     def to_document(self) -> dict[str, Any]:

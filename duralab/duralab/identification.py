@@ -6,7 +6,6 @@ import threading
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from duralab._following import RunProgress, Stage
 from duralab._patience import Patience, patience
 from duralab._specification import estimator_message, excitation_message
 from duralab.errors import InputError
+from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
 from duralab.recording_content import Model
 from duralab.rig import Rig
@@ -22,85 +22,6 @@ from duralab.signals import Signals
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import identifier_pb2, query_pb2
-
-
-@dataclass(frozen=True)
-class ExperimentPlan:
-    """What an experiment takes and gives; see `duralab.v1.ExperimentPlan`."""
-
-    duration_seconds: float
-    realisations: int
-    experiments_per_realisation: int
-    periods: int
-    delay_share: float
-    independent_averages: float
-    frequency_resolution: float
-    lines: int
-    band: tuple[float, float]
-
-    def __str__(self) -> str:
-        """Return it as a table."""
-        from duralab.showing.models import plan_text
-
-        return plan_text(self)
-
-
-@dataclass(frozen=True, eq=False)
-class Convergence:
-    """How an iteration with the inverse of a model will converge; see `duralab.v1.Convergence`."""
-
-    frequency: np.ndarray
-    spectral_radius: np.ndarray
-    spectral_radius_95: np.ndarray
-    largest_singular_value: np.ndarray
-    converging_share: float
-    sentence: str
-
-    def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
-        return f"Convergence({self.sentence})"
-
-    def __str__(self) -> str:
-        """Return the sentence."""
-        return self.sentence
-
-    def _repr_html_(self) -> str:
-        from duralab.showing.models import convergence_html
-
-        return convergence_html(self)
-
-
-@dataclass(frozen=True, eq=False)
-class LevelAdvice:
-    """Drive levels that give responses like the target's; see `duralab.v1.LevelAdvice`."""
-
-    rms: np.ndarray
-    wanted_rms: np.ndarray
-    largest_rms: np.ndarray
-    sentences: tuple[str, ...]
-
-    def __str__(self) -> str:
-        """Return it as a table."""
-        from duralab.showing.models import advice_text
-
-        return advice_text(self)
-
-
-@dataclass(frozen=True, eq=False)
-class ModelDifference:
-    """How far a model differs from the one before it; see `duralab.v1.ModelDifference`."""
-
-    relative_difference: np.ndarray
-    expected_by_noise: np.ndarray
-    sentences: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LevelSeries:
-    """Models of one rig from the lowest level to the highest, and the difference of each to the one before."""
-
-    models: tuple[Model, ...]
-    differences: tuple[ModelDifference, ...]
 
 
 class Identifier:
@@ -132,6 +53,20 @@ class Identifier:
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
     ) -> ExperimentPlan:
         """Return what an experiment takes and gives; nothing moves.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+
+        Returns
+        -------
+        ExperimentPlan
+            Printed, it is a table.
 
         Raises
         ------
@@ -180,6 +115,11 @@ class Identifier:
         cancel : threading.Event, optional
             Set from another thread, it does the same.
 
+        Returns
+        -------
+        Model
+            Kept by the identifier, too, until newer ones take its place.
+
         Raises
         ------
         LabError
@@ -210,6 +150,24 @@ class Identifier:
     ) -> LevelSeries:
         """Run one experiment at several levels, from the lowest up, and return what changes; 2 to 8 factors.
 
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        factors : sequence of float
+            Of the excitation's levels, 2 to 8 of them.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+        on_progress : callable, optional
+            Called with a `RunProgress` about once a second.
+
+        Returns
+        -------
+        LevelSeries
+            The models, and the difference of each to the one before.
+
         Raises
         ------
         LabError
@@ -235,7 +193,20 @@ class Identifier:
         )
 
     def predict(self, model: Model, drive: Signals) -> Signals:
-        """Return the response that a model expects of a drive, in its band and without static part."""
+        """Return the response that a model expects of a drive, in its band and without static part.
+
+        Parameters
+        ----------
+        model : Model
+            That the identifier still holds.
+        drive : Signals
+            Of the model's drives, in their units.
+
+        Returns
+        -------
+        Signals
+            Of the model's responses, as long as the drive.
+        """
         request = identifier_pb2.PredictRequest(drive=drive.to_message())
         answer = self._query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
         return Signals.from_message(answer.response, field="response")
@@ -246,6 +217,22 @@ class Identifier:
         """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz.
 
         A `rig_model`, e.g. from a higher level, stands for the rig in place of the model itself.
+
+        Parameters
+        ----------
+        model : Model
+            Whose inverse would be used.
+        gain : float
+            Of every response, above 0 to 1.
+        band : tuple of float
+            In hertz.
+        rig_model : Model, optional
+            Stands for the rig.
+
+        Returns
+        -------
+        Convergence
+            Line by line, and in a sentence.
         """
         request = identifier_pb2.ConvergenceRequest(
             iteration_gain=to_array(np.full(len(model.responses), float(gain))),
@@ -264,7 +251,22 @@ class Identifier:
         )
 
     def advise(self, model: Model, target: Signals, *, band: tuple[float, float]) -> LevelAdvice:
-        """Return the drive levels that give responses like a target's in a band, in hertz."""
+        """Return the drive levels that give responses like a target's in a band, in hertz.
+
+        Parameters
+        ----------
+        model : Model
+            Of the rig, from any level.
+        target : Signals
+            Of the model's responses, in their units.
+        band : tuple of float
+            In hertz.
+
+        Returns
+        -------
+        LevelAdvice
+            Printed, it is a table.
+        """
         request = identifier_pb2.AdviceRequest(
             model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
         )

@@ -143,6 +143,17 @@ class IterationTable:
         return iterations_html(self)
 
     def cells(self, row: int) -> list[str]:
-        """Return error and response of one playback for each channel, as text."""
+        """Return error and response of one playback for each channel, as text.
+
+        Parameters
+        ----------
+        row : int
+            Of the table, from 0.
+
+        Returns
+        -------
+        list of str
+            One for each channel.
+        """
         pairs = zip(self.relative_rms_error[row], self.rms_response[row], strict=True)
         return ["–" if np.isnan(error) else f"{error:.3f} ({response:.2f})" for error, response in pairs]

@@ -215,6 +215,11 @@ class Lab(LabRigs):
         replace : bool
             False refuses to go on where an output would take the place of an existing file.
 
+        Returns
+        -------
+        CampaignResult
+            As from `run`.
+
         Raises
         ------
         InputError, CampaignFaultError, LabError
@@ -242,6 +247,11 @@ class Lab(LabRigs):
             The campaign.
         reason : str
             In words; kept in the recording.
+
+        Returns
+        -------
+        RunProgress
+            How far it got.
 
         Raises
         ------

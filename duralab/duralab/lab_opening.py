@@ -59,6 +59,11 @@ def start(
     viewer : str, optional
         Address of a running Rerun viewer.
 
+    Yields
+    ------
+    Lab
+        Open until the `with` statement ends.
+
     Raises
     ------
     InputError
@@ -103,6 +108,11 @@ def connect(
         For an endpoint `tls/…` of a secured lab: path of one's certificate without its suffix,
         `<folder>/<role>.<name>`, with `.crt` and `.key` and the lab's `ca.crt` beside; what DURALAB_IDENTITY says
         where not given.
+
+    Yields
+    ------
+    Lab
+        Open until the `with` statement ends; the services go on.
 
     Raises
     ------

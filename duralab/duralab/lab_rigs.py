@@ -58,6 +58,16 @@ class LabRigs:
     def describe(self, rig: str) -> Rig:
         """Return what a rig is and what it can play.
 
+        Parameters
+        ----------
+        rig : str
+            Its name.
+
+        Returns
+        -------
+        Rig
+            Channels, limits, sample rate.
+
         Raises
         ------
         InputError
@@ -75,11 +85,38 @@ class LabRigs:
         return Rig.from_message(self._ask.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
 
     def state(self, rig: str) -> RigState:
-        """Return what a rig does now; raises `LabError` where it is not there."""
+        """Return what a rig does now.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+
+        Returns
+        -------
+        RigState
+            Whether it rests, plays or is latched, and why.
+
+        Raises
+        ------
+        LabError
+            It is not there.
+        """
         return state_of_rig(self._ask, rig)
 
     def reset(self, rig: str) -> RigState:
-        """Clear the latch of a rig, after somebody has looked at it; one that is not latched stays as it is."""
+        """Clear the latch of a rig, after somebody has looked at it; one that is not latched stays as it is.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+
+        Returns
+        -------
+        RigState
+            After the reset.
+        """
         return reset_rig(self._ask, rig)
 
     def play(
@@ -115,6 +152,11 @@ class LabRigs:
             Longest time to wait; then the rig is stopped and latched. However long it takes, where not given.
         cancel : threading.Event, optional
             Set from another thread, it stops the rig and latches it.
+
+        Returns
+        -------
+        Played
+            The response, and how the actuators were used.
 
         Raises
         ------
@@ -175,6 +217,11 @@ class LabRigs:
             Its name.
         reason : str
             In words; the rig tells it until it is reset.
+
+        Returns
+        -------
+        RigState
+            At rest, and latched.
 
         Raises
         ------

@@ -54,7 +54,18 @@ class Recording:
         return self._file.whole
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time."""
+        """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time.
+
+        Parameters
+        ----------
+        kind : type
+            Of the contract.
+
+        Yields
+        ------
+        Message
+            In the order in which they were written.
+        """
         return self._file.messages(kind)
 
     def _first(self, kind: type[MessageT], what: str) -> MessageT:
@@ -136,6 +147,11 @@ class Recording:
         ----------
         number : int
             From 1 to the number of playbacks.
+
+        Returns
+        -------
+        Playback
+            Drive, response and what was judged.
 
         Raises
         ------
@@ -277,5 +293,16 @@ class Recording:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording, as `duralab.open` too; see `Recording`."""
+    """Open a recording, as `duralab.open` too; see `Recording`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The .mcap file.
+
+    Returns
+    -------
+    Recording
+        Read as it is asked for.
+    """
     return Recording(path)

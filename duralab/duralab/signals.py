@@ -122,6 +122,16 @@ class Signals:
     def from_xarray(cls, labelled: xarray.DataArray | xarray.Dataset) -> Signals:
         """Return labelled arrays as signals, such as `to_xarray` and `Recording.drives` give.
 
+        Parameters
+        ----------
+        labelled : xarray.DataArray or xarray.Dataset
+            With the dimensions `channel` and `time`.
+
+        Returns
+        -------
+        Signals
+            In the units of the coordinate `unit`.
+
         Raises
         ------
         InputError
@@ -136,7 +146,18 @@ class Signals:
         return to_record([channel.to_message() for channel in self.channels], self.sample_rate, self.samples)
 
     def to_xarray(self, name: str = "signals") -> xarray.DataArray:
-        """Return a labelled array with the dimensions `channel` and `time`, units in the coordinate `unit`."""
+        """Return a labelled array with the dimensions `channel` and `time`, units in the coordinate `unit`.
+
+        Parameters
+        ----------
+        name : str
+            Of the array.
+
+        Returns
+        -------
+        xarray.DataArray
+            With the coordinates `channel`, `time` and `unit`.
+        """
         import xarray
 
         return xarray.DataArray(

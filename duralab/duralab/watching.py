@@ -63,7 +63,13 @@ class SignalsEvent:
 
 @dataclass(frozen=True)
 class RigEvent:
-    """A rig changed its state, or says how far it is."""
+    """A rig changed its state, or says how far it is.
+
+    Parameters
+    ----------
+    state : RigState
+        Of the rig, with its name.
+    """
 
     state: RigState
 

@@ -60,6 +60,13 @@ def test_padding_is_cut_off_where_the_file_tells_its_length_and_that_is_said(tmp
     assert signals.attributes[PADDING_ATTRIBUTE].startswith("48 samples of padding")
 
 
+@pytest.mark.parametrize("samples", [1, 2047, 2048, 2049, 4096, 4097])
+def test_a_length_may_end_anywhere_in_a_group_or_leave_whole_groups_out(tmp_path, samples):
+    numbers = stored(2, 24 * 256)
+    signals = read_rpc3(plain(tmp_path, rpc3_files.keywords(CHANNELS, FRAMES=24, SAMPLES=samples), numbers))
+    np.testing.assert_array_equal(signals.samples, (np.array(numbers) * [[0.5], [0.25]])[:, :samples])
+
+
 def test_half_frames_lie_at_both_ends(tmp_path):
     numbers = stored(2, 9 * 256)
     signals = read_rpc3(plain(tmp_path, rpc3_files.keywords(CHANNELS, HALF_FRAMES=1), numbers))
@@ -81,6 +88,21 @@ def test_both_byte_orders_and_both_kinds_of_number(tmp_path, form, order, data_t
 def test_every_kind_of_time_history_is_read(tmp_path, time_type):
     signals = read_rpc3(plain(tmp_path, rpc3_files.keywords(CHANNELS, TIME_TYPE=time_type)))
     assert signals.attributes["TIME_TYPE"] == time_type
+
+
+def test_old_files_number_kinds_from_one(tmp_path):
+    numbers = stored(2, 2048)
+    for number, code, scale in (("1", "<h", [[0.5], [0.25]]), ("2", "<f", 1.0)):
+        path = plain(tmp_path, rpc3_files.keywords(CHANNELS, DATA_TYPE=number), numbers, code=code)
+        np.testing.assert_array_equal(read_rpc3(path).samples, np.array(numbers) * scale)
+    with pytest.raises(FormatError, match="picked peaks"):
+        read_rpc3(plain(tmp_path, rpc3_files.keywords(CHANNELS, TIME_TYPE="7")))
+
+
+def test_a_scale_may_be_as_large_as_its_full_scale_is_finite(tmp_path):
+    values = rpc3_files.keywords([("a", "N", "5e303"), ("b", "N", "1")])
+    samples = read_rpc3(plain(tmp_path, values, [[-32768] * 2048, [1] * 2048])).samples
+    np.testing.assert_array_equal(samples[0], -32768 * 5e303)
 
 
 def test_what_real_writers_do_is_read(tmp_path):
@@ -149,7 +171,9 @@ def test_a_file_of_a_commercial_tool_agrees_with_the_statistics_that_it_wrote_in
         ("CHANNELS", "0", "from 1 to 1024"),
         ("CHANNELS", "1e99999999", "from 1 to 1024"),
         ("CHANNELS", "two", "from 1 to 1024"),
-        ("PTS_PER_FRAME", "-256", "from 1 to"),
+        ("PTS_PER_FRAME", "-256", "from 1 to 16777216"),
+        ("PTS_PER_FRAME", "16777217", "from 1 to 16777216"),
+        ("PTS_PER_GROUP", "33554432", "from 1 to 16777216"),
         ("PTS_PER_GROUP", "2047", "multiple of PTS_PER_FRAME = 256"),
         ("FRAMES", "0", "1 frame or more"),
         ("FRAMES", "7.5", "whole number"),
@@ -158,7 +182,8 @@ def test_a_file_of_a_commercial_tool_agrees_with_the_statistics_that_it_wrote_in
         ("SCALE.CHAN_2", "1e305", "full scale"),
         ("SAMPLES", "2049", "from 1 to 2048"),
         ("NUM_PARAMS", "1000", "from 3 to"),
-        ("NUM_HEADER_BLOCKS", "0", "from 1 to"),
+        ("NUM_HEADER_BLOCKS", "0", "from 1 to 4096"),
+        ("NUM_HEADER_BLOCKS", "4097", "from 1 to 4096"),
     ],
 )
 def test_a_value_that_is_not_allowed_is_named_with_its_place_and_what_was_expected(tmp_path, keyword, value, said):

@@ -70,6 +70,8 @@ def test_the_bytes_are_those_of_the_description(tmp_path):
     assert struct.unpack_from("<3h", content, size + 2 * 2048) == (0, 32752, 0)
     assert b"TIME_TYPE".ljust(32, b"\0") + b"DRIVE\0" in content
     assert b"FRAMES".ljust(32, b"\0") + b"1\0" in content
+    for keyword, value in (("MAP.CHAN_2", "2"), ("UPPER_LIMIT.CHAN_1", "32752.0"), ("LOWER_LIMIT.CHAN_1", "-16376.0")):
+        assert keyword.encode().ljust(32, b"\0") + value.encode() + b"\0" in content
     assert (written.samples, written.padding, written.largest_errors) == (2, 2046, (0.0, 0.0))
     assert "2046 zeros" in written.notes[0]
 
@@ -154,9 +156,10 @@ def test_settings_and_signals_outside_the_description_are_refused(tmp_path):
         write_rpc3(some_signals(4, count=129), tmp_path / "a.rsp")
     with pytest.raises(InputError, match="half frames"):
         write_rpc3(some_signals(4097), tmp_path / "a.rsp", Rpc3Settings(half_frames=True))
-    with pytest.raises(InputError, match="32-bit"):
-        write_rpc3(
-            Signals((Channel("a", "N"),), 1.0, np.full((1, 3), 1e39)),
-            tmp_path / "a.rsp",
-            Rpc3Settings(data_type=DataType.FLOATING_POINT),
-        )
+    for sample in (1e39, -1e39):
+        with pytest.raises(InputError, match="32-bit"):
+            write_rpc3(
+                Signals((Channel("a", "N"),), 1.0, np.full((1, 3), sample)),
+                tmp_path / "a.rsp",
+                Rpc3Settings(data_type=DataType.FLOATING_POINT),
+            )

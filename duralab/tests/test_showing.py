@@ -10,7 +10,7 @@ import synthetic_campaign
 
 import duralab
 from duralab.catalogue import CatalogueEntries, CatalogueEntry
-from duralab.identification import Convergence, ExperimentPlan, LevelAdvice
+from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice
 from duralab.iteration_table import IterationTable
 from duralab.played import Played
 from duralab.recorded_result import Result

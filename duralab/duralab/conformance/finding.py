@@ -17,11 +17,20 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of a conformance check."""
+    """One line of a conformance check.
+
+    Parameters
+    ----------
+    check : str
+        What was tried, in words.
+    outcome : Outcome
+        How it ended.
+    sentence : str
+        Why it failed or was not tried; empty where it passed.
+    """
 
     check: str
     outcome: Outcome
-    #: Why it failed or was not tried; empty where it passed.
     sentence: str = ""
 
 
@@ -40,5 +49,16 @@ def expect(condition: bool, sentence: str) -> None:
 
 
 def all_passed(findings: Iterable[Finding]) -> bool:
-    """Return whether nothing failed; what was not tried is no failure."""
+    """Return whether nothing failed; what was not tried is no failure.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+        Of any checks.
+
+    Returns
+    -------
+    bool
+        True also where nothing was checked.
+    """
     return all(finding.outcome is not Outcome.FAILED for finding in findings)

@@ -13,7 +13,7 @@ from duralab.showing.tables import html_table, text_table
 from duralab.showing.values import MOST_CHARTS
 
 if TYPE_CHECKING:
-    from duralab.identification import Convergence, ExperimentPlan, LevelAdvice
+    from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice
     from duralab.recording_content import Model
 
 _FREQUENCY: Final = Axis("frequency [Hz]", logarithmic=True)

@@ -160,13 +160,7 @@ class Bus:
         except zenoh.ZError as error:
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
-    def publisher(
-        self,
-        key: str,
-        *,
-        spools: SpoolSpace | None = None,
-        durable: bool = False,
-    ) -> StreamPublisher:
+    def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
         """Return a publisher on one key, with an epoch of its own.
 
         Parameters
@@ -338,6 +332,11 @@ def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4)
         Who joins, e.g. "rig_sim"; named in the faults it answers.
     workers : int
         Queries of one key answered at once, 1 or more.
+
+    Returns
+    -------
+    Bus
+        Open; to be closed.
 
     Raises
     ------

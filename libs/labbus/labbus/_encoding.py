@@ -14,7 +14,18 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 
 def encoding_of(message_type: Message | type[Message]) -> str:
-    """Return the encoding of a message or message type: `application/protobuf;<full name>`."""
+    """Return the encoding of a message or message type: `application/protobuf;<full name>`.
+
+    Parameters
+    ----------
+    message_type : Message or type
+        Of the contract.
+
+    Returns
+    -------
+    str
+        As it goes beside the payload.
+    """
     return f"application/protobuf;{message_type.DESCRIPTOR.full_name}"
 
 

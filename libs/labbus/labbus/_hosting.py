@@ -64,6 +64,11 @@ def host_services(
     among : mapping, optional
         The services by name; those that are installed where not given.
 
+    Returns
+    -------
+    context manager
+        The services at work; gives nothing.
+
     Raises
     ------
     ConfigError

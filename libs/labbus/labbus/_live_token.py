@@ -10,7 +10,17 @@ from labbus._server import Served
 
 
 class LiveToken:
-    """Says that an instance of a service is there and answers for its health, until `close` or the process's end."""
+    """Says that an instance of a service is there and answers for its health, until `close` or the process's end.
+
+    Parameters
+    ----------
+    token : LivelinessToken
+        Declared.
+    answering : Served
+        The query for its health.
+    on_close : callable
+        Told when it is closed.
+    """
 
     def __init__(
         self, token: zenoh.LivelinessToken, answering: Served, *, on_close: Callable[[LiveToken], None]

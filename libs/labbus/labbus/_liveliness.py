@@ -23,7 +23,7 @@ LiveCallback = Callable[[str, str, bool], None]
 
 
 class LiveWatch:
-    """A running `watch_live`; `close` ends it."""
+    """Who comes and goes; made by `Bus.watch_live`, ended by `close`."""
 
     def __init__(
         self, tracker: LivelinessTracker, callback: LiveCallback, *, on_close: Callable[[LiveWatch], None]

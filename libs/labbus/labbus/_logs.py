@@ -32,8 +32,15 @@ class _StandardError:
 def configure_logs(service: str, *, stream: TextIO | None = None) -> None:
     """Write structlog's and the standard library's logs as JSON lines with timestamp, level and service name.
 
-    They go to `stream`, or to standard error where none is given.
+    Parameters
+    ----------
+    service : str
+        Its name, in every line.
+    stream : TextIO, optional
+        Where they go; standard error where none is given.
 
+    Notes
+    -----
     What is bound by `structlog.contextvars.bind_contextvars`, such as a run, is added to every line of that thread.
     """
 

@@ -76,6 +76,11 @@ def router_configuration(
         Name in the router's own certificate.
     port : int
         Where it listens, on all interfaces.
+
+    Returns
+    -------
+    str
+        For `zenohd --config`.
     """
     keys = Keys(lab)
     own = f"{certificates.rstrip('/')}/{Holder(ROUTER, router).common_name}"

@@ -43,7 +43,7 @@ class _Route:
 
 
 class Served:
-    """A key expression that is being served; `close` ends it."""
+    """A key expression that is being served; made by `Bus.serve`, ended by `close`."""
 
     def __init__(self, server: QueryServer, route: _Route, queryable: zenoh.Queryable[Any]) -> None:
         self._server = server

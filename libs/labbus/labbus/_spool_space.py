@@ -21,6 +21,11 @@ class SpoolSpace:
         known that there is no more room.
     where : str
         For sentences.
+
+    Raises
+    ------
+    ValueError
+        The bound is below 1.
     """
 
     def __init__(self, largest_bytes: int, *, where: str = "in memory") -> None:

@@ -18,15 +18,27 @@ POSITION: Final = struct.Struct("<QQ")
 
 @dataclass(frozen=True)
 class StreamItem(Generic[MessageT]):
-    """One message of a stream."""
+    """One message of a stream.
+
+    Parameters
+    ----------
+    key : str
+        It was published on.
+    epoch : int
+        Of the publisher: a new one starts again at sequence number 0.
+    seq : int
+        Sequence number in the epoch, from 0.
+    message : Message
+        Parsed.
+    payload : bytes
+        The message as it was published: who stores it stores these bytes.
+    """
 
     key: str
     epoch: int
-    """Of the publisher: a new one starts again at sequence number 0."""
     seq: int
     message: MessageT
     payload: bytes = b""
-    """The message as it was published: who stores it stores these bytes."""
 
     @property
     def position(self) -> tuple[str, int, int]:

@@ -25,6 +25,11 @@ def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
     path : Path or str
         A YAML file with one mapping; an empty file is the default configuration.
 
+    Returns
+    -------
+    ConfigT
+        The configuration, checked.
+
     Raises
     ------
     ConfigError
@@ -56,7 +61,20 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
 
 
 def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> str:
-    """Return a pydantic error as one sentence that names every field, its value and what is allowed."""
+    """Return a pydantic error as one sentence that names every field, its value and what is allowed.
+
+    Parameters
+    ----------
+    error : ValidationError
+        As pydantic raised it.
+    config_type : type
+        The model that it was raised for.
+
+    Returns
+    -------
+    str
+        One sentence.
+    """
     findings = []
     for detail in error.errors(include_url=False):
         field = ".".join(str(part) for part in detail["loc"])

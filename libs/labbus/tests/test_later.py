@@ -28,13 +28,12 @@ def test_jobs_are_done_in_the_order_of_their_times_on_one_thread():
 
 
 def test_nothing_is_done_after_the_end_and_its_thread_ends():
-    before = threading.active_count()
-    later, done = Later("test"), []
+    later, done = Later("test of the end"), []
     later.put(3600.0, lambda: done.append(1))
     later.close()
     later.put(0.0, lambda: done.append(2))
-    for thread in threading.enumerate():
-        if thread.name == "test" and thread is not threading.current_thread():
-            thread.join(30.0)
+    own = [thread for thread in threading.enumerate() if thread.name == "test of the end"]
+    for thread in own:
+        thread.join(30.0)
     assert done == []
-    assert threading.active_count() == before
+    assert not any(thread.is_alive() for thread in own)

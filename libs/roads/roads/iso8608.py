@@ -44,6 +44,11 @@ def roughness_coefficient(road_class: RoadClass | str | float) -> float:
     float
         G_d(n0) [m³].
 
+    Raises
+    ------
+    ValueError
+        The class is unknown, or the number is not finite and above 0.
+
     Source: ISO 8608:2016, Table C.2 (geometric means, n0 = 0.1 cycles/m).
     """
     if isinstance(road_class, RoadClass):
@@ -68,14 +73,14 @@ def track_coherence(wavenumber: ArrayLike, distance: ArrayLike) -> NDArray[np.fl
     Parameters
     ----------
     wavenumber
-        n [cycles/m], at least 0, broadcast with `distance`.
+        n [cycles/m], at least 0, any shape that broadcasts with that of `distance`.
     distance
-        Lateral distance of the tracks [m], at least 0.
+        Lateral distance of the tracks [m], at least 0, any shape.
 
     Returns
     -------
     ndarray
-        Amplitude coherence in [0, 1]; its square is what `scipy.signal.coherence` estimates.
+        Of their common shape: amplitude coherence in [0, 1]; its square is what `scipy.signal.coherence` estimates.
 
     Source: Dodds & Robson, The description of road surface roughness, J. Sound Vib. 31 (1973) 175-183; Kamash &
     Robson, The application of isotropy in road surface modelling, J. Sound Vib. 57 (1978) 89-100.
@@ -119,6 +124,12 @@ def iso8608_road(
     -------
     Road
         Zero expected height, no lead-in (see `effective_inputs`).
+
+    Raises
+    ------
+    ValueError
+        A length is not finite and above 0, the band is empty or does not fit spacing and length, or the road has too
+        many cells.
 
     Source: ISO 8608:2016, Annex B; Shinozuka & Jan, Digital simulation of random processes and its applications,
     J. Sound Vib. 25 (1972) 111-128.

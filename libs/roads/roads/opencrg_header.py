@@ -16,7 +16,17 @@ LATERAL_POSITION = re.compile(r"^long section at v\s*=\s*(\S+)$")
 
 
 class RoadFileError(ValueError):
-    """A road file cannot be read; the message names the file, the byte offset and what was expected."""
+    """A road file cannot be read; the message names the file, the byte offset and what was expected.
+
+    Parameters
+    ----------
+    path
+        The file; its name is in the message.
+    offset
+        The byte at which it is wrong, from 0.
+    sentence
+        What is there, and what was expected.
+    """
 
     def __init__(self, path: Path, offset: int, sentence: str) -> None:
         super().__init__(f"{path.name}, byte {offset}: {sentence}")

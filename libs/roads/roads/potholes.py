@@ -47,6 +47,11 @@ def add_potholes(
     -------
     Road
         The same grid with holes.
+
+    Raises
+    ------
+    ValueError
+        A size is not allowed, the road is narrower than the tracks, or the holes do not fit into it.
     """
     for name, (least, greatest) in {"length_m": length_m, "width_m": width_m, "depth_m": depth_m}.items():
         if not (math.isfinite(greatest) and 0 < least <= greatest):

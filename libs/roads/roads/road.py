@@ -79,6 +79,11 @@ def level(road: Road) -> Road:
     -------
     Road
         The same grid around zero height.
+
+    Raises
+    ------
+    ValueError
+        The road has no measured point.
     """
     rows, columns = np.nonzero(np.isfinite(road.elevation))
     if rows.size == 0:
@@ -106,6 +111,11 @@ def repeat_mirrored(road: Road, length_m: float) -> Road:
     -------
     Road
         The first whole number of rows that reaches `length_m`.
+
+    Raises
+    ------
+    ValueError
+        The length is not finite and above 0.
     """
     if not (math.isfinite(length_m) and length_m > 0):
         raise ValueError(f"length_m is {length_m}; give a finite length above 0 m.")

@@ -40,8 +40,8 @@ def smooth_lines(spectra: ArrayLike, weights: ArrayLike = (1.0, 2.0, 3.0, 2.0, 1
     spectra
         Shape (lines, ...), real or complex.
     weights
-        An odd number of positive weights, the middle one for the line itself. At the first and last lines only the
-        neighbours that exist count, so a constant stays what it is.
+        Shape (weights): an odd number of positive ones, the middle one for the line itself. At the first and last lines
+        only the neighbours that exist count, so a constant stays what it is.
 
     Returns
     -------

@@ -53,7 +53,7 @@ def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], N
     Returns
     -------
     tuple of numpy.ndarray
-        Both as `as_record` returns them.
+        Both of shape (channels, samples), as `as_record` returns them.
 
     Raises
     ------

@@ -58,3 +58,12 @@ def test_smoothing_keeps_a_constant_and_the_mean_of_an_inner_peak():
     peak = np.zeros((11, 1))
     peak[5] = 9.0
     np.testing.assert_allclose(spectra.smooth_lines(peak)[3:8, 0], [1.0, 2.0, 3.0, 2.0, 1.0], rtol=1e-15)
+
+
+def test_five_lines_are_smoothed_with_five_weights():
+    np.testing.assert_allclose(spectra.smooth_lines(np.eye(5)[2]), [1 / 6, 2 / 8, 3 / 9, 2 / 8, 1 / 6], rtol=1e-12)
+
+
+def test_the_hop_is_the_nearest_whole_number_of_samples():
+    assert spectra.hop_samples(100, 0.994) == 1
+    assert spectra.hop_samples(2, 0.0) == 2

@@ -113,3 +113,25 @@ def test_chosen_lines_are_those_of_the_whole_estimate(records):
         spectra.CrossSpectra(4, 3, chosen=slice(200, 500), **(SETTINGS | {"block_samples": 16}))
     with pytest.raises(ValueError, match="ask for one of the two"):
         spectra.CrossSpectra(4, 3, chosen=slice(7, 90), without_mean=True, **SETTINGS)
+
+
+def test_means_come_off_and_stretches_are_kept_apart():
+    """The mean of all samples, not of each block; a block never spans two stretches."""
+    generator = np.random.default_rng(1)
+    first, second = generator.standard_normal((2, 2, 700)) + 5.0
+    plain = {"block_samples": 256, "overlap": 0.5, "sample_rate": 1000.0}
+    running = spectra.CrossSpectra(1, 1, without_mean=True, full=True, **plain)
+    for stretch in (first, second):
+        running.add(stretch[:1], stretch[1:])
+        running.end_stretch()
+    found = running.estimate()
+    mean = np.concatenate((first, second), axis=1).mean(axis=1, keepdims=True)
+    expected = np.mean([spectra.cross_spectra(part - mean, part - mean, **plain) for part in (first, second)], axis=0)
+    np.testing.assert_allclose(found.s_ab[:, 0, 0], expected[:, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(found.s_bb[:, 0, 0], expected[:, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(found.s_aa[:, 0, 0], expected[:, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.auto_a[:, 0], expected[:, 0, 0].real, atol=1e-12)
+    assert found.blocks == running.blocks == 2 * spectra.count_blocks(700, 256, 0.5)
+    assert found.independent_averages == pytest.approx(
+        2 * spectra.independent_averages(spectra.hann_periodic(256), 128, spectra.count_blocks(700, 256, 0.5))
+    )

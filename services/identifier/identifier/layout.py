@@ -34,6 +34,11 @@ class Capture:
         Which independent draw of phases or noise, 0 or more.
     experiment
         Which column of the decorrelation matrix within the realisation, 0 or more.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     start: int

@@ -3,6 +3,8 @@ import pytest
 from known_plants import RATE, error, lightly_damped, noise_layout, periodic_experiment, respond
 
 from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate, require_same_rate
+from identifier.estimators.periodicity import SMALLEST_DECAY, PeriodicityCheck
+from identifier.estimators.record_checks import ChannelCheck
 
 SAMPLES = 40_000
 LAYOUT = noise_layout(SAMPLES)
@@ -68,6 +70,14 @@ def test_magnitudes_that_overflow_are_refused_and_the_rest_gives_finite_numbers(
     np.testing.assert_allclose(found.residual_psd, plain.residual_psd * factor**2, rtol=1e-6)
 
 
+@pytest.mark.parametrize("glitch", [2e60, -2e60])
+def test_one_sample_of_either_sign_that_overflows_is_refused(glitch):
+    check = ChannelCheck(2, name="response", of_drive=False)
+    check.add(np.full((2, 5), glitch / 2.1))
+    with pytest.raises(ValueError, match=r"Response 1 reaches 2e\+60; at most 1e\+60"):
+        check.add([[0.0, 1.0, -1.0], [0.0, glitch, 0.0]])
+
+
 def test_a_dead_channel_is_refused_by_name(records):
     drive, response = records
     dead = response.copy()
@@ -122,10 +132,47 @@ def test_a_transient_left_in_the_captures_is_named(periods):
     response = respond(drive, plant)
     response += 1e-3 * np.std(response) * generator.standard_normal(response.shape)
     found = [w for w in estimate(EstimatorKind.H1, drive, response, layout).warnings if w.code is WarningCode.TRANSIENT]
-    assert [warning.channel for warning in found] == [0, 1]
+    assert [(warning.channel, warning.of_drive) for warning in found] == [(0, False), (1, False)]
     # The pole pair decays by exp(-zeta omega T) over the delay block, here to a quarter and to a tenth.
     assert 0.02 < found[0].size < 0.5
     assert found[1].size < found[0].size
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+@pytest.mark.parametrize("piece", [300, 1500])
+def test_a_transient_is_the_same_however_the_record_is_cut(periods, piece):
+    drive, layout = periodic_experiment(delay=1, periods=periods)
+    response = respond(drive, lightly_damped(0.01))
+    whole, cut = PeriodicityCheck(layout, responses=2), PeriodicityCheck(layout, responses=2)
+    whole.add(response)
+    for start in range(0, response.shape[1], piece):
+        cut.add(response[:, start : start + piece])
+    assert [warning.channel for warning in whole.warnings()] == [0, 1]
+    assert cut.warnings() == whole.warnings()
+
+
+@pytest.mark.parametrize(("decay", "named"), [(1.3 * SMALLEST_DECAY, True), (SMALLEST_DECAY / 1.3, False)])
+def test_a_difference_counts_as_a_transient_from_a_known_decay_on(decay, named):
+    """Power in the first quarter of a period over that in its last: an exponential's is known."""
+    drive, layout = periodic_experiment(delay=1, periods=2, drives=1, experiments=1)
+    time = np.arange(drive.shape[1]) / 1024
+    response = drive + 3.0 * np.std(drive) * np.exp(-0.5 * np.log(decay) / 0.75 * time)
+    check = PeriodicityCheck(layout, responses=1)
+    check.add(response)
+    assert bool(check.warnings()) == named
+
+
+def test_what_is_left_of_an_exponential_transient_in_a_single_capture_is_told():
+    drive, layout = periodic_experiment(delay=1, periods=1, drives=1, experiments=1)
+    time = np.arange(2 * 1024) / 1024
+    transient = 2.0 * np.std(drive) * np.exp(-np.log(10.0) * time)
+    response = drive + transient
+    check = PeriodicityCheck(layout, responses=1)
+    check.add(response)
+    (warning,) = check.warnings()
+    # The difference of two periods is 0.9 of the transient, as long as it decays to a tenth in each.
+    expected = 0.9 * np.sqrt(np.mean(transient[1024:] ** 2)) / np.std(response[0, 1024:])
+    assert warning.size == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("periods", [1, 3])

@@ -4,6 +4,9 @@ from known_plants import PLANT, RATE, error, lightly_damped, noise_layout, perio
 from scipy import signal
 
 from identifier import LARGEST_CONDITION, Estimation, EstimatorKind, EstimatorOptions, SpectralSums, estimate
+from identifier.estimators.coherence import multiple_coherence, require_audible
+from identifier.estimators.condition import unit_diagonal
+from identifier.estimators.h2 import h2
 from spectra import count_blocks, hann_periodic
 
 SPECTRAL = [EstimatorKind.H1, EstimatorKind.H2, EstimatorKind.HV]
@@ -198,6 +201,41 @@ def test_drives_that_are_copies_are_refused_although_the_coherence_is_high(diffe
     for kind in (EstimatorKind.H1, EstimatorKind.HV, EstimatorKind.LOCAL_POLYNOMIAL):
         with pytest.raises(ValueError, match=rf"at most {LARGEST_CONDITION:g} is allowed; drives 0 and 2 are most"):
             estimate(kind, drive, response, noise_layout(60_000))
+
+
+def test_rounding_does_not_make_a_coherence_more_than_one():
+    s_yu = np.ones((3, 1, 1), dtype=complex)
+    h1 = np.array([1.0, 1.0 + 4e-16, -1e-17]).reshape(3, 1, 1).astype(complex)
+    np.testing.assert_array_equal(multiple_coherence(h1, s_yu, np.ones((3, 1)))[:, 0], [1.0, 1.0, 0.0])
+
+
+def test_silent_channels_are_named_with_the_frequency():
+    frequency = np.array([1.0, 2.5])
+    silent = np.array([[[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]], dtype=complex)
+    with pytest.raises(ValueError, match=r"Drive 1 is silent at 2.5 Hz"):
+        unit_diagonal(silent, frequency)
+    with pytest.raises(ValueError, match=r"Response 1 is silent at 2.5 Hz"):
+        require_audible(np.einsum("fii->fi", silent).real, frequency)
+    with pytest.raises(ValueError, match=r"Drive 0 moves no response at 1 Hz"):
+        h2(np.broadcast_to(np.eye(2, dtype=complex), (2, 2, 2)), silent[::-1, ::-1] * [0.0, 1.0], frequency)
+
+
+@pytest.mark.parametrize(("condition", "allowed"), [(0.7e6, True), (1.5e6, False)])
+def test_h2_inverts_up_to_a_condition_number_of_a_million(condition, allowed):
+    s_yu = np.array([[[1.0, 1.0], [1.0, 1.0 + 4.0 / condition]]], dtype=complex)
+    s_yy = np.eye(2, dtype=complex)[None]
+    if allowed:
+        np.testing.assert_allclose(h2(s_yy, s_yu, np.ones(1)) @ s_yu.conj().transpose(0, 2, 1), s_yy, atol=1e-8)
+        return
+    with pytest.raises(ValueError, match=r"condition number is 1\.5e\+06, at most 1e\+06"):
+        h2(s_yy, s_yu, np.ones(1))
+
+
+def test_h2_of_responses_that_are_copies_is_refused():
+    drive = noise(2, 60_000)
+    response = respond(drive, SQUARE)
+    with pytest.raises(ValueError, match=r"S_uy is singular at .* take H1 or Hv"):
+        estimate(EstimatorKind.H2, drive, np.concatenate((response[:1], 2.0 * response[:1])), noise_layout(60_000))
 
 
 def test_fewer_blocks_than_drives_are_refused():

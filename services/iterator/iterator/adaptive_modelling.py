@@ -177,5 +177,4 @@ def _full_spectra(
 def _has_energy(
     density: NDArray[np.float64], *, lines: NDArray[np.intp], settings: CorrectionSettings
 ) -> NDArray[np.bool_]:
-    largest = density[lines].max(axis=0)
-    return (density > settings.energy_floor * largest) & (largest > 0.0)
+    return density > settings.energy_floor * density[lines].max(axis=0)

@@ -39,6 +39,11 @@ class ControlBand:
         Of all records, Hz.
     lower_flank, upper_flank : float
         Width of one flank at either edge, Hz, greater than 0. See `control_band` for the usual ones.
+
+    Raises
+    ------
+    ValueError
+        The edges are not in order, a flank is not above 0, or the band is too narrow for its flanks.
     """
 
     lowest: float

@@ -63,6 +63,11 @@ class CorrectionSettings:
         Forward corrects the responses' side of the inverse, backward the drives' side.
     shape : CorrectionShape
         A full correction needs playbacks of many blocks; lines at which it is ill-conditioned are not corrected.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     smallest: float = 0.5
@@ -113,6 +118,11 @@ class SecantSettings:
         `ρ`: relative to the median over lines of `tr(HᴴH) / n_u`, in [0, 1e6].
     overlap : float
         Of the blocks averaged, 0 up to but not including 1.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     forgetting: float = 0.7
@@ -156,6 +166,11 @@ class UpdateSettings:
         Shares of the iteration gain for the first drive, the second, and so on, each in (0, 1]; the last holds on.
     gain_curve : GainCurve, optional
         Shares of the iteration gain over frequency.
+
+    Raises
+    ------
+    ValueError
+        A gain or a share is not in (0, 1], or gain and curve are for different numbers of responses.
     """
 
     band: ControlBand

@@ -18,6 +18,11 @@ class GainCurve:
         Hz, rising.
     share : ndarray, shape (points, n_y)
         Of each response's iteration gain, each in (0, 1].
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, frequencies do not rise, or a share is not in (0, 1].
     """
 
     frequency: NDArray[np.float64]

@@ -56,6 +56,11 @@ class CampaignSettings:
         Share of the target in each of the first playbacks, see `require_levels`; empty: all are at full level.
     limit_policy : LimitPolicy
         What is done with a next drive that would pass a limit of the rig.
+
+    Raises
+    ------
+    ValueError
+        The levels are not allowed, or leave no playback at full level.
     """
 
     update: UpdateSettings

@@ -30,6 +30,11 @@ class AcceptanceSettings:
         Step gain that is never gone below, in (0, 1].
     negligible : float
         Share of the target's mean energy below which a difference in energy is rounding, 0 to below 1.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     judged_seconds: float = 2.0

@@ -32,6 +32,11 @@ class DamageBounds:
         Bounds of response over target, `0 <= smallest < 1 < largest`.
     exponent : float
         Slope of the S-N line it is judged at, one of `DAMAGE_EXPONENTS`.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     smallest: float
@@ -77,6 +82,11 @@ class StopCriteria:
         greater than 0; 0 is no limit. What the identification puts in is not counted: it is not known here.
     damage_budget_exponent : float
         Slope of the S-N line it is counted at, one of `DAMAGE_EXPONENTS`.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     largest_iterations: int

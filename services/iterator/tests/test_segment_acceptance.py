@@ -82,6 +82,28 @@ def test_a_watched_channel_that_gets_worse_changes_nothing():
     assert np.all(found.drive == 2.0)
 
 
+@pytest.mark.parametrize("first", [[0.3, 1.0], [1.0, 0.3]])
+def test_errors_of_channels_are_added_as_shares_of_their_own_targets(first):
+    """One gets worse, 0.3 to 0.5 of its target, the other better, 1 to 0.5 of its own: together it is better."""
+    level = np.array([[900.0], [40.0]])
+    target = level * np.ones((2, SAMPLES))
+    history = IterationHistory(target=target)
+    for number, shares in enumerate((first, [0.5, 0.5]), start=1):
+        response = target - level * np.array(shares)[:, None]
+        history = history.after(Playback(drive=np.full((1, SAMPLES), float(number)), response=response))
+    found = accept_segments(history, response_scale=1.0 / level[:, 0], sample_rate=RATE, settings=AcceptanceSettings())
+    assert np.all(found.drive == 2.0)
+    assert not found.rolled_back.any()
+
+
+def test_an_event_is_judged_by_as_much_before_it_as_behind_it():
+    worse = tone(0.4)
+    worse[:, 1000] += 20.0
+    rolled_back = np.flatnonzero(accept(history_of(tone(0.5), worse)).rolled_back)
+    assert rolled_back[0] < 1000 < rolled_back[-1]
+    assert abs((1000 - rolled_back[0]) - (rolled_back[-1] - 1000)) <= 2
+
+
 def test_a_record_shorter_than_the_windows_is_judged_too():
     target = np.ones((1, 7))
     history = IterationHistory(target=target)
@@ -99,6 +121,8 @@ def test_a_record_shorter_than_the_windows_is_judged_too():
         {"smaller_step": 1.0},
         {"smallest_step": 0.0},
         {"larger_step": 0.5},
+        {"larger_step": np.inf},
+        {"tolerance": np.inf},
         {"negligible": 1.0},
     ],
 )

@@ -132,6 +132,18 @@ def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingReques
 def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
     """Read a whole recording and say what is wrong with it.
 
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    recorder_pb2.VerifyResult
+        What was read, and what is wrong with it.
+
     Raises
     ------
     RefusedError

@@ -27,7 +27,7 @@ def keep_extremes(samples: np.ndarray, bucket: int) -> np.ndarray:
 
     Returns
     -------
-    np.ndarray of int
+    np.ndarray of int, shape (chosen,)
         Ascending indices, among them the first and the last sample, so that neighbouring pieces join without a gap.
     """
     count = samples.size

@@ -47,6 +47,18 @@ def files_of(folder: Path, name: str) -> list[Path]:
     """Return the MCAP files of a recording in their order; empty where there is none.
 
     A number that is missing ends the list: what follows it is not known to belong to what lies before.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    list of Path
+        The first one carries no number.
     """
     files: list[Path] = []
     # A link could lead out of the folder.
@@ -56,7 +68,18 @@ def files_of(folder: Path, name: str) -> list[Path]:
 
 
 def recordings_in(folder: Path) -> list[str]:
-    """Return the ids of the recordings in a folder, sorted; other files are passed over."""
+    """Return the ids of the recordings in a folder, sorted; other files are passed over.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+
+    Returns
+    -------
+    list of str
+        Ids.
+    """
     names = []
     for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
         match = _FILE.fullmatch(path.name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
-from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -31,17 +31,14 @@ from recorder.work_thread import WorkThread
 
 NAME: Final = "recorder"
 BLOCKS_WAIT_SECONDS: Final = 5.0
-"""Longest wait without a new one for signal blocks that were published but are not here, while the bus gets them from
-their publisher's spool; on a sound bus they come within milliseconds."""
+"""Longest wait without a new one for published blocks that are not here, while the bus gets them from their spool."""
 
 MOST_WAITING_FOR_POSES: Final = 5000
 """Where so much waits for the disk already, poses are left out: nothing holds up who publishes them."""
 
 _POLL_SECONDS: Final = 0.01
-# What takes longer is told to who waits for it.
-_SLOW_SECONDS: Final = 1.0
-# A service is given about 3 s to end.
-_END_SECONDS: Final = 1.0
+_SLOW_SECONDS: Final = 1.0  # What takes longer is told to who waits for it.
+_END_SECONDS: Final = 1.0  # A service is given about 3 s to end.
 
 ResultT = TypeVar("ResultT")
 
@@ -90,13 +87,8 @@ class RecorderService:
         }
         # As they come: a view can do without some of them.
         bus.subscribe(keys.rig_pose(ANY), rig_pb2.PoseBlock, self._on_pose)
-        bus.serve(
-            keys.commit(),
-            recorder_pb2.CommitRequest,
-            _granting(lambda request, call: self.commit(bus, request, call)),
-            # Of their own: who reads recordings does not keep a campaign from going on.
-            workers=4,
-        )
+        # Workers of their own: who reads recordings does not keep a campaign from going on.
+        bus.serve(keys.commit(), recorder_pb2.CommitRequest, _granting(partial(self.commit, bus)), workers=4)
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
         bus.serve(keys.recording_read(ANY), recorder_pb2.ReadRecordingRequest, _granting(self.read))
@@ -130,10 +122,8 @@ class RecorderService:
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
         """Describe the recordings of the folder that are looked for."""
-        described = (self._described_if_there(name, call) for name in recordings_in(self._folder))
-        return recorder_pb2.RecordingList(
-            recordings=[one for one in described if one is not None and fits(one, request)]
-        )
+        found = (self._described_if_there(name, call) for name in recordings_in(self._folder))
+        return recorder_pb2.RecordingList(recordings=[one for one in found if one is not None and fits(one, request)])
 
     def recording(self, request: recorder_pb2.RecordingRequest, call: Call) -> recorder_pb2.RecordingInfo:
         """Describe one recording."""
@@ -285,18 +275,17 @@ class RecorderService:
     def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
         """Have the writer's thread do something and wait for it; a disk that is slow is told of to the asker."""
         future = self._writer.call(job)
+        ending = "The recorder is ending; start it again."
         while True:
             try:
                 return future.result(None if call is None else _SLOW_SECONDS)
-            except FutureTimeoutError:
+            except TimeoutError:
                 if future.done():
                     raise
                 if call is not None:
                     call.progress("waiting for the recorder's disk", 0.0)
             except CancelledError as error:
-                raise RefusedError(
-                    query_pb2.FAULT_CODE_UNAVAILABLE, "The recorder is ending; start it again."
-                ) from error
+                raise RefusedError(query_pb2.FAULT_CODE_UNAVAILABLE, ending) from error
 
 
 RequestT = TypeVar("RequestT")
@@ -335,7 +324,18 @@ def _prepare(folder: Path) -> None:
 
 
 def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[object]]:
-    """Return what sets the recorder up on a bus and closes its files at the end."""
+    """Return what sets the recorder up on a bus and closes its files at the end.
+
+    Parameters
+    ----------
+    config : RecorderConfig
+        Checked.
+
+    Returns
+    -------
+    callable
+        Takes the bus; its context is the service at work.
+    """
 
     @contextmanager
     def serve(bus: Bus) -> Iterator[RecorderService]:

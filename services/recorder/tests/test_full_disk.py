@@ -80,7 +80,7 @@ def test_a_full_disk_interrupts_and_the_recording_goes_on_whole_when_there_is_ro
     archive.sync()
     acknowledged = (small_disk / "demo.mcap").read_bytes()
     fill(small_disk, leave=0)
-    # More than what may be left of the file's last page.
+    # Three blocks do not fit into what is left of the file's last page of 4 KiB, however long the file is.
     for item in blocks_of(campaign, first=1):
         archive.take_block(item)
     archive.sync()

@@ -77,6 +77,11 @@ def load_any_rig(
     faults : mapping, optional
         By the rig's name: faults to inject. A structure takes those of sensors.
 
+    Returns
+    -------
+    PlayableRig
+        Of the kind that the YAML says.
+
     Raises
     ------
     SpecimenError, NoEquilibriumError, ProofError

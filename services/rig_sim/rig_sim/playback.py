@@ -17,16 +17,25 @@ BLOCK_SAMPLES = 100
 
 @dataclass(frozen=True)
 class Block:
-    """A piece of a playback: drive (drives, samples) and measured response (responses, samples) from `first_sample`.
+    """A piece of a playback.
 
-    Samples before the drive's first one have negative numbers.
+    Parameters
+    ----------
+    first_sample : int
+        Number of its first sample; samples before the drive's first one have negative numbers.
+    drive : ndarray, shape (drives, samples)
+        As commanded.
+    response : ndarray, shape (responses, samples)
+        As measured.
+    following_error : ndarray, shape (drives, samples)
+        For watchdogs: command less achieved value, in the drive's unit, zero where no actuator follows.
+    monitored : ndarray, shape (values, samples)
+        For watchdogs: the monitored values of the elements, in the order of the model's outputs.
     """
 
     first_sample: int
     drive: np.ndarray
     response: np.ndarray
-    #: For watchdogs: command less achieved value, (drives, samples), in the drive's unit, zero where no actuator
-    #: follows; and the monitored values of the elements, (values, samples), in the order of the model's outputs.
     following_error: np.ndarray
     monitored: np.ndarray
 

@@ -41,27 +41,50 @@ class RigFaultError(RuntimeError):
 
 @dataclass(frozen=True)
 class Rig:
-    """A specimen ready to play."""
+    """A specimen ready to play; made by `load_rig`.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        As its YAML says.
+    model : RigModel
+        Its equations.
+    compiled : CompiledModel
+        The same as machine code.
+    engine : EngineChoice
+        What integrates them.
+    player : Player
+        The engine at work: what advances a playback.
+    proof : Proof
+        How far the equations are from Drake's.
+    rest : ndarray, shape (states,)
+        State at rest with all drives zero; every playback starts here.
+    static_response : ndarray, shape (responses,)
+        Responses at rest, without noise.
+    content_hash : str
+        SHA-256 of everything that decides what the rig answers to a drive.
+    poses : Poses
+        Forward kinematics, for a view.
+    geometry : ViewGeometry
+        What a view draws.
+    watchdogs : tuple of Watchdog
+        What stops a playback.
+    faults : tuple of Fault
+        Injected for tests and rehearsals.
+    """
 
     specimen: Specimen
     model: RigModel
     compiled: CompiledModel
     engine: EngineChoice
-    #: The engine at work: what advances a playback.
     player: Player
     proof: Proof
-    #: State at rest with all drives zero; every playback starts here.
     rest: np.ndarray
-    #: Responses at rest, (responses,), without noise.
     static_response: np.ndarray
-    #: SHA-256 of everything that decides what the rig answers to a drive.
     content_hash: str
-    #: Forward kinematics, for a view.
     poses: Poses
-    #: What a view draws.
     geometry: ViewGeometry
     watchdogs: tuple[Watchdog, ...] = ()
-    #: Injected for tests and rehearsals.
     faults: tuple[Fault, ...] = ()
 
     @property
@@ -86,6 +109,20 @@ def load_rig(
     faults: Sequence[Fault] = (),
 ) -> Rig:
     """Load a rig from its YAML: read, assemble, compile, prove, find the rest; then take the engine that plays.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML; what it names lies beside it.
+    engine : EngineChoice
+        What integrates the model.
+    faults : sequence of Fault
+        Injected for tests and rehearsals.
+
+    Returns
+    -------
+    Rig
+        At rest.
 
     Raises
     ------
@@ -149,7 +186,7 @@ def _watchdogs(specimen: Specimen, model: RigModel) -> tuple[Watchdog, ...]:
 
 
 class Playback(DrivePlayback):
-    """A playback of a multibody rig; read `uses()` at its end."""
+    """A playback of a multibody rig, made by `Rig.playback`; read `uses()` at its end."""
 
     def __init__(self, rig: Rig, drive: np.ndarray, *, seed: int) -> None:
         super().__init__(

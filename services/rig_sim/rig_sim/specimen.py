@@ -185,6 +185,16 @@ _Document = TypeVar("_Document", bound=BaseModel)
 def load_specimen(path: Path) -> Specimen:
     """Read and check a multibody specimen's YAML.
 
+    Parameters
+    ----------
+    path : Path
+        The YAML.
+
+    Returns
+    -------
+    Specimen
+        Checked.
+
     Raises
     ------
     SpecimenError

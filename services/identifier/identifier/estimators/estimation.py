@@ -39,6 +39,11 @@ class EstimatorOptions:
         Lines of a segment to either side; None for the method's own.
     segment_blocks
         Blocks in a segment of noise, 1 or more.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
     """
 
     order: int | None = None

@@ -1,7 +1,5 @@
 """Has the transient died out? Periods of a capture compared with each other, or with the delay block before."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,15 +13,6 @@ SMALLEST_DECAY = 3.0
 """Power in the first quarter of a difference of two periods over that in its last: noise alone has 1."""
 
 _QUARTERS = 4
-
-
-@dataclass
-class _Sums:
-    """Of one capture: samples gathered of two neighbouring periods, shape (responses, 2 blocks)."""
-
-    capture: Capture
-    start: int
-    samples: NDArray[np.float64]
 
 
 class PeriodicityCheck:

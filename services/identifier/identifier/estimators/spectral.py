@@ -93,7 +93,7 @@ def on_all_lines(values: NDArray[T], lines: NDArray[np.intp], size: int) -> NDAr
     values
         Shape (estimated lines, ...).
     lines
-        Their indices.
+        Shape (estimated lines): their indices.
     size
         Lines of the grid.
 

@@ -10,7 +10,7 @@ def relative_magnitude_variance(coherence: ArrayLike, independent_averages: floa
     Parameters
     ----------
     coherence
-        Coherence ``g2``, above 0 up to 1.
+        Coherence ``g2``, any shape, above 0 up to 1.
     independent_averages
         Equivalent independent averages ``N``, greater than 0.
 

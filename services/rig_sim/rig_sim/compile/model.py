@@ -30,6 +30,11 @@ def trace_model(function: ModelFunction, *, state_names: Sequence[str], input_na
     state_names, input_names : sequence of str
         Their order is the order of the arrays.
 
+    Returns
+    -------
+    TracedModel
+        The function's arguments and results as expressions.
+
     Raises
     ------
     ValueError
@@ -80,6 +85,11 @@ def compile_model(
         Whether products and sums may be fused into one operation with one rounding; faster, and as exact.
     lanes : bool
         Whether two sides that mirror each other may be computed as lanes of vectors, where that saves operations.
+
+    Returns
+    -------
+    CompiledModel
+        Ready to be evaluated and played.
 
     Raises
     ------

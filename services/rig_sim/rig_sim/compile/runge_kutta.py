@@ -75,7 +75,7 @@ def amplification(z: np.ndarray, method: Method) -> np.ndarray:
     Returns
     -------
     ndarray
-        Magnitudes; up to 1 is stable.
+        Magnitudes, in the shape of `z`; up to 1 is stable.
     """
     total: np.ndarray[Any, Any] = np.zeros_like(z)
     for coefficient in reversed(method.tableau.growth()):

@@ -222,7 +222,18 @@ class Graph:
 
 
 def constant_value(value: Scalar) -> float | None:
-    """Return the number that a traced or plain scalar always has, None when it depends on inputs."""
+    """Return the number that a traced or plain scalar always has, None when it depends on inputs.
+
+    Parameters
+    ----------
+    value : Scalar
+        An expression or a number.
+
+    Returns
+    -------
+    float or None
+        The number.
+    """
     return value.value if isinstance(value, Expression) else float(value)
 
 

@@ -37,9 +37,6 @@ class Inertia:
         )
 
 
-NO_INERTIA = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-
-
 def inertia_in_world(body: Body, pose: Pose) -> Inertia:
     """Carry a body's inertia from its own frame to the world's origin."""
     rotation, origin = pose.rotation, pose.origin

@@ -1,0 +1,107 @@
+"""All updates on the front axle identified at a tenth of its operational level: what figures 7, 8 and 9 show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+from low_level_campaigns import BAND, LONGITUDINAL, OPERATIONAL, Trial, campaign, identified, predecessor_target
+from numpy.typing import NDArray
+from study_page import percent
+
+from iterator import AcceptanceSettings, CorrectionSettings, RigModel, UpdateKind, UpdateSettings
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """A row of the tables; those with a colour are drawn."""
+
+    name: str
+    settings: UpdateSettings
+    colour: str = ""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is played: seconds of road, potholes, playbacks, and what the table of levels varies."""
+
+    seconds: float
+    potholes: int
+    playbacks: int
+    told: tuple[int, ...]
+    shares: tuple[float, ...]
+    gains: tuple[float, ...]
+    seeds: tuple[int, ...]
+
+
+FULL: Final = Extent(30.0, 4, 7, (1, 4, 7), (0.05, 0.1, 0.15), (0.5, 0.8, 1.0), (1, 2))
+QUICK: Final = Extent(6.0, 1, 2, (1, 2), (0.1,), (0.6,), (1,))
+#: Of the operational drive RMS, in the figures.
+SHARE: Final = 0.1
+CHANNELS: Final = tuple(
+    f"{side} {axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal")
+)
+#: The gain 1 of every response.
+ONE: Final = np.ones(OPERATIONAL.size)
+#: Without the safeguards, as in the paper.
+UNGUARDED: Final = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
+_SAFE: Final = AcceptanceSettings()
+_TWR, _AM, _SECANT = UpdateKind.BASIC_TWR, UpdateKind.ADAPTIVE_MODELLING, UpdateKind.SECANT
+
+BASIC_TWR: Final = Algorithm("basic TWR", UpdateSettings(BAND, ONE, _TWR), "#c0562a")
+ADAPTIVE: Final = Algorithm("Adaptive Modelling", UpdateSettings(BAND, ONE, _AM), "#3d8b4f")
+SECANT: Final = Algorithm(
+    "secant update, segment acceptance", UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE), "#1b5e9b"
+)
+DRAWN: Final = (BASIC_TWR, ADAPTIVE, SECANT)
+ALGORITHMS: Final = (
+    *DRAWN,
+    Algorithm("plain Adaptive Modelling, no safeguards", UpdateSettings(BAND, ONE, _AM, UNGUARDED)),
+    Algorithm("Adaptive Modelling, segment acceptance", UpdateSettings(BAND, ONE, _AM, acceptance=_SAFE)),
+    Algorithm("basic TWR, segment acceptance", UpdateSettings(BAND, ONE, _TWR, acceptance=_SAFE)),
+    Algorithm(
+        "secant update, gain 0.7 to 1, segment acceptance",
+        UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE, gain_schedule=(0.7, 0.8, 0.9, 1.0)),
+    ),
+)
+
+
+@cache
+def target_of(extent: Extent) -> NDArray[np.float64]:
+    """Return the target, measured once for all figures."""
+    return predecessor_target(extent.seconds, potholes=extent.potholes)
+
+
+def model_of(extent: Extent) -> RigModel:
+    """Return the model that all algorithms start from."""
+    return identified(SHARE, extent.seeds[0])
+
+
+def operational_model(extent: Extent) -> RigModel:
+    """Return the model of the level that the target needs, which stands for the rig."""
+    return identified(1.0, extent.seeds[0])
+
+
+@cache
+def trial_of(number: int, extent: Extent) -> Trial:
+    """Return what the algorithm of that place in `ALGORITHMS` made of the target, played once for all figures."""
+    return campaign(
+        target_of(extent), model=model_of(extent), update=ALGORITHMS[number].settings, playbacks=extent.playbacks
+    )
+
+
+def drawn_trials(extent: Extent) -> list[tuple[Algorithm, Trial]]:
+    """Return the algorithms that are drawn with what they made of the target."""
+    return [(algorithm, trial_of(number, extent)) for number, algorithm in enumerate(DRAWN)]
+
+
+def worst_channel(extent: Extent) -> int:
+    """Return the longitudinal response that basic TWR leaves worst."""
+    return max(LONGITUDINAL, key=lambda row: trial_of(0, extent).error[-1, row])
+
+
+def error_after(trial: Trial, playbacks: int) -> str:
+    """Tell the error over all channels after so many playbacks, a dash where it did not come so far."""
+    return percent(float(trial.overall[playbacks - 1])) if playbacks <= trial.overall.size else "–"
