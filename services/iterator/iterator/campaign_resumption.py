@@ -139,8 +139,9 @@ def new_campaign(
     if request.HasField("stop"):
         spec.stop.CopyFrom(request.stop)
     spec.scenario = request.scenario or spec.scenario
-    # With all playbacks made, what is left to do is to confirm the result.
-    if kept + (spec.confirmations == 0) > spec.stop.largest_iterations:
+    # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
+    finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    if kept + (finished and spec.confirmations == 0) > spec.stop.largest_iterations:
         raise _invalid(
             f"stop.largest_iterations is {spec.stop.largest_iterations} and counts the {kept} playbacks that are taken "
             f"over from {parent!r}; give more, or an earlier from_iteration.",
