@@ -58,7 +58,7 @@ test: setup ## run all tests (ARGS="-k name" for some)
 	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile $(ARGS)
 
 examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it against a lab (minutes, the first time)
-	@cargo build --quiet --locked --manifest-path examples/bare_zenoh/rust/Cargo.toml
+	@cargo build --quiet --manifest-path examples/bare_zenoh/rust/Cargo.toml
 	@$(BIN)/python -m pytest -q tests/test_examples.py -k rust
 
 fuzz: setup ## damage files of every format and read them, long (FUZZ=20000 of each, SEED=1000: other ones)

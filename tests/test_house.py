@@ -293,6 +293,12 @@ def test_set_up_goes_to_no_address():
     assert [_name(path) for path in files if path.is_file() and "://" in path.read_text(encoding="utf-8")] == []
 
 
+def test_no_lock_file_names_an_address():
+    locks = [path for path in _tracked() if re.search(r"lock", path.name)]
+    assert ROOT / "requirements.lock" in locks
+    assert [_name(path) for path in locks if "://" in path.read_text(encoding="utf-8")] == []
+
+
 def test_every_dependency_is_named_once_and_locked():
     asked = [
         line.strip().lower()
