@@ -25,6 +25,7 @@ from labbus._identity import Identity, check_identity
 from labbus._live_token import LiveToken
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
 from labbus._permission import Permission
+from labbus._reintroduction import Reintroduction
 from labbus._replay import ReplayServer
 from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
@@ -61,6 +62,7 @@ class Bus:
         self._session = session
         self._limit = config.largest_payload_bytes
         self._tracker = LivelinessTracker(session, self.keys)
+        self._reintroduction = Reintroduction(config, self._tracker)
         self._permission = Permission(identity, self.keys)
         self._client = QueryClient(session, self.keys, self._tracker, largest_bytes=self._limit)
         self.figures = Figures()
@@ -306,6 +308,7 @@ class Bus:
         self._replays.close()
         for space in self._spaces:
             space.close()
+        self._reintroduction.close()
         self._tracker.close()
         # Closing waits for Zenoh's own threads; a stuck link must not keep the process from ending.
         closing = threading.Thread(target=self._session.close, name="labbus-close", daemon=True)

@@ -20,7 +20,7 @@ _PROBE_SECONDS: Final = 0.5
 # A link on which nothing comes for this long is closed, and with it goes the liveliness of who is frozen at its other
 # end. Zenoh's own threads send a sign of life four times as often: a process is not taken for frozen because Python, or
 # native code that holds the interpreter's lock, keeps it busy. Zenoh's default is 10 s.
-_LEASE_MILLISECONDS: Final = 2000
+LEASE_SECONDS: Final = 2.0
 # How long a stream waits for room on a link before it drops a message there, which has to be replayed then. Once: while
 # the link stays full, what follows is dropped at once.
 _FULL_LINK_MICROSECONDS: Final = 8_000
@@ -28,8 +28,15 @@ _FULL_LINK_MICROSECONDS: Final = 8_000
 # replayed); a handler whose asker is frozen should not for longer than needed. It is Zenoh's own default.
 _BLOCKED_LINK_MICROSECONDS: Final = 5_000_000
 
+# Sessions find each other through the endpoints they are told, and by gossip from there on. One of two peers connects,
+# not both at once: of two links made at the same time one is closed again, and what was declared on it may be gone.
+_GOSSIP: Final[Mapping[str, Any]] = {
+    "enabled": True,
+    "autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
+}
+
 LINK_SETTINGS: Final[Mapping[str, Any]] = {
-    "lease": _LEASE_MILLISECONDS,
+    "lease": round(LEASE_SECONDS * 1e3),
     "keep_alive": 4,
     "queue": {
         # The most that Zenoh allows for what is streamed: batches of 64 KiB.
@@ -84,8 +91,7 @@ def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config
                     "exit_on_failure": True,
                     "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
                 },
-                # Sessions find each other through the endpoints they are told, and by gossip from there on.
-                "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
+                "scouting": {"multicast": {"enabled": False}, "gossip": _GOSSIP},
                 "adminspace": {"enabled": False},
                 "transport": {
                     # Silent drops under a stalled receiver were reported with it.
