@@ -25,7 +25,8 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 
 CHANNELS, SAMPLES = 8, 100
 SYNC_SECONDS = 0.25
-MOST_AHEAD = 6000
+SYNC_BLOCKS = 3000
+MOST_AHEAD = 8000
 """Blocks by which a publisher without a rate of its own may be ahead of what its receiver stored."""
 
 KEY = "duralab/v1/local/rig/bench/signal/{run}"
@@ -110,15 +111,18 @@ def receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
         bus.declare_live("recorder", "main")
         say("ready")
         epoch = int(sys.stdin.readline())
-        # What each line asks: how far is it, as soon as it is complete.
-        for line in sys.stdin:
-            while not (line.strip() == "end" or subscription.proof(KEY.format(run=run), epoch).complete):
-                time.sleep(0.002)
-            if line.strip() == "end":
+        # What each line asks: when was so much of it written, or when was it known to be complete.
+        for line in map(str.strip, sys.stdin):
+            if line == "end":
                 break
+            if line.isdigit():
+                writing.wait_for(int(line))
+            else:
+                while not subscription.proof(KEY.format(run=run), epoch).complete:
+                    time.sleep(0.002)
             say(json.dumps({"complete_at": time.time()}))
         subscription.close()
-        return writing.close()
+        return {**writing.close(), "replayed": subscription.fetched}
 
 
 class McapWriting:
@@ -140,6 +144,11 @@ class McapWriting:
     def put(self, payload: bytes, seq: int, position: Any) -> None:
         """Queue a block; waits where the disk is too slow."""
         self._queue.put((payload, seq, position))
+
+    def wait_for(self, blocks: int) -> None:
+        """Wait until so many are written."""
+        while len(self._seqs) < blocks:
+            time.sleep(0.002)
 
     def close(self) -> dict[str, Any]:
         """Write the rest; return how many came, and how."""
@@ -172,7 +181,7 @@ class McapWriting:
                 self._seqs.append(seq)
                 positions.append(position)
                 self.last_at = time.time()
-            if time.monotonic() >= due:
+            if len(positions) >= SYNC_BLOCKS or time.monotonic() >= due:
                 self._writer.flush()
                 os.fsync(self._stream.fileno())
                 if self.stored is not None and positions:
@@ -226,9 +235,7 @@ def bare_receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
         )
         say("ready")
         sys.stdin.readline()
-        expected = int(sys.stdin.readline())
-        while len(writing._seqs) < expected:  # noqa: SLF001 - nobody else asks
-            time.sleep(0.002)
+        writing.wait_for(int(sys.stdin.readline()))
         say(json.dumps({"complete_at": time.time()}))
         sys.stdin.readline()
         subscriber.undeclare()

@@ -32,7 +32,8 @@ _RECORD: Final = struct.Struct("<IHI")
 """Bytes of the payload plus one, so that no record begins with zeros; bytes of the encoding; CRC-32 of epoch, number,
 encoding and payload."""
 _POSITION: Final = struct.Struct("<QQ")
-_MOST_SPARES: Final = 3
+# What a receiver that stores a few times a second frees at once, at the most that a stream was measured to carry.
+_MOST_SPARES: Final = 32
 
 
 @dataclass

@@ -42,10 +42,11 @@ def encode(
     FaultError
         With `code`, when it is larger than `largest_bytes`.
     """
-    size = message.ByteSize()
-    if size > largest_bytes:
-        raise _too_large(message.DESCRIPTOR.full_name, size, largest_bytes, code=code)
-    return message.SerializeToString(deterministic=True)
+    # Asking for its size first would serialise it twice.
+    payload = message.SerializeToString(deterministic=True)
+    if len(payload) > largest_bytes:
+        raise _too_large(message.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
+    return payload
 
 
 def decode(

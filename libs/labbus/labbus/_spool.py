@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from labbus._spool_space import SpoolSpace
@@ -18,8 +17,8 @@ class SpoolFullError(RuntimeError):
     """A message could not be kept and was not published; one sentence that says why."""
 
 
-@dataclass(frozen=True)
-class Spooled:
+# A tuple: one is made for every message that is published.
+class Spooled(NamedTuple):
     """A message as it was published."""
 
     seq: int
@@ -125,8 +124,7 @@ class MemoryStore:
         self._space.count(size)
 
 
-@dataclass(frozen=True)
-class Extent:
+class Extent(NamedTuple):
     """How far a spool reaches: `first` to `next` can be replayed, all below `marked` are stored elsewhere."""
 
     first: int

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
-from typing import Final, Generic
+from typing import Final, Generic, NamedTuple
 
 import zenoh
 
@@ -16,8 +15,8 @@ POSITION: Final = struct.Struct("<QQ")
 """The attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
 
 
-@dataclass(frozen=True)
-class StreamItem(Generic[MessageT]):
+# A tuple: one is made for every message that comes.
+class StreamItem(NamedTuple, Generic[MessageT]):
     """One message of a stream.
 
     Parameters

@@ -65,8 +65,8 @@ class StreamRepair(Generic[MessageT]):
     message_type : type
         That is expected.
     deliver : callable
-        Takes what was fetched, or None where what is held back may go on; calls `take` for each, and the owner's
-        callback, however long that takes.
+        Takes what was fetched, or nothing where what is held back may go on; calls `take`, and the owner's callback for
+        each that it returns, however long that takes.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class StreamRepair(Generic[MessageT]):
         key_expression: str,
         message_type: type[MessageT],
         *,
-        deliver: Callable[[Sequence[StreamItem[MessageT] | None]], None],
+        deliver: Callable[[Sequence[StreamItem[MessageT]]], None],
     ) -> None:
         self._client = client
         self._expression = key_expression
@@ -83,6 +83,7 @@ class StreamRepair(Generic[MessageT]):
         self._deliver = deliver
         self._lock = threading.Lock()
         self._streams: dict[Stream, _Followed[MessageT]] = {}
+        self._latest: _Followed[MessageT] | None = None
         self._freed: list[_Followed[MessageT]] = []
         self._wake = threading.Event()
         self.fetched = 0
@@ -93,17 +94,19 @@ class StreamRepair(Generic[MessageT]):
         self._thread = threading.Thread(target=self._run, name="labbus-repair", daemon=True)
         self._thread.start()
 
-    def take(self, item: StreamItem[MessageT] | None) -> list[StreamItem[MessageT]]:
-        """Take a message that arrived or was fetched, or None after a skip; return what is to be delivered now."""
+    def take(self, items: Sequence[StreamItem[MessageT]]) -> list[StreamItem[MessageT]]:
+        """Take messages that arrived or were fetched; return what is to be delivered now."""
+        ready: list[StreamItem[MessageT]] = []
         with self._lock:
-            if item is None:
-                freed, self._freed = self._freed, []
-                return [each for followed in freed for each in followed.order.advance()]
-            followed = self._follow((item.key, item.epoch))
-            ready = followed.order.accept(item.seq, item)
-            if followed.order.blocked:
-                self._wake.set()
-            return ready
+            freed, self._freed = self._freed, []
+            for followed in freed:
+                ready += followed.order.advance()
+            for item in items:
+                followed = self._follow((item.key, item.epoch))
+                ready += followed.order.accept(item.seq, item)
+                if followed.order.blocked:
+                    self._wake.set()
+        return ready
 
     def release(self) -> list[StreamItem[MessageT]]:
         """Return all that is held back, when nothing more is to come."""
@@ -160,7 +163,10 @@ class StreamRepair(Generic[MessageT]):
         self._wake.set()
 
     def _follow(self, stream: Stream) -> _Followed[MessageT]:
+        if (known := self._streams.get(stream)) is not None and known is self._latest:
+            return known
         followed = self._streams.pop(stream, None) or _Followed[MessageT]()
+        self._latest = followed
         # Back to the end: the one that was silent for longest is forgotten first, of those first of which no publisher
         # ever told anything.
         self._streams[stream] = followed
@@ -222,7 +228,7 @@ class StreamRepair(Generic[MessageT]):
             streams = list(self._streams.items())
             go_on = bool(self._freed)
         if go_on:
-            self._deliver([None])
+            self._deliver([])
         for (key, epoch), followed in streams:
             while not self._closed and self._fetch_part(key, epoch, followed):
                 pass
@@ -259,7 +265,7 @@ class StreamRepair(Generic[MessageT]):
             with self._lock:
                 order.skip()
                 self._freed.append(followed)
-            self._deliver([None])
+            self._deliver([])
         return False
 
     def _ask(self, key: str, epoch: int, wanted: range) -> list[StreamItem[MessageT]]:
