@@ -23,10 +23,20 @@ class BlockSpectra:
     channels
         Of all records together, 1 or more.
     chosen
-        Lines that are kept; all where not given.
+        Lines that are kept, next to each other; all where not given.
+    powered
+        Of how many of the first channels the power is summed, 0 to `channels`.
     """
 
-    def __init__(self, window: NDArray[np.float64], *, hop: int, channels: int, chosen: slice | None = None) -> None:
+    def __init__(
+        self,
+        window: NDArray[np.float64],
+        *,
+        hop: int,
+        channels: int,
+        chosen: slice | None = None,
+        powered: int = 0,
+    ) -> None:
         block, lines = window.size, window.size // 2 + 1
         self._window = window
         self._hop = hop
@@ -35,6 +45,8 @@ class BlockSpectra:
         self._windowed = np.empty((self.blocks_in_chunk, block))
         self._spectra = np.empty((self.blocks_in_chunk, lines), dtype=np.complex128)
         kept = len(range(lines)[self._chosen])
+        self.power = np.zeros((kept, powered))
+        """Squared magnitudes of the first channels, summed over all blocks so far; shape (lines kept, powered)."""
         self._by_line = np.empty((kept, channels, self.blocks_in_chunk), dtype=np.complex128)
 
     def chunks(self, *records: NDArray[np.float64]) -> Iterator[NDArray[np.complex128]]:
@@ -66,26 +78,17 @@ class BlockSpectra:
                 np.multiply(of_channel[start : start + blocks], self._window, out=windowed)
                 # numpy's transform writes into memory that is there; fresh pages would cost more than the transform.
                 np.fft.rfft(windowed, axis=-1, out=spectra)
+                if channel < self.power.shape[1]:
+                    self._add_power(channel, spectra[:, self._chosen])
                 # The product at each line runs ten times slower on a foreign layout than this copy takes.
                 by_line[:, channel] = spectra[:, self._chosen].T
             yield by_line
 
-
-def line_power(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Sum the squared magnitudes over the blocks, read as pairs of reals so that nothing is copied.
-
-    Parameters
-    ----------
-    lines
-        Complex, shape (lines, channels, blocks), contiguous along the blocks.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines, channels).
-    """
-    parts = lines.view(np.float64)
-    return np.einsum("fck,fck->fc", parts, parts)
+    def _add_power(self, channel: int, spectra: NDArray[np.complex128]) -> None:
+        """Sum squares along the lines, while they are in the second cache; read as reals, so that nothing is copied."""
+        parts = spectra.view(np.float64)
+        squares = np.einsum("kl,kl->l", parts, parts)
+        self.power[:, channel] += squares[0::2] + squares[1::2]
 
 
 def density_scale(window: NDArray[np.float64], sample_rate: float, blocks: int) -> NDArray[np.float64]:

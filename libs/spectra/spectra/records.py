@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float64]:
-    """Check a record and return it as C-contiguous float64.
+    """Check a record and return it as float64, each channel without gaps in memory.
 
     Parameters
     ----------
@@ -31,15 +31,24 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
         )
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{name} holds elements of type {array.dtype}; a record holds real numbers.")
-    record = np.ascontiguousarray(array, dtype=np.float64)
-    finite = np.isfinite(record)
-    if not finite.all():
-        channel, sample = np.argwhere(~finite)[0]
-        raise ValueError(
-            f"{name} holds {record[channel, sample]} in channel {channel} at sample {sample}; "
-            "every value of a record must be finite."
-        )
+    record = array.astype(np.float64, copy=False)
+    if record.strides[1] != record.itemsize:
+        record = np.ascontiguousarray(record)
+    _require_finite(record, name)
     return record
+
+
+def _require_finite(record: NDArray[np.float64], name: str) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = [float(np.dot(channel, channel)) for channel in record]
+    # One pass at the speed of memory. A square that is not finite may be that of a finite value beyond 1e154.
+    for channel in np.flatnonzero(~np.isfinite(squares)):
+        wrong = np.flatnonzero(~np.isfinite(record[channel]))
+        if wrong.size:
+            raise ValueError(
+                f"{name} holds {record[channel, wrong[0]]} in channel {channel} at sample {wrong[0]}; "
+                "every value of a record must be finite."
+            )
 
 
 def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

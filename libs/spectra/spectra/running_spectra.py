@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra.block_spectra import BlockSpectra, density_scale, line_power
+from spectra.block_spectra import BlockSpectra, density_scale
 from spectra.blocks import hop_samples, independent_averages
 from spectra.lines import line_frequencies
 from spectra.records import matching_records, require_sample_rate
@@ -101,7 +101,7 @@ class CrossSpectra:
         if chosen is not None and without_mean:
             raise ValueError("The mean comes off where all lines are averaged; ask for one of the two.")
         self._chosen = slice(kept.start, kept.stop)
-        self._spectra = BlockSpectra(self._window, hop=self._hop, channels=n_a + n_b, chosen=self._chosen)
+        self._spectra = BlockSpectra(self._window, hop=self._hop, channels=n_a + n_b, chosen=self._chosen, powered=n_a)
         self._n_a = n_a
         self._full, self._without_mean = full, without_mean
         self._tail = np.empty((n_a + n_b, 0))
@@ -109,7 +109,6 @@ class CrossSpectra:
         self._products = np.zeros((lines, n_a + n_b, columns), dtype=np.complex128)
         self._of_lines = np.empty((_LINES_TOGETHER, n_a + n_b, columns), dtype=np.complex128)
         self._conjugate = np.empty((_LINES_TOGETHER, columns, self._spectra.blocks_in_chunk), dtype=np.complex128)
-        self._auto_a = np.zeros((lines, n_a))
         self._lowest_lines = np.zeros((min(_LINES_OF_A_MEAN, lines), n_a + n_b), dtype=np.complex128)
         self._sums, self._samples = np.zeros(n_a + n_b), 0
         self._blocks, self._stretch_blocks, self._independent = 0, 0, 0.0
@@ -182,7 +181,7 @@ class CrossSpectra:
             raise ValueError(
                 f"The records are shorter than one block of {self._block_samples} samples; take shorter blocks."
             )
-        products, auto_a, n_a = self._products.copy(), self._auto_a.copy(), self._n_a
+        products, auto_a, n_a = self._products.copy(), self._spectra.power.copy(), self._n_a
         if self._without_mean:
             correction = self._products_of_mean()
             low = correction.shape[0]
@@ -212,7 +211,6 @@ class CrossSpectra:
                 np.conjugate(rows if self._full else rows[:, self._n_a :], out=right)
                 np.matmul(rows, right.transpose(0, 2, 1), out=product)
                 self._products[some] += product
-                self._auto_a[some] += line_power(rows[:, : self._n_a])
             if self._without_mean:
                 self._lowest_lines += np.sum(lines[: self._lowest_lines.shape[0]], axis=2)
             blocks += lines.shape[2]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra.block_spectra import BlockSpectra, density_scale, line_power
+from spectra.block_spectra import BlockSpectra, density_scale
 from spectra.blocks import count_blocks, hop_samples
 from spectra.records import as_record, matching_records, require_sample_rate
 from spectra.windows import hann_periodic
@@ -118,10 +118,10 @@ def auto_spectra(a: ArrayLike, *, block_samples: int, overlap: float, sample_rat
     """
     record = as_record(a, name="a")
     window, hop, blocks = _blocking(record.shape[1], block_samples, overlap, sample_rate)
-    total = np.zeros((block_samples // 2 + 1, record.shape[0]))
-    for lines in BlockSpectra(window, hop=hop, channels=record.shape[0]).chunks(record):
-        total += line_power(lines)
-    return total * density_scale(window, sample_rate, blocks)[:, None]
+    spectra = BlockSpectra(window, hop=hop, channels=record.shape[0], powered=record.shape[0])
+    for _ in spectra.chunks(record):
+        pass
+    return spectra.power * density_scale(window, sample_rate, blocks)[:, None]
 
 
 def _blocking(

@@ -23,10 +23,6 @@ from spectra import as_record
 _LOCAL = (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
 
 
-# A whole record at once would need as much memory again for what is checked of it.
-_SAMPLES_TOGETHER = 2**17
-
-
 @dataclass(frozen=True)
 class EstimatorOptions:
     """What a local method may be told; the spectral ones need nothing besides the layout.
@@ -183,14 +179,11 @@ def estimate(
     -----
     Source: Cornelis et al., ISMA 2014, Eq. 1; Pintelon & Schoukens, *System Identification*, chapters 2 and 7.
     """
-    inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
+    inputs, outputs = np.atleast_2d(drive), np.atleast_2d(response)
     running = Estimation(
         kind, layout, drives=inputs.shape[0], responses=outputs.shape[0], options=options or EstimatorOptions()
     )
-    _require_same_length(inputs, outputs)
-    for start in range(0, inputs.shape[1], _SAMPLES_TOGETHER):
-        piece = slice(start, start + _SAMPLES_TOGETHER)
-        running.add(inputs[:, piece], outputs[:, piece])
+    running.add(inputs, outputs)
     return running.estimate()
 
 

@@ -1,10 +1,9 @@
 """Channels that say nothing or not the truth: dead, clipped, silent; checked while the record passes."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
-from spectra import as_record
 
 SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
@@ -33,21 +32,21 @@ class ChannelCheck:
         self._tops = _FlatTops(channels, sign=1.0)
         self._bottoms = _FlatTops(channels, sign=-1.0)
 
-    def add(self, record: ArrayLike) -> None:
+    def add(self, samples: NDArray[np.float64]) -> None:
         """Watch the next samples that are used.
 
         Parameters
         ----------
-        record
-            Shape (channels, samples), finite.
+        samples
+            Shape (channels, samples), a record: finite.
 
         Raises
         ------
         ValueError
             Where a magnitude is beyond what can be computed with.
         """
-        samples = as_record(record, name=self._name)
-        largest = np.maximum(np.max(samples, axis=1), -np.min(samples, axis=1))
+        highest, lowest = np.max(samples, axis=1), np.min(samples, axis=1)
+        largest = np.maximum(highest, -lowest)
         if np.any(largest > LARGEST_MAGNITUDE):
             row = int(np.argmax(largest))
             raise ValueError(
@@ -55,8 +54,8 @@ class ChannelCheck:
                 "computed with, so check its sensor or take another unit."
             )
         self._samples += samples.shape[1]
-        self._tops.add(samples)
-        self._bottoms.add(samples)
+        self._tops.add(samples, highest)
+        self._bottoms.add(samples, -lowest)
 
     def warnings(self) -> tuple[ModelWarning, ...]:
         """Judge the record so far.
@@ -104,9 +103,8 @@ class _FlatTops:
         self.flat_samples = np.zeros(channels, dtype=np.int64)
         self._run = np.zeros(channels, dtype=np.int64)
 
-    def add(self, samples: NDArray[np.float64]) -> None:
-        for row, channel in enumerate(samples):
-            extreme = float(np.max(channel)) if self._sign > 0.0 else -float(np.min(channel))
+    def add(self, samples: NDArray[np.float64], extremes: NDArray[np.float64]) -> None:
+        for row, (channel, extreme) in enumerate(zip(samples, extremes, strict=True)):
             if extreme > self.extreme[row]:
                 self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
             at_extreme = np.flatnonzero(channel == self._sign * self.extreme[row])
