@@ -19,6 +19,7 @@ import yaml
 import duralab
 from duralab.formats import write_signals
 from duralab.signals import Channel, Signals
+from duralab.sweeps.cluster import open_workers
 from duralab.sweeps.results import read_results
 
 # Half a minute of processor time in all, most of it the start of processes, which a busy machine makes long.
@@ -171,3 +172,9 @@ def test_a_scheduler_that_is_none_is_told(folder):
     assert ran.returncode == 2
     assert "tcp://head:8786" in " ".join(ran.stderr.split())
     assert not Path(folder / "none" / "points").exists()
+
+
+def test_as_many_workers_as_cores_keep_to_a_core_each(tmp_path):
+    with open_workers(tmp_path, workers=None, scheduler=None) as client:
+        kept = client.run(lambda: tuple(os.sched_getaffinity(0)))
+    assert sorted(kept.values()) == [(core,) for core in sorted(os.sched_getaffinity(0))]
