@@ -27,8 +27,8 @@ setup: ## make .venv, again only when the lock or a pyproject.toml changed
 demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
 	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view)
 
-bench: setup ## measure speed, error, start-up and memory of every rig into out/bench.json
-	@$(BIN)/python benchmarks/bench.py --out out/bench.json
+bench: setup ## measure everything beside peers into out/bench.json and docs/benchmarks.md (half an hour on two cores)
+	@$(BIN)/python benchmarks/bench.py --out out/bench.json --page docs/benchmarks.md $(ARGS)
 
 faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
 	@$(BIN)/python -m tests.faults $(ARGS)

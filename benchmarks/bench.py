@@ -1,26 +1,35 @@
-"""Measure every shipped rig (speed, error, start-up, memory), identification and iteration.
+"""Measure everything: rigs, identification, iteration, files, bus, log, live view, a campaign, a sweep.
 
-Writes out/bench.json and a table.
+Writes out/bench.json, the page and the same as text: goals, met or missed, with what was measured.
 
-`python benchmarks/bench.py [--rig NAME …] [--out FILE]`
+`python benchmarks/bench.py [--rig NAME …] [--only PART …] [--out FILE] [--page FILE]`
 """
 
 import argparse
 import json
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from bus import measure_bus
+from campaign import measure_campaign
 from drives import noise_drive, playable_share
+from formats import measure_formats
 from identification import measure_identification
 from iteration import measure_iteration
 from live_view import measure_live_view
 from machine import machine
+from page import missed, page
 from processes import memory, startup_seconds
 from recording import measure_recorder
+from report import measure_report
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
+from startup import measure_startup
+from sweep import measure_sweep
 
 from rig_sim import shipped_specimens
 from rig_sim.loading import load_any_rig
@@ -40,7 +49,6 @@ class Figures:
     120 s in MiB, its growth beyond the record itself.
     """
 
-    rig: str
     lanes: int | None
     operations: int | None
     integrator: str | None
@@ -65,7 +73,6 @@ def measure(path: Path) -> Figures:
     cold, warm = startup_seconds(path)
     taken = memory(path, share=share)
     return Figures(
-        rig=rig.specimen.name,
         lanes=rig.compiled.lanes if integrated else None,
         operations=rig.compiled.operation_count if integrated else None,
         integrator=rig.specimen.integrator.value if integrated else None,
@@ -84,52 +91,56 @@ def measure(path: Path) -> Figures:
     )
 
 
-def table(figures: list[Figures]) -> str:
-    """Return the figures as text, one figure a line, one rig a column."""
-    lines = [asdict(row) for row in figures]
-    rows = [[name, *(_cell(line[name]) for line in lines)] for name in Figures.__dataclass_fields__]
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
-        for row in rows
-    )
+def _others(scratch: Path) -> dict[str, Callable[[], object]]:
+    """Return what is measured beside the rigs, by its name in the file."""
+    return {
+        "identification": lambda: measure_identification(scratch / "peers"),
+        "iteration": lambda: measure_iteration(scratch / "peers"),
+        "formats": measure_formats,
+        "startup": measure_startup,
+        "report": measure_report,
+        "live_view": measure_live_view,
+        "recorder": lambda: _in_folder(scratch, measure_recorder),
+        "bus": measure_bus,
+        "campaign": measure_campaign,
+        "sweep": measure_sweep,
+    }
 
 
-def _cell(value: object) -> str:
-    return "–" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+def _in_folder(scratch: Path, measure: Callable[[Path], object]) -> object:
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        return measure(Path(folder))
 
 
 def main() -> None:
-    """Measure the chosen rigs, all by default."""
+    """Measure what is chosen, all by default, and write file, page and table."""
     shipped = shipped_specimens()
-    parser = argparse.ArgumentParser(description="Measure speed, error, start-up and memory of the shipped rigs.")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rig", action="append", choices=sorted(shipped), help="only this one; may be repeated")
     parser.add_argument(
-        "--rig", action="append", choices=sorted(shipped), help="only this one, and no identification; may be repeated"
+        "--only", action="append", choices=list(_others(Path())), help="only this part; may be repeated"
     )
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
-    arguments = parser.parse_args()
-    figures = []
-    for name in arguments.rig or shipped:
-        figures.append(measure(shipped[name]))
-        sys.stderr.write(f"{name}: {figures[-1].rtf:.0f} times real time\n")
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    document: dict[str, object] = {
-        "seconds": SECONDS,
-        "machine": machine(),
-        "rigs": {row.rig: {name: value for name, value in asdict(row).items() if name != "rig"} for row in figures},
-    }
-    if not arguments.rig:
-        document["identification"] = measure_identification(arguments.out.parent / "peers")
-        document["iteration"] = measure_iteration()
-        document["live_view"] = measure_live_view()
-        document["bus"] = measure_bus()
-        with tempfile.TemporaryDirectory(dir=arguments.out.parent) as folder:
-            document["recorder"] = measure_recorder(Path(folder))
-    arguments.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    sys.stdout.write(f"{', '.join(f'{name}: {value}' for name, value in machine().items())}\n{table(figures)}\n")
-    for part in ("identification", "iteration", "bus", "recorder"):
-        if part in document:
-            sys.stdout.write(f"{part}\n{json.dumps(document[part], indent=2)}\n")
+    parser.add_argument("--page", type=Path, help="also write the page, where all is measured")
+    given = parser.parse_args()
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    everything = not (given.rig or given.only)
+    rigs: dict[str, object] = {}
+    document: dict[str, Any] = {"seconds": SECONDS, "machine": machine(), "rigs": rigs}
+    for name in shipped if everything else given.rig or ():
+        rigs[name] = asdict(measure(shipped[name]))
+        sys.stderr.write(f"{name}: {rigs[name]['rtf']:.0f} times real time\n")
+    for name, work in _others(given.out.parent).items():
+        if everything or name in (given.only or ()):
+            began = time.monotonic()
+            document[name] = work()
+            sys.stderr.write(f"{name}: measured in {time.monotonic() - began:.0f} s\n")
+        # What was measured before is not lost with what follows.
+        given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    if everything and given.page:
+        given.page.write_text(page(document), encoding="utf-8")
+    failed = missed(document)
+    sys.stdout.write(page(document) + "".join(f"\nMissed: {goal}" for goal in failed) + "\n")
 
 
 if __name__ == "__main__":

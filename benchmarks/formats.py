@@ -6,6 +6,7 @@ numpy's share is the same float64 numbers in the order of the file: `np.fromfile
 """
 
 import argparse
+import json
 import resource
 import sys
 import tempfile
@@ -50,28 +51,51 @@ def _seconds(action: Callable[[], object], *, repetitions: int = REPETITIONS) ->
     return min(times)
 
 
+def measure_formats(
+    folder: Path | None = None, *, minutes: float = 60.0, channels: int = 32, rate: float = 512.0
+) -> dict[str, object]:
+    """Write and read a long file of each data type.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        On whose disk; that of temporary files where not given.
+    minutes, channels, rate : float, int, float
+        Length, width and sample rate in Hz of the file.
+
+    Returns
+    -------
+    dict
+        By data type: MiB, times in s, and reading over numpy's time; the peak memory of this process in MiB.
+    """
+    figures: dict[str, object] = {"file": f"{minutes:g} min of {channels} channels at {rate:g} Hz"}
+    with tempfile.TemporaryDirectory(dir=folder) as name:
+        for data_type in DataType:
+            path = Path(name) / "long.rsp"
+            written = write(path, data_type=data_type, minutes=minutes, channels=channels, rate=rate)
+            peer, own = _seconds(lambda p=path: numpy_of_its_bytes(p)), _seconds(lambda p=path: read_rpc3(p))
+            figures[data_type.value] = {
+                "mebibytes": path.stat().st_size / 2**20,
+                "write_seconds": written,
+                "read_seconds": own,
+                "numpy_seconds": peer,
+                "read_over_numpy": own / peer,
+            }
+            path.unlink()
+    figures["peak_mebibytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+    return figures
+
+
 def main() -> None:
-    """Measure and write the table."""
+    """Measure and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--channels", type=int, default=32)
     parser.add_argument("--rate", type=float, default=512.0)
     parser.add_argument("--folder", type=Path, default=None)
     asked = parser.parse_args()
-    sys.stdout.write(f"{machine()}\n")
-    sys.stdout.write(f"{asked.minutes:g} min × {asked.channels} channels at {asked.rate:g} Hz\n")
-    with tempfile.TemporaryDirectory(dir=asked.folder) as folder:
-        for data_type in DataType:
-            path = Path(folder) / "long.rsp"
-            written = write(path, data_type=data_type, minutes=asked.minutes, channels=asked.channels, rate=asked.rate)
-            peer, own = _seconds(lambda p=path: numpy_of_its_bytes(p)), _seconds(lambda p=path: read_rpc3(p))
-            sys.stdout.write(
-                f"{data_type.value:<15} {path.stat().st_size / 2**20:6.0f} MiB   write {written:6.2f} s   "
-                f"read {own:6.2f} s   numpy {peer:6.2f} s   ratio {own / peer:5.2f}\n"
-            )
-            path.unlink()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
-    sys.stdout.write(f"peak memory {peak:.0f} MiB\n")
+    figures = measure_formats(asked.folder, minutes=asked.minutes, channels=asked.channels, rate=asked.rate)
+    sys.stdout.write(json.dumps({"machine": machine(), **figures}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

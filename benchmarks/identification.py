@@ -5,7 +5,6 @@
 
 import json
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -14,20 +13,15 @@ from pathlib import Path
 import numpy as np
 from identification_peer import CHANNELS, COMPARED_SECONDS, HALF_WIDTH, LOCAL_SECONDS, SECONDS
 from identification_records import BLOCK, OVERLAP, RATE, noise_record, resonant_record, scaled_record
+from peer_environments import PEERS, PeerMissingError, peer_arrays, run_on_one_core
 from processes import resident_bytes
 from scipy import fft, signal
 
 from identifier import Capture, EstimatorKind, EstimatorOptions, FrfEstimate, Layout, Window, estimate
 from spectra import CrossSpectra, SpectraEstimate, hann_periodic
 
-# SDynPy's local modelling needs modules that it does not ask for, and fails with numpy from 2.3 on.
-PEERS = {
-    "sdynpy": ("sdynpy==0.23.0", "numpy==2.2.6", "joblib==1.6.0", "psutil==7.2.2"),
-    "pyfrf": ("pyFRF==1.5.0",),
-}
 REPETITIONS = 7
 PIECE_SECONDS = 20.0
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def measure_identification(directory: Path) -> dict[str, object]:
@@ -43,15 +37,8 @@ def measure_identification(directory: Path) -> dict[str, object]:
     dict
         Times in s, memory in MiB, differences relative to the largest element of an FRF.
     """
-    own = json.loads(_on_one_core([sys.executable, __file__, "--own"]))
-    peers: dict[str, object] = {}
-    for name, requirements in PEERS.items():
-        try:
-            peers[name] = _peer(name, requirements, directory.resolve(), own["h1_seconds"])
-        except subprocess.CalledProcessError as error:
-            reason = (error.stderr or "").strip().splitlines()
-            peers[name] = {"skipped": reason[-1] if reason else f"ended with code {error.returncode}"}
-    return {**own, "peers": peers}
+    own = json.loads(run_on_one_core([sys.executable, __file__, "--own"]))
+    return {**own, "peers": {name: _peer(name, directory, own["h1_seconds"]) for name in PEERS}}
 
 
 def _own_figures() -> dict[str, object]:
@@ -78,6 +65,7 @@ def _own_figures() -> dict[str, object]:
         "h1_seconds": h1,
         "local_rational_6x6_240_s_seconds": _local_seconds(),
         "streamed_seconds": {f"{seconds:g}": _streamed(seconds) for seconds in (60.0, 600.0, 6000.0)},
+        "spectra_seconds_by_channels": {str(channels): _of_channels(channels) for channels in (2, 4, 8, 16)},
     }
 
 
@@ -127,6 +115,12 @@ def _local_seconds() -> float:
     return _timed(lambda: estimate(EstimatorKind.LOCAL_RATIONAL, drive, response, layout))
 
 
+def _of_channels(channels: int) -> float:
+    """Return the time of averaging 60 s of so many drives and as many responses."""
+    drive, response = noise_record(seconds=60.0, channels=channels)
+    return _best(lambda: _spectra(drive, response))
+
+
 def _streamed(seconds: float) -> float:
     """Return the time of averaging alone, the record fed in pieces that are made as they are needed."""
     running = _running(CHANNELS)
@@ -168,24 +162,17 @@ def noise_layout(samples: int, *, lowest: float, highest: float) -> Layout:
     )
 
 
-def _peer(name: str, requirements: tuple[str, ...], directory: Path, own_seconds: float) -> dict[str, object]:
-    environment = directory / name
-    python = environment / "bin" / "python"
-    if not python.exists():
-        installer = str(ROOT / "scripts" / "uv.sh")
-        _run([installer, "venv", "--quiet", "--python", sys.executable, str(environment)])
-        _run([installer, "pip", "install", "--quiet", "--python", str(python), *requirements])
-    result = environment / "result.npz"
-    _on_one_core([str(python), str(ROOT / "benchmarks" / "identification_peer.py"), name, str(result)])
-    with np.load(result) as found:
-        arrays = dict(found)
+def _peer(name: str, directory: Path, own_seconds: float) -> dict[str, object]:
+    try:
+        arrays = peer_arrays(name, "identification_peer.py", name, directory=directory)
+    except PeerMissingError as error:
+        return {"skipped": str(error)}
     seconds = float(arrays.pop("seconds"))
-    differences = {method: _difference(method, frf) for method, frf in arrays.items()}
     return {
-        "versions": list(requirements),
+        "versions": list(PEERS[name]),
         "seconds": seconds,
         "times_faster": seconds / own_seconds,
-        "largest_relative_difference": differences,
+        "largest_relative_difference": {method: _difference(method, frf) for method, frf in arrays.items()},
     }
 
 
@@ -210,15 +197,6 @@ def _memory_growth(work: Callable[[], object]) -> float:
     before = resident_bytes("VmRSS")
     work()
     return (resident_bytes("VmHWM") - before) / 2**20
-
-
-def _on_one_core(command: list[str]) -> str:
-    return _run(command, {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
-
-
-def _run(command: list[str], environment: dict[str, str] | None = None) -> str:
-    ran = subprocess.run(command, env={**os.environ, **(environment or {})}, capture_output=True, check=True, text=True)
-    return ran.stdout
 
 
 def _best(work: Callable[[], object]) -> float:

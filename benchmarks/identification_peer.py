@@ -72,6 +72,15 @@ def pyfrf_results() -> dict[str, np.ndarray]:
     return results
 
 
+def rattlesnake_results() -> dict[str, np.ndarray]:
+    """Return Rattlesnake's wall time for H1, and its H1."""
+    from rattlesnake_peer import rattlesnake_h1
+
+    drive, response = noise_record(seconds=SECONDS, channels=CHANNELS)
+    seconds = np.array(_best(lambda: rattlesnake_h1(drive, response)))
+    return {"seconds": seconds, "h1": rattlesnake_h1(*resonant_record(seconds=COMPARED_SECONDS, noise=1e-3))}
+
+
 def _best(work: Callable[[], object]) -> float:
     times = []
     for _ in range(REPETITIONS):
@@ -84,5 +93,6 @@ def _best(work: Callable[[], object]) -> float:
 if __name__ == "__main__":
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with redirect_stdout(sys.stderr):
-        found = {"sdynpy": sdynpy_results, "pyfrf": pyfrf_results}[sys.argv[1]]()
+        works = {"sdynpy": sdynpy_results, "pyfrf": pyfrf_results, "rattlesnake": rattlesnake_results}
+        found = works[sys.argv[1]]()
     np.savez(sys.argv[2], **found)

@@ -5,13 +5,15 @@
 
 import json
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from inverse_problem import BLOCK, CHANNELS, HIGHEST, LOWEST, RATE, SECONDS, rig_and_target
+from peer_environments import PEERS, PeerMissingError, peer_arrays, run_on_one_core
 from scipy import fft
 
 from iterator import (
@@ -26,24 +28,56 @@ from iterator import (
 )
 from spectra import line_frequencies
 
-RATE, SECONDS, CHANNELS, BLOCK = 1000.0, 120.0, 8, 2048
-BAND = control_band(1.0, 100.0, sample_rate=RATE)
+BAND = control_band(LOWEST, HIGHEST, sample_rate=RATE)
 PLAYBACKS = 10
+LENGTHS = (30.0, 120.0, 480.0)
+CHANNEL_COUNTS = (2, 4, 8, 16)
 REPETITIONS = 7
 
 
-def measure_iteration() -> dict[str, object]:
+def measure_iteration(directory: Path) -> dict[str, object]:
     """Measure in a process of its own, with one thread on one core.
+
+    Parameters
+    ----------
+    directory : Path
+        Where the peer's environment is kept.
 
     Returns
     -------
     dict
-        Times in s.
+        Times in s; of the peer also how far its drive is from ours, RMS over RMS.
     """
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, __file__, "--own"]
-    ran = subprocess.run(command, env=environment, capture_output=True, check=True, text=True)
-    return json.loads(ran.stdout)
+    own = json.loads(run_on_one_core([sys.executable, __file__, "--own"]))
+    return {**own, "peers": {"sdynpy": _peer(directory, own["first_drive_seconds"])}}
+
+
+def _peer(directory: Path, own_seconds: float) -> dict[str, object]:
+    try:
+        arrays = peer_arrays("sdynpy", "inverse_peer.py", directory=directory)
+    except PeerMissingError as error:
+        return {"skipped": str(error)}
+    methods = ("cola", "single_frame")
+    seconds = {method: float(arrays[f"{method}_seconds"]) for method in methods}
+    own = _first_drive()()
+    return {
+        "versions": list(PEERS["sdynpy"]),
+        "seconds": seconds,
+        # Against the faster of its methods.
+        "times_faster": min(seconds.values()) / own_seconds,
+        "relative_rms_difference": {
+            method: float(np.linalg.norm(arrays[f"{method}_drive"] - own) / np.linalg.norm(own)) for method in methods
+        },
+    }
+
+
+def _first_drive(*, seconds: float = SECONDS, channels: int = CHANNELS) -> Callable[[], np.ndarray]:
+    """Return what computes the first drive for a target from a model."""
+    frequency, frf, target = rig_and_target(seconds=seconds, channels=channels)
+    model = rig_model(frequency, frf, identified_band=(0.5, 110.0))
+    settings = UpdateSettings(band=BAND, iteration_gain=np.ones(channels), kind=UpdateKind.BASIC_TWR)
+    history = IterationHistory(target=BAND.limit_target(target))
+    return lambda: UPDATES[UpdateKind.BASIC_TWR](history, model, settings).drive
 
 
 def _own_figures() -> dict[str, object]:
@@ -84,11 +118,18 @@ def _own_figures() -> dict[str, object]:
     works["secant_that_has_seen_no_step"] = lambda: UPDATES[UpdateKind.SECANT](
         history, model, kinds["secant_with_acceptance"]
     )
-    seconds = _fastest({"transforms": transforms, **works})
-    alone = seconds.pop("transforms")
+    seconds = _fastest({"transforms": transforms, "first drive": _first_drive(), **works})
+    alone, first = seconds.pop("transforms"), seconds.pop("first drive")
     return {
         "record": f"{SECONDS:g} s, {CHANNELS} x {CHANNELS} channels, {RATE:g} Hz, block {BLOCK}, {PLAYBACKS} playbacks",
         "transforms_seconds": alone,
+        "first_drive_seconds": first,
+        "first_drive_seconds_by_length": {
+            f"{length:g}": _fastest({"": _first_drive(seconds=length)})[""] for length in LENGTHS
+        },
+        "first_drive_seconds_by_channels": {
+            str(channels): _fastest({"": _first_drive(channels=channels)})[""] for channels in CHANNEL_COUNTS
+        },
         "update_seconds": seconds,
         "basic_twr_over_transforms": seconds["basic_twr"] / alone,
         "secant_over_basic_twr": seconds["secant_with_acceptance"] / seconds["basic_twr"],
@@ -112,4 +153,4 @@ if __name__ == "__main__":
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
         sys.stdout.write(json.dumps(_own_figures()))
     else:
-        sys.stdout.write(json.dumps(measure_iteration(), indent=2) + "\n")
+        sys.stdout.write(json.dumps(measure_iteration(Path("out/peers")), indent=2) + "\n")

@@ -1,4 +1,4 @@
-"""What a sweep gains by a second core, and what a task costs: `python benchmarks/sweep.py --out out/sweep.json`.
+"""What a sweep gains by a second core, and what a task costs: `python benchmarks/sweep.py`.
 
 One core is a sweep with one worker whose processes all keep to one core; two cores are two of each. Beside wall time,
 which any neighbour spoils, the processor time of each campaign is told: neighbours change it little.
@@ -109,23 +109,31 @@ def _processor_of_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def main() -> None:
-    """Measure one and two cores in turns, and write the figures and their ratio."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--campaigns", type=int, default=24, help="of each sweep")
-    parser.add_argument("--turns", type=int, default=2, help="the best of them counts: a neighbour only slows")
-    parser.add_argument("--cell", choices=("process", "lab"), default="process")
-    given = parser.parse_args()
+def measure_sweep(*, campaigns: int = 24, turns: int = 2, cell: str = "process") -> dict[str, object]:
+    """Measure one and two cores in turns; the best of them counts: a neighbour only slows.
+
+    Parameters
+    ----------
+    campaigns : int
+        Of each sweep.
+    turns : int
+        Of both.
+    cell : str
+        "process" or "lab", as in a sweep's file.
+
+    Returns
+    -------
+    dict
+        Every run, and what two cores do over twice what one does: without the start, with it, by processor time.
+    """
     empty, runs = empty_task_seconds(), []
-    for _ in range(given.turns):
+    for _ in range(turns):
         for cores in (1, 2):
             with tempfile.TemporaryDirectory() as folder:
-                runs.append(run(Path(folder), cores=cores, campaigns=given.campaigns, cell=given.cell))
+                runs.append(run(Path(folder), cores=cores, campaigns=campaigns, cell=cell))
     one, two = ([each for each in runs if each.cores == cores] for cores in (1, 2))
-    figures = {
-        "machine": machine(),
-        "cell": given.cell,
+    return {
+        "cell": cell,
         "empty_task_seconds": empty,
         "efficiency_steady": max(r.steady_per_second for r in two) / (2 * max(r.steady_per_second for r in one)),
         "efficiency_with_start": min(r.wall_seconds for r in one) / (2 * min(r.wall_seconds for r in two)),
@@ -133,9 +141,17 @@ def main() -> None:
         / min(r.campaign_processor_seconds for r in two),
         "runs": [asdict(each) for each in runs],
     }
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    sys.stdout.write(json.dumps(figures, indent=2) + "\n")
+
+
+def main() -> None:
+    """Measure and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--campaigns", type=int, default=24, help="of each sweep")
+    parser.add_argument("--turns", type=int, default=2)
+    parser.add_argument("--cell", choices=("process", "lab"), default="process")
+    given = parser.parse_args()
+    figures = measure_sweep(campaigns=given.campaigns, turns=given.turns, cell=given.cell)
+    sys.stdout.write(json.dumps({"machine": machine(), **figures}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

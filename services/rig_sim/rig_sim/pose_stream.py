@@ -6,18 +6,20 @@ import numpy as np
 
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from labbus import Bus
+from labbus import Bus, SpoolSpace
 from rig_sim.poses import Poses, to_poses
 
 LARGEST_RATE = 60.0
 _POSES = 10
+# Nobody stores poses: a view that missed the last seconds of them may still have them.
+_KEPT_BYTES = 2**20
 
 
 class PoseStream:
     """Gathers and publishes the poses of one rig."""
 
     def __init__(self, bus: Bus, rig: str, poses: Poses) -> None:
-        self._publisher = bus.publisher(bus.keys.rig_pose(rig))
+        self._publisher = bus.publisher(bus.keys.rig_pose(rig), spools=SpoolSpace(8 * _KEPT_BYTES))
         self._poses = poses
         self.begin("")
 

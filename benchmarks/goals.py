@@ -1,0 +1,150 @@
+"""What is to be reached, beside what was measured: the table of `docs/benchmarks.md`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+SUSPENSION_RIGS = (
+    "front_axle",
+    "front_axle_sensors",
+    "full_vehicle",
+    "macpherson",
+    "predecessor",
+    "spindle_coupled",
+    "spindle_coupled_braking",
+)
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A figure and its bound.
+
+    Parameters
+    ----------
+    what : str
+        In words, with the unit of both numbers.
+    figure : tuple of str
+        Where it is in out/bench.json.
+    bound : float
+        The most that is allowed, or the least where `at_least`.
+    at_least : bool
+        Which of the two.
+    scale : float
+        From the figure's unit to that of the words.
+    """
+
+    what: str
+    figure: tuple[str, ...]
+    bound: float
+    at_least: bool = False
+    scale: float = 1.0
+
+    def measured(self, document: dict[str, Any]) -> float | None:
+        """Return the figure in the unit of the words; None where it was not measured."""
+        found: Any = document
+        for name in self.figure:
+            if not isinstance(found, dict) or name not in found:
+                return None
+            found = found[name]
+        return None if found is None else float(found) * self.scale
+
+    def met(self, measured: float) -> bool:
+        """Return whether a figure is within the bound."""
+        return measured >= self.bound if self.at_least else measured <= self.bound
+
+
+def _least(what: str, *figure: str, bound: float, scale: float = 1.0) -> Goal:
+    return Goal(what, figure, bound, at_least=True, scale=scale)
+
+
+def _most(what: str, *figure: str, bound: float, scale: float = 1.0) -> Goal:
+    return Goal(what, figure, bound, scale=scale)
+
+
+_IDENTIFICATION = "identification"
+_ITERATION = "iteration"
+
+GOALS: dict[str, tuple[Goal, ...]] = {
+    "Rigs": (
+        *(_least(f"`{rig}`: times real time on one core", "rigs", rig, "rtf", bound=80.0) for rig in SUSPENSION_RIGS),
+        _least("`predecessor`, its sides independent: times real time", "rigs", "predecessor", "rtf", bound=200.0),
+        *(_most(f"`{rig}`: error of a playback", "rigs", rig, "error", bound=1e-3) for rig in SUSPENSION_RIGS),
+    ),
+    "Identification: 8 × 8, 600 s at 1 kHz, block 2048, one core": (
+        _least(
+            "times faster than a loop of `scipy.signal.csd`", _IDENTIFICATION, "times_faster_than_csd_pairs", bound=40.0
+        ),
+        _most(
+            "averaged spectra over the windowed transforms alone, by `scipy.fft`",
+            _IDENTIFICATION,
+            "over_plain_windowed_transforms",
+            bound=1.25,
+        ),
+        _most(
+            "the same, over transforms into memory that is there",
+            _IDENTIFICATION,
+            "over_windowed_transforms",
+            bound=1.25,
+        ),
+        *(
+            _least(f"H1: times faster than {name}", _IDENTIFICATION, "peers", peer, "times_faster", bound=3.0)
+            for peer, name in (("sdynpy", "SDynPy"), ("pyfrf", "pyFRF"), ("rattlesnake", "Rattlesnake's core"))
+        ),
+        _most("H1: memory above the records, MiB", _IDENTIFICATION, "h1_memory_mebibytes", bound=30.0),
+        _most(
+            "local rational method, 6 × 6, 240 s: s", _IDENTIFICATION, "local_rational_6x6_240_s_seconds", bound=10.0
+        ),
+    ),
+    "Iteration: 8 × 8, 120 s at 1 kHz, one core": (
+        _most("basic TWR over its transforms alone", _ITERATION, "basic_twr_over_transforms", bound=1.5),
+        _most("basic TWR, ms", _ITERATION, "update_seconds", "basic_twr", bound=60.0, scale=1e3),
+        _most("secant update after 10 playbacks, over basic TWR", _ITERATION, "secant_over_basic_twr", bound=10.0),
+        _least("first drive: times faster than SDynPy", _ITERATION, "peers", "sdynpy", "times_faster", bound=1.0),
+    ),
+    "Streams of 12.8 KB on loopback": (
+        _least("blocks/s for a minute", "bus", "sustained", "rate", bound=5000.0),
+        *(_most(f"of them {how}", "bus", "sustained", how, bound=0.0) for how in ("lost", "doubled", "reordered")),
+        _most(
+            "share of a bare pipe's rate that is lost, %",
+            "bus",
+            "pipe",
+            "share_lost_spool_on_disk",
+            bound=25.0,
+            scale=100.0,
+        ),
+        _least("blocks/s for a second", "bus", "burst", "rate", bound=15_000.0),
+        _most("longest that a publisher was held up, ms", "bus", "sustained", "longest_put", bound=20.0, scale=1e3),
+        _most("caught up after a freeze of 8 s, s", "bus", "frozen_receiver", "caught_up", bound=5.0),
+        _most("caught up after a kill, s", "bus", "killed_receiver", "caught_up", bound=5.0),
+        _most("query and answer, the middle one, ms", "bus", "queries", "round_trip_p50", bound=1.0, scale=1e3),
+        _most("answer of 2 MB, the middle one, ms", "bus", "queries", "reply_of_2_MB_p50", bound=10.0, scale=1e3),
+        _most("a dead service is noticed after s", "bus", "noticed", "dead", bound=0.5),
+        _most("a frozen service is noticed after s", "bus", "noticed", "frozen", bound=3.0),
+    ),
+    "Log and live view": (
+        _most("10 s out of 800 s, the middle one, ms", "recorder", "window_median_ms", bound=20.0),
+        _least("scalars/s of the live view, millions", "live_view", "scalars_per_second", bound=1.0, scale=1e-6),
+    ),
+    "What a person waits for": (
+        _most("`import duralab`, s", "startup", "import duralab", "wall", bound=0.5),
+        _most("`duralab --help`, s", "startup", "duralab --help", "wall", bound=0.7),
+        _most("RPC III of int16 over numpy for its bytes", "formats", "SHORT_INTEGER", "read_over_numpy", bound=2.0),
+        _most("RPC III of float32 over numpy for its bytes", "formats", "FLOATING_POINT", "read_over_numpy", bound=2.0),
+        _most("report of ten playbacks, s", "report", "seconds", bound=10.0),
+        _most("the same, MB", "report", "megabytes", bound=15.0),
+    ),
+    "Whole campaign and sweeps": (
+        _most(
+            "share of bus and disk in a campaign's time, %", "campaign", "bus_and_disk_share", bound=10.0, scale=100.0
+        ),
+        _most(
+            "the same where the rig plays in real time, %",
+            "campaign",
+            "bus_and_disk_share_at_real_time",
+            bound=10.0,
+            scale=100.0,
+        ),
+        _least("two cores over twice one core, a sweep", "sweep", "efficiency_steady", bound=0.85),
+    ),
+}
