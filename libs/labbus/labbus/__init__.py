@@ -1,6 +1,6 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
-from labbus._bus import Bus, open_bus
+from labbus._bus import Bus
 from labbus._call import Call
 from labbus._client import Cancel
 from labbus._config import BusConfig, BusMode, TlsConfig
@@ -13,6 +13,7 @@ from labbus._live_token import LiveToken
 from labbus._liveliness import LiveWatch
 from labbus._logs import configure_logs
 from labbus._metrics import MetricsConfig
+from labbus._opening import open_bus
 from labbus._router import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration
 from labbus._server import Served
 from labbus._service import ServiceConfig, run_service, service_main

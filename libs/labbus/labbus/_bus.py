@@ -21,7 +21,7 @@ from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
 from labbus._figures import Figures
 from labbus._health import HealthTeller
-from labbus._identity import Identity, check_identity
+from labbus._identity import Identity
 from labbus._live_token import LiveToken
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
 from labbus._permission import Permission
@@ -29,7 +29,6 @@ from labbus._reintroduction import Reintroduction
 from labbus._replay import ReplayServer
 from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
-from labbus._session import open_session
 from labbus._spool_folder import SpoolFolder
 from labbus._spool_space import SPOOL_BYTES, SpoolSpace
 from labbus._stream_figures import StreamFigures
@@ -322,31 +321,3 @@ class Bus:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4) -> Bus:
-    """Join the bus.
-
-    Parameters
-    ----------
-    config : BusConfig, optional
-        How; an unconnected peer on loopback where not given.
-    service : str
-        Who joins, e.g. "rig_sim"; named in the faults it answers.
-    workers : int
-        Queries of one key answered at once, 1 or more.
-
-    Returns
-    -------
-    Bus
-        Open; to be closed.
-
-    Raises
-    ------
-    BusError
-        One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
-    """
-    config = config or BusConfig()
-    identity = check_identity(config.tls) if config.tls is not None else None
-    session, listening = open_session(config)
-    return Bus(session, config, service=service, workers=workers, listening=listening, identity=identity)
