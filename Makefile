@@ -48,7 +48,7 @@ multihost: setup ## the secured lab on four hosts (network namespaces): cables c
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.multihost $(ARGS)
 
 # One thread each: sums in one order, so the same bytes, and two studies at a time; those in quotes share their campaigns.
-studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (some minutes on two cores)
+studies: setup ## write the pictures and tables of docs/rigs and docs/studies again (a quarter of an hour on two cores)
 	@printf '%s\n' $(STUDIES) | OMP_NUM_THREADS=1 xargs -P 2 -L 1 $(BIN)/python studies/several.py
 
 docs: setup ## build the documentation's site into out/site; a warning is an error

@@ -25,6 +25,9 @@ _LOOK_SECONDS: Final = 0.5
 _BROKEN_SECONDS: Final = LEASE_SECONDS + _LOOK_SECONDS
 # Telling and connecting take milliseconds on a machine that is not busy.
 _STAY_SECONDS: Final = 1.0
+# Whom to join is on the bus already, or gone.
+_JOINING_SECONDS: Final = 1.0
+_JOIN_SECONDS: Final = 2.0
 _ANY_PORT: Final = "0"
 
 
@@ -42,7 +45,10 @@ class Reintroduction:
     def __init__(self, config: BusConfig, tracker: LivelinessTracker) -> None:
         self._tracker = tracker
         self._joining = config.model_copy(
-            update={"listen": tuple(f"{endpoint.rpartition(':')[0]}:{_ANY_PORT}" for endpoint in config.listen)}
+            update={
+                "listen": tuple(f"{endpoint.rpartition(':')[0]}:{_ANY_PORT}" for endpoint in config.listen),
+                "connect_timeout_seconds": _JOINING_SECONDS,
+            }
         )
         self._closed = threading.Event()
         self._due: float | None = None
@@ -54,10 +60,11 @@ class Reintroduction:
             tracker.subscribe(self._on_live)
 
     def close(self) -> None:
-        """Watch no more; returns at once."""
+        """Watch no more; returns at once where nobody is being introduced, and within 2 s."""
         self._closed.set()
         if self._thread is not None:
             self._tracker.unsubscribe(self._on_live)
+            self._thread.join(_JOIN_SECONDS)
 
     def _on_live(self, _service: str, _instance: str, alive: bool) -> None:
         if not alive:

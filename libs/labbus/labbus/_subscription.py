@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from typing import Final, Generic
 
 import structlog
@@ -141,8 +142,10 @@ class Subscription(Generic[MessageT]):
                     self._rest.append(sample)
                     return
                 # Waiting lets go of the interpreter's lock, which costs more than a message: only when none is left.
-                more = itertools.islice(iter(self._waiting.try_recv, None), _MOST_AT_ONCE)
-                self._deliver(self._read_all([sample, *more]))
+                samples = [sample]
+                with suppress(zenoh.ZError):  # Closed meanwhile: what came before is delivered.
+                    samples += itertools.islice(iter(self._waiting.try_recv, None), _MOST_AT_ONCE)
+                self._deliver(self._read_all(samples))
 
     def _deliver(self, items: Sequence[StreamItem[MessageT]]) -> None:
         """Hand on what may be handed on now that these are here."""

@@ -75,7 +75,7 @@ def test_one_sample_of_either_sign_that_overflows_is_refused(glitch):
     check = ChannelCheck(2, name="response", of_drive=False)
     check.add(np.full((2, 5), glitch / 2.1))
     with pytest.raises(ValueError, match=r"Response 1 reaches 2e\+60; at most 1e\+60"):
-        check.add([[0.0, 1.0, -1.0], [0.0, glitch, 0.0]])
+        check.add(np.array([[0.0, 1.0, -1.0], [0.0, glitch, 0.0]]))
 
 
 def test_a_dead_channel_is_refused_by_name(records):

@@ -48,7 +48,7 @@ class Wire:
     def rig_pose(self, rig):
         return rig
 
-    def publisher(self, key):
+    def publisher(self, key, *, spools):
         return self
 
     def put(self, message):

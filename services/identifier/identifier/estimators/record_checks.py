@@ -9,6 +9,9 @@ SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
 
 
+# Each is looked at several times: so many stay in the first cache.
+_LOOKED_AT_TOGETHER = 2**12
+
 LARGEST_MAGNITUDE, SMALLEST_MAGNITUDE = 1e60, 1e-60
 """Between these the squares of a density and their inverses are finite numbers, whatever is divided by whatever."""
 
@@ -45,8 +48,14 @@ class ChannelCheck:
         ValueError
             Where a magnitude is beyond what can be computed with.
         """
-        highest, lowest = np.max(samples, axis=1), np.min(samples, axis=1)
-        largest = np.maximum(highest, -lowest)
+        largest = np.zeros(samples.shape[0])
+        for row, channel in enumerate(samples):
+            for start in range(0, channel.size, _LOOKED_AT_TOGETHER):
+                part = channel[start : start + _LOOKED_AT_TOGETHER]
+                highest, lowest = float(np.max(part)), float(np.min(part))
+                largest[row] = max(largest[row], highest, -lowest)
+                self._tops.add(row, part, highest)
+                self._bottoms.add(row, part, -lowest)
         if np.any(largest > LARGEST_MAGNITUDE):
             row = int(np.argmax(largest))
             raise ValueError(
@@ -54,8 +63,6 @@ class ChannelCheck:
                 "computed with, so check its sensor or take another unit."
             )
         self._samples += samples.shape[1]
-        self._tops.add(samples, highest)
-        self._bottoms.add(samples, -lowest)
 
     def warnings(self) -> tuple[ModelWarning, ...]:
         """Judge the record so far.
@@ -103,18 +110,17 @@ class _FlatTops:
         self.flat_samples = np.zeros(channels, dtype=np.int64)
         self._run = np.zeros(channels, dtype=np.int64)
 
-    def add(self, samples: NDArray[np.float64], extremes: NDArray[np.float64]) -> None:
-        for row, (channel, extreme) in enumerate(zip(samples, extremes, strict=True)):
-            if extreme > self.extreme[row]:
-                self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
-            at_extreme = np.flatnonzero(channel == self._sign * self.extreme[row])
-            self._count(row, at_extreme, channel.size)
-
-    def _count(self, row: int, at_extreme: NDArray[np.intp], size: int) -> None:
-        """Add the runs of a piece, the first joined to the one that the piece before ended with."""
-        if at_extreme.size == 0:
+    def add(self, row: int, samples: NDArray[np.float64], extreme: float) -> None:
+        """Take the next samples of a channel, the largest of which times the sign is the extreme."""
+        if extreme > self.extreme[row]:
+            self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
+        if extreme < self.extreme[row]:
             self._run[row] = 0
             return
+        self._count(row, np.flatnonzero(samples == self._sign * extreme), samples.size)
+
+    def _count(self, row: int, at_extreme: NDArray[np.intp], size: int) -> None:
+        """Add the runs of a piece, one or more, the first joined to the one that the piece before ended with."""
         breaks = np.flatnonzero(np.diff(at_extreme) > 1) + 1
         starts = at_extreme[np.concatenate(([0], breaks))]
         lengths = np.diff(np.concatenate(([0], breaks, [at_extreme.size])))
