@@ -121,12 +121,13 @@ def main() -> None:
         "--only", action="append", choices=list(_others(Path())), help="only this part; may be repeated"
     )
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
-    parser.add_argument("--page", type=Path, help="also write the page, where all is measured")
+    parser.add_argument("--page", type=Path, help="also write the page")
     given = parser.parse_args()
     given.out.parent.mkdir(parents=True, exist_ok=True)
     everything = not (given.rig or given.only)
-    rigs: dict[str, object] = {}
-    document: dict[str, Any] = {"seconds": SECONDS, "machine": machine(), "rigs": rigs}
+    before = {} if everything or not given.out.exists() else json.loads(given.out.read_text(encoding="utf-8"))
+    document: dict[str, Any] = {"rigs": {}, **before, "seconds": SECONDS, "machine": machine()}
+    rigs = document["rigs"]
     for name in shipped if everything else given.rig or ():
         rigs[name] = asdict(measure(shipped[name]))
         sys.stderr.write(f"{name}: {rigs[name]['rtf']:.0f} times real time\n")
@@ -137,7 +138,7 @@ def main() -> None:
             sys.stderr.write(f"{name}: measured in {time.monotonic() - began:.0f} s\n")
         # What was measured before is not lost with what follows.
         given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    if everything and given.page:
+    if given.page:
         given.page.write_text(page(document), encoding="utf-8")
     failed = missed(document)
     sys.stdout.write(page(document) + "".join(f"\nMissed: {goal}" for goal in failed) + "\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from goals import GOALS
+from goals import GOALS, NOTES
 
 _HEAD = """# Benchmarks
 
@@ -71,7 +71,7 @@ def _goal_tables(document: dict[str, Any]) -> list[str]:
             sign = "≥" if goal.at_least else "≤"
             verdict = "met" if goal.met(value) else "**missed**"
             lines.append(f"| {goal.what} | {number(value)} | {sign} {number(goal.bound)} | {verdict} |")
-        tables.append("\n".join(lines) + "\n")
+        tables.append("\n".join(lines) + f"\n{NOTES.get(title, '')}")
     return tables
 
 

@@ -9,8 +9,8 @@ SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
 
 
-# Each is looked at several times: so many stay in the first cache.
-_LOOKED_AT_TOGETHER = 2**12
+# Each is looked at several times: so many stay in the second cache.
+_LOOKED_AT_TOGETHER = 2**15
 
 LARGEST_MAGNITUDE, SMALLEST_MAGNITUDE = 1e60, 1e-60
 """Between these the squares of a density and their inverses are finite numbers, whatever is divided by whatever."""
