@@ -13,8 +13,6 @@ import threading
 import time
 from typing import Final
 
-import structlog
-
 from labbus._config import BusConfig, BusMode
 from labbus._faults import BusError
 from labbus._liveliness import DEBOUNCE_SECONDS, LivelinessTracker
@@ -86,8 +84,7 @@ class Reintroduction:
     def _introduce(self) -> None:
         try:
             session, _ = open_session(self._joining)
-        except BusError as error:
-            structlog.get_logger("labbus").info("Nobody tells the peers of each other.", reason=str(error))
-            return
+        except BusError:
+            return  # Who tells is gone as well. Zenoh goes on trying to reach it, and is told when it does.
         self._closed.wait(_STAY_SECONDS)
         session.close()
