@@ -9,7 +9,7 @@ from contextlib import redirect_stdout
 import numpy as np
 from identification_records import BLOCK, OVERLAP, RATE, noise_record, resonant_record, scaled_record
 
-SECONDS, CHANNELS, REPETITIONS = 600.0, 8, 3
+SECONDS, CHANNELS, REPETITIONS = 600.0, 8, 9
 COMPARED_SECONDS, LOCAL_SECONDS = 120.0, 32.768
 HALF_WIDTH = 30
 

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Capture, Layout, Window
-from spectra import CrossSpectra, as_record
+from spectra import CrossSpectra
 
 
 @dataclass(frozen=True)
@@ -80,29 +80,28 @@ class SpectralSums:
         self._products = np.zeros((layout.block_samples // 2 + 1, channels, channels), dtype=np.complex128)
         self._blocks = self._averages = 0
 
-    def add(self, drive: ArrayLike, response: ArrayLike) -> None:
+    def add(self, drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
         """Add the next samples of the whole record, fades and delay blocks included.
 
         Parameters
         ----------
         drive
-            Shape (drives, samples).
+            Shape (drives, samples), as `spectra.as_record` returns it: finite, which is not looked at again.
         response
-            Shape (responses, samples), sampled at the same instants.
+            Shape (responses, samples), likewise, sampled at the same instants.
 
         Raises
         ------
         ValueError
-            Where the shapes do not agree or a value is not finite.
+            Where the record is longer than its layout or has other channels.
         """
-        inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
-        for capture, piece, ends in self._used.next_pieces(inputs.shape[1]):
+        for capture, piece, ends in self._used.next_pieces(drive.shape[1]):
             if self._layout.window is Window.HANN:
-                self._welch.add(outputs[:, piece], inputs[:, piece])
+                self._welch.add_checked(response[:, piece], drive[:, piece])
                 if ends:
                     self._welch.end_stretch()
             else:
-                self._add_periods(capture, np.concatenate((outputs[:, piece], inputs[:, piece])))
+                self._add_periods(capture, np.concatenate((response[:, piece], drive[:, piece])))
 
     def averages(self) -> AveragedSpectra:
         """Return the averages so far.

@@ -8,11 +8,10 @@ the rest is kept as the triangular factor of all equations so far, of a size tha
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from identifier.estimators.segments import Segments
 from identifier.layout import Layout
-from spectra import as_record
 
 _LINES_TOGETHER = 32
 
@@ -94,23 +93,22 @@ class LocalSums:
             total += self._layout.samples_of(capture) // length * of_segment
         return total
 
-    def add(self, drive: ArrayLike, response: ArrayLike) -> None:
+    def add(self, drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
         """Add the next samples of the whole record, fades and delay blocks included.
 
         Parameters
         ----------
         drive
-            Shape (drives, samples).
+            Shape (drives, samples), as `spectra.as_record` returns it: finite, which is not looked at again.
         response
-            Shape (responses, samples).
+            Shape (responses, samples), likewise, sampled at the same instants.
 
         Raises
         ------
         ValueError
-            Where the shapes do not agree or a value is not finite.
+            Where the record is longer than its layout.
         """
-        record = np.concatenate((as_record(drive, name="drive"), as_record(response, name="response")))
-        for segment in self._segments.next_segments(record):
+        for segment in self._segments.next_segments(np.concatenate((drive, response))):
             self._take(segment)
 
     def _stride(self, length: int) -> int:

@@ -50,12 +50,14 @@ class ChannelCheck:
         """
         largest = np.zeros(samples.shape[0])
         for row, channel in enumerate(samples):
-            for start in range(0, channel.size, _LOOKED_AT_TOGETHER):
-                part = channel[start : start + _LOOKED_AT_TOGETHER]
-                highest, lowest = float(np.max(part)), float(np.min(part))
-                largest[row] = max(largest[row], highest, -lowest)
-                self._tops.add(row, part, highest)
-                self._bottoms.add(row, part, -lowest)
+            parts = [
+                channel[start : start + _LOOKED_AT_TOGETHER] for start in range(0, channel.size, _LOOKED_AT_TOGETHER)
+            ]
+            extremes = [(part.max(), -part.min()) for part in parts]
+            highest, lowest = np.max(extremes, axis=0)
+            largest[row] = max(highest, lowest)
+            self._tops.add(row, parts, [top for top, _ in extremes])
+            self._bottoms.add(row, parts, [bottom for _, bottom in extremes])
         if np.any(largest > LARGEST_MAGNITUDE):
             row = int(np.argmax(largest))
             raise ValueError(
@@ -110,14 +112,16 @@ class _FlatTops:
         self.flat_samples = np.zeros(channels, dtype=np.int64)
         self._run = np.zeros(channels, dtype=np.int64)
 
-    def add(self, row: int, samples: NDArray[np.float64], extreme: float) -> None:
-        """Take the next samples of a channel, the largest of which times the sign is the extreme."""
+    def add(self, row: int, parts: list[NDArray[np.float64]], extremes: list[float]) -> None:
+        """Take the next samples of a channel in parts; the largest of each times the sign is its extreme."""
+        extreme = max(extremes)
         if extreme > self.extreme[row]:
             self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
-        if extreme < self.extreme[row]:
-            self._run[row] = 0
-            return
-        self._count(row, np.flatnonzero(samples == self._sign * extreme), samples.size)
+        for part, of_part in zip(parts, extremes, strict=True):
+            if of_part < self.extreme[row]:
+                self._run[row] = 0
+            else:
+                self._count(row, np.flatnonzero(part == self._sign * of_part), part.size)
 
     def _count(self, row: int, at_extreme: NDArray[np.intp], size: int) -> None:
         """Add the runs of a piece, one or more, the first joined to the one that the piece before ended with."""

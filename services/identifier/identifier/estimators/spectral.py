@@ -114,7 +114,7 @@ def _unexplained(
     auto_y: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Power of ``Y - H U``; 0 where rounding would make it negative."""
-    predicted = np.einsum("fij,fjk,fik->fi", frf, s_uu, frf.conj(), optimize=True).real
+    predicted = np.einsum("fij,fij->fi", frf @ s_uu, frf.conj()).real
     shared = np.einsum("fij,fij->fi", frf, s_yu.conj()).real
     return np.maximum(auto_y - 2.0 * shared + predicted, 0.0)
 
