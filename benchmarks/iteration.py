@@ -92,8 +92,11 @@ def _own_figures() -> dict[str, object]:
         noise = BAND.limit_response(rng.standard_normal((2 * CHANNELS, samples)))
         # Every playback comes out worse somewhere, another fifth of the record each time.
         worse = np.roll(np.arange(samples) < samples // 5, number * samples // PLAYBACKS)
+        drive = target + 0.5**number * noise[CHANNELS:]
+        # The rig answers with the squares of its drives, too, so that the secant update has all its work to do.
         response = target + 0.5 ** (number + 1) * (1.0 + 3.0 * worse) * noise[:CHANNELS]
-        history = history.after(Playback(drive=target + 0.5**number * noise[CHANNELS:], response=response))
+        response = response + 3.0 * BAND.limit_response(np.square(drive))
+        history = history.after(Playback(drive=drive, response=response))
     twr = UpdateSettings(band=BAND, iteration_gain=np.full(CHANNELS, 0.5), kind=UpdateKind.BASIC_TWR)
     kinds = {
         "basic_twr": twr,

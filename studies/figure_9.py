@@ -93,7 +93,7 @@ def levels_table(extent: Extent) -> str:
     head = ["identified at, of the operational RMS", "gain"]
     head += [f"basic TWR, best and after {number}, seed {seed}" for seed in extent.seeds]
     head += [f"Adaptive Modelling after {number}", "all channels"]
-    head.append(f"secant update with gain 1 after {early}, all channels")
+    head += [f"secant update with gain 1 after {early}", "all channels"]
     rows = []
     for share in extent.shares:
         secant = campaign(target_of(extent), model=identified(share, seed), update=SECANT.settings, playbacks=early)
@@ -101,7 +101,7 @@ def levels_table(extent: Extent) -> str:
             by_seed = [_tried(UpdateKind.BASIC_TWR, share, seed, gain=gain, extent=extent) for seed in extent.seeds]
             adaptive = _tried(UpdateKind.ADAPTIVE_MODELLING, share, seed, gain=gain, extent=extent)
             row = [f"{100.0 * share:g} %", f"{gain:g}", *(_best_and_last(trial) for trial in by_seed)]
-            row += [f"{trial:.3f}" for trial in (adaptive.longitudinal[-1], adaptive.overall[-1], secant.overall[-1])]
+            row += [f"{end:.3f}" for trial in (adaptive, secant) for end in (trial.longitudinal[-1], trial.overall[-1])]
             rows.append(row)
     return markdown_table(head, rows)
 

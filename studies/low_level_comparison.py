@@ -1,4 +1,4 @@
-"""All updates on the front axle identified at a tenth of its operational level: what figures 7, 8 and 9 show."""
+"""All updates on the front axle identified at a twentieth of its operational level: what figures 7, 8 and 9 show."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from low_level_campaigns import BAND, LONGITUDINAL, OPERATIONAL, Trial, campaign
 from numpy.typing import NDArray
 from study_page import percent
 
-from iterator import AcceptanceSettings, CorrectionSettings, RigModel, UpdateKind, UpdateSettings
+from iterator import AcceptanceSettings, CorrectionSettings, RigModel, SecantSettings, UpdateKind, UpdateSettings
 
 
 @dataclass(frozen=True)
@@ -39,28 +39,33 @@ class Extent:
 FULL: Final = Extent(30.0, 4, 7, (1, 4, 7), (0.05, 0.1, 0.15), (0.5, 0.8, 1.0), (1, 2))
 QUICK: Final = Extent(6.0, 1, 2, (1, 2), (0.1,), (0.6,), (1,))
 #: Of the operational drive RMS, in the figures.
-SHARE: Final = 0.1
+SHARE: Final = 0.05
 CHANNELS: Final = tuple(
     f"{side} {axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal")
 )
-#: The gain 1 of every response.
+#: The gain 1 of every response, and the fixed gain of what does not learn how far to trust its model.
 ONE: Final = np.ones(OPERATIONAL.size)
+FIXED: Final = 0.8 * ONE
 #: Without the safeguards, as in the paper.
 UNGUARDED: Final = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
 _SAFE: Final = AcceptanceSettings()
 _TWR, _AM, _SECANT = UpdateKind.BASIC_TWR, UpdateKind.ADAPTIVE_MODELLING, UpdateKind.SECANT
 
-BASIC_TWR: Final = Algorithm("basic TWR", UpdateSettings(BAND, ONE, _TWR), "#c0562a")
-ADAPTIVE: Final = Algorithm("Adaptive Modelling", UpdateSettings(BAND, ONE, _AM), "#3d8b4f")
+BASIC_TWR: Final = Algorithm("basic TWR", UpdateSettings(BAND, FIXED, _TWR), "#c0562a")
+ADAPTIVE: Final = Algorithm("Adaptive Modelling", UpdateSettings(BAND, FIXED, _AM), "#3d8b4f")
 SECANT: Final = Algorithm(
     "secant update, segment acceptance", UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE), "#1b5e9b"
 )
 DRAWN: Final = (BASIC_TWR, ADAPTIVE, SECANT)
 ALGORITHMS: Final = (
     *DRAWN,
-    Algorithm("plain Adaptive Modelling, no safeguards", UpdateSettings(BAND, ONE, _AM, UNGUARDED)),
-    Algorithm("Adaptive Modelling, segment acceptance", UpdateSettings(BAND, ONE, _AM, acceptance=_SAFE)),
-    Algorithm("basic TWR, segment acceptance", UpdateSettings(BAND, ONE, _TWR, acceptance=_SAFE)),
+    Algorithm("plain Adaptive Modelling, no safeguards", UpdateSettings(BAND, FIXED, _AM, UNGUARDED)),
+    Algorithm("Adaptive Modelling, segment acceptance", UpdateSettings(BAND, FIXED, _AM, acceptance=_SAFE)),
+    Algorithm("basic TWR, segment acceptance", UpdateSettings(BAND, FIXED, _TWR, acceptance=_SAFE)),
+    Algorithm(
+        "secant update without squares, segment acceptance",
+        UpdateSettings(BAND, ONE, _SECANT, secant=SecantSettings(squares=False), acceptance=_SAFE),
+    ),
     Algorithm(
         "secant update, gain 0.7 to 1, segment acceptance",
         UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE, gain_schedule=(0.7, 0.8, 0.9, 1.0)),

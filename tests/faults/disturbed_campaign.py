@@ -76,6 +76,8 @@ class Operator:
     def perform(self, disturb: Disturb, *, moment: float) -> None:
         """Run the campaign, disturb it after so many seconds, and carry it to its end."""
         with ExitStack() as stack:
+            # A service that the round before started anew may still be on its way.
+            self._lab.wait_until_whole()
             self.start(self._id)
             time.sleep(moment)
             self._outcome.detail = disturb(stack)

@@ -1,5 +1,6 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
+from labbus._arenas import keep_few_arenas
 from labbus._bus import Bus
 from labbus._call import Call
 from labbus._client import Cancel
@@ -61,6 +62,7 @@ __all__ = [
     "explain_validation",
     "host_services",
     "installed_services",
+    "keep_few_arenas",
     "load_config",
     "open_bus",
     "router_configuration",

@@ -1,10 +1,12 @@
 """`python -m iterator --config FILE`."""
 
 from iterator.service import SERVICE, IteratorConfig, IteratorService
-from labbus import HostedService, service_main
+from labbus import HostedService, keep_few_arenas, service_main
 
 HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
 """The service as one of several in a process."""
 
 if __name__ == "__main__":
+    # Every campaign has a thread of its own, and holds its records there.
+    keep_few_arenas(2)
     service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

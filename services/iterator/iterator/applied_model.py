@@ -91,6 +91,46 @@ def stepped_drive(
     )
 
 
+def drive_without(
+    model: RigModel,
+    addition: ArrayLike,
+    *,
+    by: NDArray[np.complex128],
+    band: ControlBand,
+    drive: NDArray[np.float64],
+    step_gain: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return a drive less the one that makes by the model what further inputs add to the responses.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    addition : array_like, shape (inputs, samples)
+        The further inputs, in units of their own.
+    by : ndarray, shape (lines, n_y, inputs)
+        What they add, response unit per unit of theirs; at the model's lines.
+    band : ControlBand
+        The correction has energy in it only.
+    drive : ndarray, shape (n_u, samples)
+        Drive units.
+    step_gain : ndarray, shape (samples,), optional
+        Share of the correction that is made at each instant; all of it where not given.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        A record does not fit the model, or the control band passes the identified lines.
+    """
+    correction = -np.matmul(model.inverse_frf, by)
+    return _apply(model, correction, addition, band=band, gain=step_gain, stepped_from=drive)
+
+
 def predict(model: RigModel, drive: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
     """Return the response in the control band that the model expects of a drive, `Ŷ = Ĥ U`.
 

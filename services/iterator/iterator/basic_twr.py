@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,102 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     -----
     Source: Cornelis et al., ISMA 2014, Eqs. 2 and 3.
     """
+    if not history.playbacks:
+        return NextDrive(
+            drive=apply_inverse(weighed_by_gain(history, model, settings), history.target, band=settings.band),
+            model=model,
+        )
+    start = step_start(history, model, settings)
+    drive = stepped_drive(
+        start.model,
+        history.target,
+        response=start.response,
+        band=settings.band,
+        stepped_from=start.drive,
+        step_gain=start.step_gain,
+    )
+    return NextDrive(drive=drive, model=model, stepped_from=start.drive)
+
+
+@dataclass(frozen=True)
+class StepStart:
+    """Where a step starts, and how large it may be.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its inverse weighed by the iteration gain.
+    drive : ndarray, shape (n_u, samples)
+        The last one, or the best so far.
+    response : ndarray, shape (n_y, samples)
+        Of that drive.
+    step_gain : ndarray, shape (samples,), or None
+        Share of the step that is made at each instant; all of it where None.
+    """
+
+    model: RigModel
+    drive: NDArray[np.float64]
+    response: NDArray[np.float64]
+    step_gain: NDArray[np.float64] | None
+
+
+def step_start(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> StepStart:
+    """Return where the next step starts.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        With one playback or more.
+    model : RigModel
+        Of the step.
+    settings : UpdateSettings
+        Its gains and acceptance are used.
+
+    Returns
+    -------
+    StepStart
+        The last playback, or what segment acceptance composed.
+
+    Raises
+    ------
+    ValueError
+        Gain, target and model differ in their number of responses.
+    """
+    weighted = weighed_by_gain(history, model, settings)
+    if settings.acceptance is None:
+        last = history.playbacks[-1]
+        return StepStart(weighted, last.drive, last.response, None)
+    best = accept_segments(
+        history,
+        response_scale=response_scale(history, model),
+        sample_rate=settings.band.sample_rate,
+        settings=settings.acceptance,
+    )
+    return StepStart(weighted, best.drive, best.response, best.step_gain)
+
+
+def weighed_by_gain(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
+    """Return the model with `Ĥ† Q` in place of `Ĥ†`.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        Its length chooses from a schedule of gains.
+    model : RigModel
+        Of the step.
+    settings : UpdateSettings
+        Its gains are used.
+
+    Returns
+    -------
+    RigModel
+        All else as it was.
+
+    Raises
+    ------
+    ValueError
+        Gain, target and model differ in their number of responses.
+    """
     responses = model.frf.shape[1]
     if history.target.shape[0] != responses or settings.iteration_gain.size != responses:
         raise ValueError(
@@ -58,30 +154,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
         schedule=settings.gain_schedule,
         playbacks=len(history.playbacks),
     )
-    weighted = replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
-    if not history.playbacks:
-        return NextDrive(drive=apply_inverse(weighted, history.target, band=settings.band), model=model)
-    if settings.acceptance is None:
-        last = history.playbacks[-1]
-        drive = stepped_drive(
-            weighted, history.target, response=last.response, band=settings.band, stepped_from=last.drive
-        )
-        return NextDrive(drive=drive, model=model, stepped_from=last.drive)
-    best = accept_segments(
-        history,
-        response_scale=response_scale(history, model),
-        sample_rate=settings.band.sample_rate,
-        settings=settings.acceptance,
-    )
-    drive = stepped_drive(
-        weighted,
-        history.target,
-        response=best.response,
-        band=settings.band,
-        stepped_from=best.drive,
-        step_gain=best.step_gain,
-    )
-    return NextDrive(drive=drive, model=model, stepped_from=best.drive)
+    return replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
 
 
 def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:

@@ -315,7 +315,10 @@ class Campaign:
             self._step = "closing the recording"
             self._log.close(final, reason=final.activity)
         except FaultError as fault:
-            return self._broken_off(fault)
+            # The recorder may hold the end all the same: another one beside it would say that a whole result failed.
+            self._journal.warning("The recording of a finished campaign was not closed.", why=fault.message)
+            told = f"{fault.message} All playbacks are made and stored: resume it, and it ends without a motion."
+            return self._final_fault(FaultError(fault.code, told, field=fault.field, service=fault.service))
         return final
 
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:

@@ -97,6 +97,29 @@ def same_campaign(recorded: RecordedCampaign) -> Resumption:
     )
 
 
+def finished_unseen(
+    recorded: RecordedCampaign, shown: iterator_pb2.CampaignStatus | None
+) -> iterator_pb2.CampaignStatus | None:
+    """Return the end of a campaign that finished while the recorder's answer was lost.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        As the recorder holds it.
+    shown : CampaignStatus or None
+        How the campaign ended as far as this iterator knows; None where it does not know it.
+
+    Returns
+    -------
+    CampaignStatus or None
+        None where nothing is to be put right.
+    """
+    finished = iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    if shown is None or shown.phase == finished or not recorded.closed or recorded.final is None:
+        return None
+    return recorded.final if recorded.final.phase == finished else None
+
+
 def new_campaign(
     recorded: RecordedCampaign, request: iterator_pb2.ResumeCampaignRequest
 ) -> tuple[iterator_pb2.CampaignSpec, Resumption]:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+# Of the range between the limits: a drive that is carried to a limit within a band stays just short of it.
+_HELD_WITHIN: Final = 0.01
 
 
 class LimitQuantity(enum.Enum):
@@ -187,3 +191,24 @@ def _fitting_share(values: NDArray[np.float64], before: NDArray[np.float64], *, 
 def _floor(value: float) -> float:
     """Two decimals downwards: a gain that is said to fit does."""
     return float(np.floor(value * 100.0) / 100.0)
+
+
+def held_share(drive: NDArray[np.float64], limits: DriveLimits) -> float:
+    """Share of the time for which a drive stands at its smallest or largest allowed value, or within 1 % of the range.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        As played, drive units.
+    limits : DriveLimits
+        Of the rig.
+
+    Returns
+    -------
+    float
+        0 to 1; any channel counts.
+    """
+    reach = limits.maximum - limits.minimum
+    near = np.where(np.isfinite(reach), _HELD_WITHIN * reach, 0.0)[:, None]
+    held = (drive >= limits.maximum[:, None] - near) | (drive <= limits.minimum[:, None] + near)
+    return float(np.mean(np.any(held, axis=0)))

@@ -118,6 +118,8 @@ class SecantSettings:
         `ρ`: relative to the median over lines of `tr(HᴴH) / n_u`, in [0, 1e6].
     overlap : float
         Of the blocks averaged, 0 up to but not including 1.
+    squares : bool
+        Whether to learn what the squares of the drives do, too: arcs of levers, and springs that are stiffer one way.
 
     Raises
     ------
@@ -130,6 +132,7 @@ class SecantSettings:
     caution: float = 1.0
     regularisation: float = 1e-5
     overlap: float = 0.5
+    squares: bool = True
 
     def __post_init__(self) -> None:
         for what, value, least, most in (

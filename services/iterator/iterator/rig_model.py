@@ -55,6 +55,8 @@ class RigModel:
         `H_0`, where an update bent `frf` away from it.
     seen_steps : tuple of SeenStep
         Of which an update bent it: the next one need not form their spectra again.
+    square_frf : ndarray, shape (lines, n_y, n_u), optional
+        What the squares of the drives add to the responses, response unit per drive unit², where an update learned it.
     """
 
     frequency: NDArray[np.float64]
@@ -65,6 +67,7 @@ class RigModel:
     uncertainty: ModelUncertainty | None = None
     identified_frf: NDArray[np.complex128] | None = None
     seen_steps: tuple[SeenStep, ...] = ()
+    square_frf: NDArray[np.complex128] | None = None
 
     @property
     def block_samples(self) -> int:

@@ -8,13 +8,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from iterator.anchored_fit import AnchoredSteps
 from iterator.step_spectra import StepSpectra
+from spectra import smooth_lines
 
-# A fit that leaves less than this share of what H_0 does not explain contradicts H_0, and the prior is weakened for it.
-_CONTRADICTED: Final = 0.3
-# Of the prior strength asked for: it never gets weaker than that, whatever the steps say.
-_WEAKEST_PRIOR: Final = 0.1
-# Share of the responses' energy below which a residual is rounding.
+# Squares that leave more than the first share of what the drives alone leave of a response are noise; less than the
+# second, and they are taken whole. Random plants converge alike with 0.6 and 0.2.
+_NOT_TRUSTED, _TRUSTED = 0.8, 0.4
+# Independent averages that the smoothing over lines with [1 2 3 2 1] / 9 makes of one: lines under a Hann window
+# resemble their neighbours.
+_AVERAGES_BY_SMOOTHING: Final = 2.4
+# Share of a response's energy below which what is left of it is rounding.
 _ROUNDING: Final = 1e-12
 
 
@@ -28,10 +32,13 @@ class SecantFit:
         `H_k`, response unit per drive unit.
     uncertainty : ndarray, shape (lines, n_u, n_u)
         `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages.
+    square_frf : ndarray, shape (lines, n_y, n_u), or None
+        What the squares of the drives add, response unit per drive unit²; None where the steps have none.
     """
 
     frf: NDArray[np.complex128]
     uncertainty: NDArray[np.complex128]
+    square_frf: NDArray[np.complex128] | None = None
 
 
 def fit_secant(
@@ -52,6 +59,9 @@ def fit_secant(
     A fixed prior keeps `κ / (1 + κ)` of an error of `H_0` for ever: a quarter of a wrong sign or of a delay by half a
     period, and the iteration crawls. Where the fit explains the steps far better than `H_0`, the prior is therefore
     weakened, down to a tenth; distortion and noise, which no FRF explains, leave it as it is.
+
+    Where the steps hold squares of the drives, both fits are made, with and without. At each line and for each response
+    the squares count by how much less they leave unexplained than as many inputs of noise would.
 
     Parameters
     ----------
@@ -80,47 +90,45 @@ def fit_secant(
     ValueError
         The identification's drives do not excite a line in every direction.
     """
-    inverse_scale = 1.0 / drive_scale
-    s_uu = spectra.drive * inverse_scale[:, None] * inverse_scale
-    s_id = identification_drive * inverse_scale[:, None] * inverse_scale
-    s_yu = spectra.response_with_drive * inverse_scale
-    frf = identified_frf * drive_scale
-    weight = response_weight**2
-    discrepancy = s_yu - np.matmul(frf, s_uu)
-
-    def unexplained(by: NDArray[np.complex128]) -> NDArray[np.float64]:
-        explained = 2.0 * np.einsum("fij,fij->fi", by.conj(), s_yu).real
-        modelled = np.einsum("fij,fij->fi", np.matmul(by, s_uu), by.conj()).real
-        return np.maximum((spectra.response - explained + modelled) @ weight, 0.0)
-
-    by_identified = unexplained(frf)
-    known = by_identified > _ROUNDING * (spectra.response @ weight)
-    # Judged by the fit with the weakest prior: a strong one hides how well another FRF would explain the steps.
-    free = _spread(s_uu, s_id, np.full(by_identified.size, prior_strength * _WEAKEST_PRIOR))
-    left = np.ones_like(by_identified)
-    np.divide(unexplained(frf + np.matmul(discrepancy, free)), by_identified, out=left, where=known)
-    spread = _spread(s_uu, s_id, prior_strength * np.clip(left / _CONTRADICTED, _WEAKEST_PRIOR, 1.0))
-    fitted = frf + np.matmul(discrepancy, spread)
-    moved = np.einsum("fii->f", s_uu).real > 0.0
+    n_u, inputs = drive_scale.size, spectra.drive.shape[1]
+    scale = np.concatenate((drive_scale, *(drive_scale**2 for _ in range(inputs // n_u - 1))))
+    inverse_scale = 1.0 / scale
+    steps = AnchoredSteps(
+        inputs=spectra.drive * inverse_scale[:, None] * inverse_scale,
+        responses_with_inputs=spectra.response_with_drive * inverse_scale,
+        responses=spectra.response,
+        weight=response_weight**2,
+        anchor=identified_frf * drive_scale,
+        prior=identification_drive / drive_scale[:, None] / drive_scale,
+    )
+    fitted, spread = _fit_and_spread(steps, prior_strength, averages=averages)
+    moved = np.einsum("fii->f", steps.inputs[:, :n_u, :n_u]).real > 0.0
+    residual = (steps.unexplained(fitted) @ steps.weight) / averages
     return SecantFit(
-        frf=fitted / drive_scale,
-        uncertainty=np.where(moved[:, None, None], (unexplained(fitted) / averages)[:, None, None] * spread, 0.0),
+        frf=np.ascontiguousarray(fitted[:, :, :n_u] / drive_scale),
+        uncertainty=np.where(moved[:, None, None], residual[:, None, None] * spread, 0.0),
+        square_frf=np.ascontiguousarray(fitted[:, :, n_u:] / drive_scale**2) if inputs > n_u else None,
     )
 
 
-def _spread(
-    s_uu: NDArray[np.complex128], s_id: NDArray[np.complex128], strength: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """`P = (S̄_ΔuΔu + Λ)⁻¹`; the inverse of `S_id` at lines without any drive."""
-    energy, reference = (np.einsum("fii->f", matrix).real for matrix in (s_uu, s_id))
-    moved = energy > 0.0
-    share = np.divide(strength * energy, reference, out=np.ones_like(energy), where=moved & (reference > 0.0))
-    # The factor keeps the inversion at the size of 1, whatever the units.
-    factor = np.where(moved, energy, reference)
-    try:
-        return np.linalg.inv((s_uu + share[:, None, None] * s_id) / factor[:, None, None]) / factor[:, None, None]
-    except np.linalg.LinAlgError as error:
-        raise ValueError(
-            "The identification's drives leave a direction at a line of the control band without energy; identify with "
-            "as many independent experiments as drives."
-        ) from error
+def _fit_and_spread(
+    steps: AnchoredSteps, prior_strength: float, *, averages: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return the matrix of all inputs and `P` of the drives, from both fits as far as each is trusted."""
+    n_u, inputs = steps.drives, steps.inputs.shape[1]
+    alone, spread = steps.of_drives_alone().fit(prior_strength)
+    plain = np.concatenate((alone, np.zeros((*alone.shape[:2], inputs - n_u), dtype=np.complex128)), axis=2)
+    independent = _AVERAGES_BY_SMOOTHING * averages
+    if inputs == n_u or independent <= inputs + 1:
+        return plain, spread
+    squared, spread_with_squares = steps.fit(prior_strength)
+    left, left_with_squares = (smooth_lines(steps.unexplained(by)) for by in (plain, squared))
+    # Inputs of noise would take their degrees of freedom away, too.
+    by_chance = (independent - inputs) / (independent - n_u)
+    share = np.ones_like(left)
+    known = left > _ROUNDING * smooth_lines(steps.responses)
+    np.divide(left_with_squares, by_chance * left, out=share, where=known)
+    trust = np.clip((_NOT_TRUSTED - share) / (_NOT_TRUSTED - _TRUSTED), 0.0, 1.0)
+    overall = np.mean(trust, axis=1)[:, None, None]
+    own = spread_with_squares[:, :n_u, :n_u]
+    return plain + trust[:, :, None] * (squared - plain), spread + overall * (own - spread)

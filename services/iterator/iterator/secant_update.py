@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator import basic_twr
+from iterator.applied_model import stepped_drive
+from iterator.drive_squares import drive_for_squares
 from iterator.drive_update import NextDrive, UpdateSettings
 from iterator.inversion import cautious_inverse
 from iterator.iteration_history import IterationHistory
@@ -45,7 +47,19 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     """
     if not history.playbacks:
         return basic_twr.next_drive(history, model, settings)
-    return basic_twr.next_drive(history, secant_model(history, model, settings), settings)
+    bent = secant_model(history, model, settings)
+    start = basic_twr.step_start(history, bent, settings)
+    drive = stepped_drive(
+        start.model,
+        history.target,
+        response=start.response,
+        band=settings.band,
+        stepped_from=start.drive,
+        step_gain=start.step_gain,
+    )
+    if bent.square_frf is not None and np.any(bent.square_frf):
+        drive = drive_for_squares(drive, start, square_frf=bent.square_frf, band=settings.band)
+    return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
 
 
 def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
@@ -79,6 +93,7 @@ def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSet
         sample_rate=settings.band.sample_rate,
         first=int(lines[0]),
         last=int(lines[-1]),
+        squares=secant.squares,
     )
     steps = seen_steps(history, blocks, before=model.seen_steps)
     identified = model.frf if model.identified_frf is None else model.identified_frf
@@ -101,7 +116,11 @@ def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSet
         response_weight=weight,
         drive_scale=scale,
     )
-    return replace(model, frf=frf, inverse_frf=inverse, identified_frf=identified, seen_steps=steps)
+    square = None
+    if fit.square_frf is not None:
+        square = np.zeros_like(identified)
+        square[lines] = fit.square_frf
+    return replace(model, frf=frf, inverse_frf=inverse, identified_frf=identified, seen_steps=steps, square_frf=square)
 
 
 def _identification_drive(

@@ -25,7 +25,13 @@ from iterator.admission import (
 from iterator.campaign import Campaign
 from iterator.campaign_figures import CampaignFigures
 from iterator.campaign_plan import plan_campaign
-from iterator.campaign_resumption import Resumption, new_campaign, require_no_settings, same_campaign
+from iterator.campaign_resumption import (
+    Resumption,
+    finished_unseen,
+    new_campaign,
+    require_no_settings,
+    same_campaign,
+)
 from iterator.identification import identification_request, identification_run
 from iterator.recorded_campaign import read_campaign
 from iterator.status_board import StatusBoard, is_final
@@ -243,17 +249,24 @@ class IteratorService:
                 return self._begin(spec, resumption)
         require_no_settings(request)
         recorded = read_campaign(self._bus, id)
+        if (final := finished_unseen(recorded, None if entry is None else entry.board.snapshot())) is not None:
+            self._keep_final(id, final)
+            return final
         resumption = same_campaign(recorded)
         with self._admitting(recorded.spec, again=True):
             go_on_recording(self._bus, recorded)
             if recorded.final is None:
                 return self._begin(recorded.spec, resumption)
-            board = StatusBoard(id, publish=self._publishing(id))
-            board.end(recorded.final)
-            with self._lock:
-                self._entries[id] = _Entry(campaign=None, board=board)
+            self._keep_final(id, recorded.final)
             self._release(recorded.spec.rig)
             return recorded.final
+
+    def _keep_final(self, id: str, final: iterator_pb2.CampaignStatus) -> None:
+        """Show the end that a recording holds."""
+        board = StatusBoard(id, publish=self._publishing(id))
+        board.end(final)
+        with self._lock:
+            self._entries[id] = _Entry(campaign=None, board=board)
 
     def _entry(self, campaign: str) -> _Entry:
         with self._lock:

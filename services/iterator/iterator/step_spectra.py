@@ -21,10 +21,10 @@ class StepSpectra:
 
     Parameters
     ----------
-    response_with_drive : ndarray, shape (lines, n_y, n_u)
-        `S̄_ΔyΔu`.
-    drive : ndarray, shape (lines, n_u, n_u)
-        `S̄_ΔuΔu`.
+    response_with_drive : ndarray, shape (lines, n_y, n_u or 2 n_u)
+        `S̄_ΔyΔu`; behind the drives their squares, where the steps were cut with them.
+    drive : ndarray, shape (lines, n_u or 2 n_u, n_u or 2 n_u)
+        `S̄_ΔuΔu`, likewise.
     response : ndarray, shape (lines, n_y)
         Diagonal of `S̄_ΔyΔy`.
     """
@@ -48,6 +48,8 @@ class StepBlocks:
         Hz.
     first, last : int
         Lines between which, and at which, the rig is fitted.
+    squares : bool
+        Whether the squares of the drives are further inputs, see `square_fit`.
     """
 
     block_samples: int
@@ -55,6 +57,7 @@ class StepBlocks:
     sample_rate: float
     first: int
     last: int
+    squares: bool = False
 
     @property
     def around(self) -> slice:
@@ -124,7 +127,7 @@ def seen_steps(
         step = known.get((id(start), id(end)))
         if step is None:
             if padded is None:
-                channels = end.response.shape[0] + end.drive.shape[0]
+                channels = end.response.shape[0] + end.drive.shape[0] * (2 if blocks.squares else 1)
                 padded = np.zeros((channels, end.drive.shape[1] + blocks.block_samples))
             step = _seen(start, end, blocks, padded)
         steps.append(step)
@@ -170,12 +173,18 @@ def averaged_steps(
 
 def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDArray[np.float64]) -> SeenStep:
     n_y, n_u, half = end.response.shape[0], end.drive.shape[0], blocks.block_samples // 2
-    step_y, step_u = (record[:, half:-half] for record in (padded[:n_y], padded[n_y:]))
+    step_y, step_u, step_q = (record[:, half:-half] for record in np.split(padded, (n_y, n_y + n_u)))
     np.subtract(end.response, 0.0 if start is None else start.response, out=step_y)
     np.subtract(end.drive, 0.0 if start is None else start.drive, out=step_u)
+    if blocks.squares:
+        np.square(end.drive, out=step_q)
+        if start is not None:
+            step_q -= np.square(start.drive)
+        # A square has a mean, which would leak into the lowest lines.
+        step_q -= np.mean(step_q, axis=1, keepdims=True)
     averages = CrossSpectra(
         n_y,
-        n_u,
+        padded.shape[0] - n_y,
         block_samples=blocks.block_samples,
         overlap=blocks.overlap,
         sample_rate=blocks.sample_rate,

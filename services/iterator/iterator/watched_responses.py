@@ -49,7 +49,8 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
     """
     if controlled.all():
         return model
-    weight, uncertainty, identified = model.response_weight, model.uncertainty, model.identified_frf
+    weight, uncertainty = model.response_weight, model.uncertainty
+    identified, square = model.identified_frf, model.square_frf
     return replace(
         model,
         frf=np.ascontiguousarray(model.frf[:, controlled]),
@@ -62,6 +63,7 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
             row_covariance=uncertainty.row_covariance,
         ),
         identified_frf=None if identified is None else np.ascontiguousarray(identified[:, controlled]),
+        square_frf=None if square is None else np.ascontiguousarray(square[:, controlled]),
     )
 
 
@@ -87,7 +89,11 @@ def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np
     frf, inverse = identified.frf.copy(), np.zeros_like(identified.inverse_frf)
     frf[:, controlled], inverse[:, :, controlled] = model.frf, model.inverse_frf
     anchor = None if model.identified_frf is None else identified.frf
-    return replace(identified, frf=frf, inverse_frf=inverse, identified_frf=anchor)
+    square = None
+    if model.square_frf is not None:
+        square = np.zeros_like(identified.frf)
+        square[:, controlled] = model.square_frf
+    return replace(identified, frf=frf, inverse_frf=inverse, identified_frf=anchor, square_frf=square)
 
 
 def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_]) -> UpdateSettings:

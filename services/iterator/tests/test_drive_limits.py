@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from iterator import DriveLimitError, DriveLimits, require_within_limits
+from iterator.drive_limits import held_share
 
 LIMITS = DriveLimits(
     names=("left_vertical", "left_lateral"),
@@ -57,3 +58,16 @@ def test_a_drive_that_was_at_its_limit_already_fits_with_no_gain():
     last = np.array([[0.1, 0.0], [0.0, 0.0]])
     with pytest.raises(DriveLimitError, match="smaller target"):
         check(last + 0.01, last)
+
+
+def test_how_long_a_drive_stands_at_its_limits_is_told_over_all_channels():
+    limits = DriveLimits(("a", "b"), ("m", "N"), np.array([-1.0, -10.0]), np.array([1.0, 10.0]), np.zeros(2), 100.0)
+    drive = np.zeros((2, 100))
+    assert held_share(drive, limits) == 0.0
+    drive[0, :5], drive[1, 3:8], drive[1, 90] = 1.0, -9.9, 9.7
+    assert held_share(drive, limits) == 0.08
+
+
+def test_a_drive_without_limits_stands_at_none():
+    free = DriveLimits(("a",), ("m",), np.array([-np.inf]), np.array([np.inf]), np.zeros(1), 100.0)
+    assert held_share(np.ones((1, 9)), free) == 0.0

@@ -210,6 +210,32 @@ def test_a_campaign_killed_while_its_result_is_confirmed_goes_on_there(lab, undi
     assert len(set(planned)) == len(planned) == 1 + ITERATIONS + 2 + (step < 19)
 
 
+@pytest.mark.parametrize(("before_the_end", "stored"), [(2, False), (2, True), (1, False), (1, True)])
+def test_a_campaign_whose_end_the_recorder_did_not_acknowledge_ends_without_another_motion(
+    lab, undisturbed, before_the_end, stored
+):
+    id, lost = f"unacknowledged-{before_the_end}-{int(stored)}", STEPS - before_the_end
+
+    def watch(name, number, is_stored):
+        if (name, number, is_stored) == (id, lost, stored):
+            raise FaultError(query_pb2.FAULT_CODE_UNAVAILABLE, "The recorder was killed.")
+
+    lab.recorder.watch = watch
+    lab.start(specification(id, iterations=ITERATIONS))
+    shown = lab.end_of(id)
+    lab.recorder.watch = lambda *_: None
+    assert shown.phase == iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    assert "while closing the recording" in shown.fault.message
+    assert "resume it, and it ends without a motion" in shown.fault.message
+    lab.resume(id)
+    assert lab.end_of(id).phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    assert playbacks(lab, id) == undisturbed
+    # One end, and no run besides the identification and the playbacks.
+    assert lab.recorder.kinds(id).count("CampaignStatus") == 1
+    assert lab.recorder.kinds(id)[-2:] == ["CampaignStatus", "RecordingClosed"]
+    assert len(lab.recorder.read(id, recorder_pb2.RunPlanned)) == 1 + ITERATIONS
+
+
 def test_a_stopped_campaign_is_taken_up_by_a_new_one_that_names_it(lab, undisturbed):
     seen = threading.Event()
     lab.recorder.watch = lambda name, step, stored: seen.set() if (name, step, stored) == ("halted", 9, False) else None
