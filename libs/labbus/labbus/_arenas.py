@@ -24,6 +24,11 @@ def keep_few_arenas(count: int) -> bool:
     -------
     bool
         Whether the C library took it; others than GNU's have no such thing and need none.
+
+    Raises
+    ------
+    ValueError
+        Fewer than one.
     """
     if count < 1:
         raise ValueError(f"{count} heaps are asked for; a process has 1 or more.")

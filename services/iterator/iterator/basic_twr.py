@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator.applied_model import apply_inverse, stepped_drive
+from iterator.control_band import ControlBand
 from iterator.drive_update import NextDrive, UpdateSettings
 from iterator.gains import gain_at
 from iterator.iteration_history import IterationHistory
@@ -51,14 +52,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
             model=model,
         )
     start = step_start(history, model, settings)
-    drive = stepped_drive(
-        start.model,
-        history.target,
-        response=start.response,
-        band=settings.band,
-        stepped_from=start.drive,
-        step_gain=start.step_gain,
-    )
+    drive = start.drive_toward(history.target, band=settings.band)
     return NextDrive(drive=drive, model=model, stepped_from=start.drive)
 
 
@@ -82,6 +76,30 @@ class StepStart:
     drive: NDArray[np.float64]
     response: NDArray[np.float64]
     step_gain: NDArray[np.float64] | None
+
+    def drive_toward(self, target: NDArray[np.float64], *, band: ControlBand) -> NDArray[np.float64]:
+        """Return the drive that makes a target by the model, as far as the gain lets it.
+
+        Parameters
+        ----------
+        target : ndarray, shape (n_y, samples)
+            Response units.
+        band : ControlBand
+            The step has energy in it only.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            Drive units.
+        """
+        return stepped_drive(
+            self.model,
+            target,
+            response=self.response,
+            band=band,
+            stepped_from=self.drive,
+            step_gain=self.step_gain,
+        )
 
 
 def step_start(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> StepStart:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator import basic_twr
-from iterator.applied_model import stepped_drive
 from iterator.drive_squares import drive_for_squares
 from iterator.drive_update import NextDrive, UpdateSettings
 from iterator.inversion import cautious_inverse
@@ -49,14 +48,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
         return basic_twr.next_drive(history, model, settings)
     bent = secant_model(history, model, settings)
     start = basic_twr.step_start(history, bent, settings)
-    drive = stepped_drive(
-        start.model,
-        history.target,
-        response=start.response,
-        band=settings.band,
-        stepped_from=start.drive,
-        step_gain=start.step_gain,
-    )
+    drive = start.drive_toward(history.target, band=settings.band)
     if bent.square_frf is not None and np.any(bent.square_frf):
         drive = drive_for_squares(drive, start, square_frf=bent.square_frf, band=settings.band)
     return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
