@@ -10,13 +10,16 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from duralab.refusals import Refusal, read_refusals
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGURATION = ROOT / "deploy" / "router" / "zenohd.json5"
 START_SECONDS = 60.0
-_END_SECONDS = 5.0
+LOGGED_SECONDS = 20.0
 AUDIT_LOG = "warn,zenoh_link_tls::unicast=debug,zenoh::net::routing::interceptor::access_control=trace"
 """What RUST_LOG says where refusals are to be logged, as docs/security.md has it."""
 
@@ -107,6 +110,15 @@ class SecuredRouter:
         """Return what it has logged, without colours."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
         return re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines()
+
+    def refusals(self, enough: Callable[[list[Refusal]], bool]) -> list[Refusal]:
+        """Return what it refused as soon as that is enough, or after 20 s: a put is refused after it has returned."""
+        deadline = time.monotonic() + LOGGED_SECONDS
+        while True:
+            refused = list(read_refusals(self.lines()))
+            if enough(refused) or time.monotonic() > deadline:
+                return refused
+            time.sleep(0.05)
 
     def _accepts(self) -> bool:
         try:
