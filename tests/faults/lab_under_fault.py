@@ -18,7 +18,7 @@ import psutil
 import yaml
 
 from duralab._supervisor import ServicePlan, lab_services
-from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import health_pb2
 from labbus import Bus, BusConfig, BusError, BusMode, FaultError, open_bus
 
 from .cuttable_link import CuttableLink
@@ -196,7 +196,7 @@ class LabUnderFault:
         return [f"{what} ({count} times)" for what, count in found.items()][:_MOST_DEFECTS]
 
     def wait_until_whole(self, timeout_seconds: float = START_SECONDS) -> None:
-        """Wait until every service answers a question.
+        """Wait until every service answers: one that has just ended counts as live until it is sure not to come back.
 
         Raises
         ------
@@ -207,18 +207,13 @@ class LabUnderFault:
         wanted = {("rig_sim", RIG), ("rig_sim", VEHICLE), *((name, "main") for name in SERVICES[1:])}
         while True:
             try:
-                if missing := wanted - self.bus.live():
-                    raise FaultError(query_pb2.FAULT_CODE_UNAVAILABLE, f"not live: {sorted(missing)}")
-                keys = self.bus.keys
-                self.bus.query(
-                    keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription, silence_seconds=3.0
-                )
-                self.bus.query(
-                    keys.recordings(),
-                    recorder_pb2.ListRecordingsRequest(),
-                    recorder_pb2.RecordingList,
-                    silence_seconds=3.0,
-                )
+                for service, instance in sorted(wanted):
+                    self.bus.query(
+                        self.bus.keys.health(service, instance),
+                        health_pb2.HealthRequest(),
+                        health_pb2.Health,
+                        silence_seconds=3.0,
+                    )
                 return
             except (FaultError, BusError) as fault:
                 if time.monotonic() > deadline or self.dead():
