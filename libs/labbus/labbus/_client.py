@@ -11,7 +11,7 @@ from typing import Final, Protocol, cast
 import zenoh
 from google.protobuf.message import Message
 
-from duralab_proto.keys import Keys, parse_live, rig_of, serving
+from duralab_proto.keys import Keys, parse_live, serving
 from duralab_proto.v1 import query_pb2
 from labbus._encoding import MessageT, decode, encode, encoding_of
 from labbus._faults import FaultError
@@ -71,7 +71,7 @@ class QueryClient:
             raise ValueError(f"The key {key!r} has wildcards; a query goes to one key.")
         instance = parse_live(serving(key))
         payload = encode(request, largest_bytes=self._largest_bytes)
-        self._expect_live(key, instance)
+        self._expect_live(instance)
         events: SimpleQueue[_Event] = SimpleQueue()
 
         def on_live(service: str, name: str, alive: bool) -> None:
@@ -175,7 +175,7 @@ class QueryClient:
             on_progress(progress)
         return None
 
-    def _expect_live(self, key: str, instance: Instance) -> None:
+    def _expect_live(self, instance: Instance) -> None:
         patience = max(0.0, self._discovered_at - time.monotonic())
         if not self._tracker.wait_for({instance}, timeout_seconds=patience):
             return
@@ -183,7 +183,7 @@ class QueryClient:
         if service == "rig_sim":
             rigs = sorted(rig for _, rig in self._tracker.live(service))
             there = f"the rigs on it: {', '.join(map(repr, rigs))}" if rigs else "there is no rig, start one first"
-            raise _unavailable(f"No rig {rig_of(key)!r} is on the bus of lab {self._keys.lab!r}; {there}.")
+            raise _unavailable(f"No rig {instance[1]!r} is on the bus of lab {self._keys.lab!r}; {there}.")
         there = sorted({f"{s}/{i}" for s, i in self._tracker.live()})
         raise _unavailable(
             f"No {service} is on the bus of lab {self._keys.lab!r}, "

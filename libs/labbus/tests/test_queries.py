@@ -11,7 +11,7 @@ import zenoh
 
 import labbus
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, health_pb2, iterator_pb2, query_pb2, rig_pb2
 
 WAIT = 120.0
 
@@ -137,6 +137,8 @@ def test_unknown_rig_and_missing_service_are_named(lab):
     fault = fault_of(lambda: lab.query(lab.keys.rig_state("other"), rig_pb2.StateRequest(), rig_pb2.RigState))
     assert fault.code == query_pb2.FAULT_CODE_UNAVAILABLE
     assert fault.message == "No rig 'other' is on the bus of lab 'local'; the rigs on it: 'bench'."
+    health = lab.keys.health("rig_sim", "other")
+    assert fault_of(lambda: lab.query(health, health_pb2.HealthRequest(), health_pb2.Health)).message == fault.message
     fault = fault_of(
         lambda: lab.query(lab.keys.campaign("c"), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
     )

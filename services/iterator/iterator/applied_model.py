@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
 
 from iterator.control_band import ControlBand
 from iterator.interpolated_product import interpolated_product
 from iterator.rig_model import RigModel
-from spectra import as_record, line_frequencies
+from spectra import as_record
 
-# The transform takes channels in pairs; more of them at a time only fill the caches.
-_ROWS_TOGETHER: Final = 2
 # Two sample rates that differ by less are the same one, rounded.
 _SAME_RATE: Final = 1e-9
 
@@ -184,33 +181,24 @@ def _apply(
             f"The control band of {band.lowest:g} to {band.highest:g} Hz passes the model's identified lines, "
             f"{known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
         )
-    count, length = record.shape[1], band.transform_samples(record.shape[1])
-    fine = line_frequencies(length, band.sample_rate)
-    inside = slice(*np.searchsorted(fine, (band.lowest, band.highest)))
-    mask = band.drive_mask(fine[inside])
+    count = record.shape[1]
+    transform = band.transform(count)
+    mask = band.drive_mask(transform.frequency)
     # Less than one line may lie between the band's edge and the nearest identified line: its value stands in there,
     # where the mask is low; a cubic would extrapolate.
-    at = np.clip(fine[inside], known[0], known[-1])
+    at = np.clip(transform.frequency, known[0], known[-1])
     spectrum = np.empty((record.shape[0], at.size), dtype=np.complex128)
-    padded = np.zeros((min(_ROWS_TOGETHER, record.shape[0]), length))
-    for rows in _row_groups(record.shape[0]):
-        some = padded[: rows.stop - rows.start]
-        np.subtract(record[rows], 0.0 if without is None else without[rows], out=some[:, :count])
-        lines = cast(NDArray[np.complex128], fft.rfft(some, axis=1))
-        np.multiply(lines[:, inside], mask, out=spectrum[rows])
+    missing = np.empty(count)
+    for row, samples_of_row in enumerate(record):
+        np.subtract(samples_of_row, 0.0 if without is None else without[row], out=missing)
+        transform.lines(missing, weight=mask, out=spectrum[row])
     made = np.empty((matrix.shape[1], at.size), dtype=np.complex128)
     interpolated_product(known, matrix[model.identified], at=at, spectrum=spectrum, out=made)
     result = np.empty((matrix.shape[1], count))
-    whole = np.zeros((min(_ROWS_TOGETHER, result.shape[0]), fine.size), dtype=np.complex128)
-    for rows in _row_groups(result.shape[0]):
-        some = whole[: rows.stop - rows.start]
-        some[:, inside] = made[rows]
-        step = cast(NDArray[np.float64], fft.irfft(some, length, axis=1))[:, :count]
+    for row in range(made.shape[0]):
+        transform.samples(made[row], out=result[row])
         if gain is not None:
-            step *= gain
-        np.add(step, 0.0 if stepped_from is None else stepped_from[rows], out=result[rows])
+            result[row] *= gain
+        if stepped_from is not None:
+            result[row] += stepped_from[row]
     return result
-
-
-def _row_groups(rows: int) -> list[slice]:
-    return [slice(start, min(start + _ROWS_TOGETHER, rows)) for start in range(0, rows, _ROWS_TOGETHER)]

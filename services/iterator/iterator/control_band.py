@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from spectra import as_record, band_mask, line_frequencies
+from iterator.banded_transform import BandedTransform
+from spectra import as_record, band_mask
 
 # Shares of the band's own edges that the smooth flanks take.
 _LOWER_FLANK_SHARE = 0.25
@@ -124,11 +125,28 @@ class ControlBand:
         Returns
         -------
         int
-            Even: the record, and zeros for what rings before its start and after its end.
+            A multiple of four: the record, and zeros for what rings before its start and after its end.
         """
         ringing = math.ceil(_PADDING_PERIODS * self.sample_rate / min(self.lower_flank, self.upper_flank))
-        half = math.ceil((samples + max(samples, ringing)) / 2)
-        return 2 * cast(int, next_fast_len(half, real=True))
+        quarter = math.ceil((samples + max(samples, ringing)) / 4)
+        return 4 * cast(int, next_fast_len(quarter, real=True))
+
+    def transform(self, samples: int) -> BandedTransform:
+        """Transform of records of so many samples, to the lines of the band and back, without wrap-around.
+
+        Parameters
+        ----------
+        samples : int
+            Length of a record, 1 or more.
+
+        Returns
+        -------
+        BandedTransform
+            For one thread.
+        """
+        return BandedTransform(
+            self.transform_samples(samples), sample_rate=self.sample_rate, lowest=self.lowest, highest=self.highest
+        )
 
     def limit_target(self, target: np.ndarray) -> NDArray[np.float64]:
         """Prepare the target: its dynamic part in the control band, without delay.
@@ -177,12 +195,14 @@ class ControlBand:
         return values - self._rest(values)
 
     def _limit(self, samples: np.ndarray, mask: Callable[[np.ndarray], NDArray[np.float64]]) -> NDArray[np.float64]:
-        values = as_record(samples)
-        count = values.shape[1]
-        length = self.transform_samples(count)
-        spectrum = np.fft.rfft(self.dynamic_part(values), n=length, axis=1)
-        spectrum *= mask(line_frequencies(length, self.sample_rate))
-        return np.ascontiguousarray(np.fft.irfft(spectrum, n=length, axis=1)[:, :count])
+        limited = self.dynamic_part(samples)
+        transform = self.transform(limited.shape[1])
+        weight = mask(transform.frequency)
+        lines = np.empty(weight.size, dtype=np.complex128)
+        for row in limited:
+            transform.lines(row, weight=weight, out=lines)
+            transform.samples(lines, out=row)
+        return limited
 
     def static_levels(self, samples: np.ndarray) -> NDArray[np.float64]:
         """Return the levels at start and end between which a record's static part lies.

@@ -122,19 +122,22 @@ def accept_segments(
     judged = _hann(settings.judged_seconds, sample_rate)
     blend = _hann(settings.cross_fade_seconds, sample_rate)
     rounding = settings.negligible * float(np.mean(_power(history.target, response_scale)))
-    best = _local_energy(history.target - history.playbacks[0].response, response_scale, judged)
+    best = _local_energy(history.target, history.playbacks[0].response, response_scale, judged)
     gain = np.ones(best.size)
-    failures = np.zeros(best.size)
+    failures, growth = np.zeros(best.size), np.full(best.size, settings.larger_step)
     worse = np.zeros(best.size, dtype=bool)
     fades: list[NDArray[np.float64] | None] = [None]
     for playback in history.playbacks[1:]:
-        energy = _local_energy(history.target - playback.response, response_scale, judged)
+        energy = _local_energy(history.target, playback.response, response_scale, judged)
         worse = energy > settings.tolerance * best + rounding
         back = _cross_fade(worse, blend) if worse.any() else None
         fades.append(back)
-        failures = failures if back is None else failures + back
-        # Where the step was too large before, it grows half as fast: it would be too large again, and again.
-        larger = np.minimum(1.0, settings.larger_step ** (0.5**failures) * gain)
+        if back is not None:
+            failed = back > 0.0
+            failures[failed] += back[failed]
+            # Where the step was too large before, it grows half as fast: it would be too large again, and again.
+            growth[failed] = settings.larger_step ** (0.5 ** failures[failed])
+        larger = np.minimum(1.0, growth * gain)
         smaller = np.maximum(settings.smallest_step, settings.smaller_step * gain)
         gain = larger if back is None else larger + back * (smaller - larger)
         best = np.where(worse, best, np.minimum(best, energy))
@@ -197,13 +200,30 @@ def _composed(records: list[NDArray[np.float64]], shares: list[NDArray[np.float6
     return result
 
 
-def _power(samples: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    return scale**2 @ np.square(samples)
+def _power(
+    samples: NDArray[np.float64], scale: NDArray[np.float64], *, without: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Sum of the squares of all channels, each scaled; one after the other, so that what is worked on stays small."""
+    power = np.zeros(samples.shape[1])
+    scaled = np.empty_like(power)
+    for channel in np.flatnonzero(scale):
+        if without is None:
+            np.multiply(samples[channel], scale[channel], out=scaled)
+        else:
+            np.subtract(samples[channel], without[channel], out=scaled)
+            scaled *= scale[channel]
+        scaled *= scaled
+        power += scaled
+    return power
 
 
 def _local_energy(
-    error: NDArray[np.float64], scale: NDArray[np.float64], window: NDArray[np.float64]
+    target: NDArray[np.float64],
+    response: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    window: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    half = window.size // 2
+    half, count = window.size // 2, target.shape[1]
+    energy = oaconvolve(_power(target, scale, without=response), window)[half : half + count]
     # Rounding of the transform leaves tiny negative energies where there is none.
-    return np.maximum(oaconvolve(_power(error, scale), window)[half : half + error.shape[1]], 0.0)
+    return np.maximum(energy, 0.0)

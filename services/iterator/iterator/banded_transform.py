@@ -1,0 +1,92 @@
+"""Records to the lines of a band and back, by a few short transforms in place of a long one.
+
+A transform of `N` samples is the sum of the transforms of every `D`-th of them, each turned by where it starts:
+`X[k] = Σ_r wʳ X_r[k]` with `w = exp(-2πi k / N)`. Where a band ends below half the rate of such a phase, none of the
+lines above it are ever made, and what a transform works on is so much smaller that it stays in the cache.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+# A transform takes rows in pairs; more phases than four only add turns.
+_PHASES: Final = (4, 2, 1)
+
+
+class BandedTransform:
+    """Transforms records that are padded with zeros to one length; not to be used by two threads at once.
+
+    Parameters
+    ----------
+    length : int
+        Of a record with its zeros, samples; quickest as a multiple of four.
+    sample_rate : float
+        Hz.
+    lowest, highest : float
+        The band, Hz; at most half the sample rate. The line at `highest` is not in it.
+    """
+
+    def __init__(self, length: int, *, sample_rate: float, lowest: float, highest: float) -> None:
+        spacing = sample_rate / length
+        lines = np.arange(length // 2 + 1) * spacing
+        start, stop = (int(line) for line in np.searchsorted(lines, (lowest, highest)))
+        self._inside = slice(start, stop)
+        self._phases = next(phases for phases in _PHASES if _fit(phases, length=length, stop=stop))
+        self._phase_length = length // self._phases
+        self._turn = np.exp((-2j * np.pi / length) * np.arange(start, stop))
+        self._turn_back = self._turn.conj()
+        self._padded = np.zeros((self._phases, self._phase_length))
+        self._whole = np.zeros((self._phases, self._phase_length // 2 + 1), dtype=np.complex128)
+        self.frequency = lines[self._inside]
+        """ndarray, shape (lines,): Hz, of the lines in the band."""
+
+    def lines(self, samples: NDArray[np.float64], *, weight: NDArray[np.float64], out: NDArray[np.complex128]) -> None:
+        """Transform one channel.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (samples,)
+            At most as many as the length; the same number at each call.
+        weight : ndarray, shape (lines,)
+            Each line is multiplied with it.
+        out : ndarray, shape (lines,)
+            Takes the weighed lines.
+        """
+        for phase, row in enumerate(self._padded):
+            every = samples[phase :: self._phases]
+            row[: every.size] = every
+        of_phases = cast(NDArray[np.complex128], fft.rfft(self._padded, axis=1))[:, self._inside]
+        out[:] = of_phases[-1]
+        for of_phase in of_phases[-2::-1]:
+            out *= self._turn
+            out += of_phase
+        out *= weight
+
+    def samples(self, lines: NDArray[np.complex128], *, out: NDArray[np.float64]) -> None:
+        """Transform the lines of one channel back; there is nothing outside the band.
+
+        Parameters
+        ----------
+        lines : ndarray, shape (lines,)
+            As `lines` makes them.
+        out : ndarray, shape (samples,)
+            Takes the first samples, at most as many as the length.
+        """
+        inside = self._whole[:, self._inside]
+        np.multiply(lines, 1.0 / self._phases, out=inside[0])
+        for before, phase in pairwise(inside):
+            np.multiply(before, self._turn_back, out=phase)
+        of_phases = cast(NDArray[np.float64], fft.irfft(self._whole, self._phase_length, axis=1))
+        for phase, made in enumerate(of_phases):
+            every = out[phase :: self._phases]
+            every[:] = made[: every.size]
+
+
+def _fit(phases: int, *, length: int, stop: int) -> bool:
+    """Whether the band's lines are below half the rate of each phase."""
+    return phases == 1 or (length % phases == 0 and 2 * (stop - 1) < length // phases)
