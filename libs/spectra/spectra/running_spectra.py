@@ -14,7 +14,7 @@ from spectra.windows import hann_periodic
 # Lines of a Hann-windowed constant: the others hold nothing of it.
 _LINES_OF_A_MEAN = 2
 # Their spectra, products and sums fit the second cache together.
-_LINES_TOGETHER = 64
+_LINES_TOGETHER = 128
 
 
 @dataclass(frozen=True)
