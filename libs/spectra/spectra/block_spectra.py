@@ -11,6 +11,13 @@ _CHANNEL_BYTES = 2**18
 _SPECTRA_BYTES = 2**22
 
 
+class NotFiniteError(ValueError):
+    """A record holds a value that is not finite; where, `as_record` says."""
+
+    def __init__(self) -> None:
+        super().__init__("A value of a record is not finite.")
+
+
 class BlockSpectra:
     """Windows and transforms whole blocks; its memory is taken once and used again for every chunk.
 
@@ -47,6 +54,7 @@ class BlockSpectra:
         kept = len(range(lines)[self._chosen])
         self.power = np.zeros((kept, powered))
         """Squared magnitudes of the first channels, summed over all blocks so far; shape (lines kept, powered)."""
+        self._power_of_chunk = np.empty_like(self.power)
         self._by_line = np.empty((kept, channels, self.blocks_in_chunk), dtype=np.complex128)
 
     def chunks(self, *records: NDArray[np.float64]) -> Iterator[NDArray[np.complex128]]:
@@ -62,6 +70,11 @@ class BlockSpectra:
         numpy.ndarray
             Shape (lines kept, channels of all records, blocks of the chunk), contiguous; the next chunk overwrites
             it.
+
+        Raises
+        ------
+        NotFiniteError
+            Where a value of the next chunk is not finite; nothing of it is summed.
         """
         block = self._window.size
         if records[0].shape[1] < block:
@@ -69,26 +82,35 @@ class BlockSpectra:
         view = np.lib.stride_tricks.sliding_window_view
         frames = [view(channel, block)[:: self._hop] for record in records for channel in record]
         for start in range(0, frames[0].shape[0], self.blocks_in_chunk):
-            blocks = min(self.blocks_in_chunk, frames[0].shape[0] - start)
-            windowed, spectra = self._windowed[:blocks], self._spectra[:blocks]
-            by_line = self._by_line
-            if blocks < self.blocks_in_chunk:
-                by_line = np.empty((*by_line.shape[:2], blocks), dtype=np.complex128)
-            for channel, of_channel in enumerate(frames):
-                np.multiply(of_channel[start : start + blocks], self._window, out=windowed)
-                # numpy's transform writes into memory that is there; fresh pages would cost more than the transform.
-                np.fft.rfft(windowed, axis=-1, out=spectra)
-                if channel < self.power.shape[1]:
-                    self._add_power(channel, spectra[:, self._chosen])
-                # The product at each line runs ten times slower on a foreign layout than this copy takes.
-                by_line[:, channel] = spectra[:, self._chosen].T
+            # What is not finite is found below, with an error in place of a warning.
+            with np.errstate(invalid="ignore", over="ignore"):
+                by_line = self._transformed([of_channel[start : start + self.blocks_in_chunk] for of_channel in frames])
+            # Every line holds something of every sample: one of them tells, and the record is not read for it again.
+            if not np.isfinite(by_line[0]).all():
+                raise NotFiniteError
+            self.power += self._power_of_chunk
             yield by_line
 
-    def _add_power(self, channel: int, spectra: NDArray[np.complex128]) -> None:
+    def _transformed(self, frames: list[NDArray[np.float64]]) -> NDArray[np.complex128]:
+        blocks = frames[0].shape[0]
+        windowed, spectra, by_line = self._windowed[:blocks], self._spectra[:blocks], self._by_line
+        if blocks < self.blocks_in_chunk:
+            by_line = np.empty((*by_line.shape[:2], blocks), dtype=np.complex128)
+        for channel, of_channel in enumerate(frames):
+            np.multiply(of_channel, self._window, out=windowed)
+            # numpy's transform writes into memory that is there; fresh pages would cost more than the transform.
+            np.fft.rfft(windowed, axis=-1, out=spectra)
+            if channel < self.power.shape[1]:
+                self._take_power(channel, spectra[:, self._chosen])
+            # The product at each line runs ten times slower on a foreign layout than this copy takes.
+            by_line[:, channel] = spectra[:, self._chosen].T
+        return by_line
+
+    def _take_power(self, channel: int, spectra: NDArray[np.complex128]) -> None:
         """Sum squares along the lines, while they are in the second cache; read as reals, so that nothing is copied."""
         parts = spectra.view(np.float64)
         squares = np.einsum("kl,kl->l", parts, parts)
-        self.power[:, channel] += squares[0::2] + squares[1::2]
+        np.add(squares[0::2], squares[1::2], out=self._power_of_chunk[:, channel])
 
 
 def density_scale(window: NDArray[np.float64], sample_rate: float, blocks: int) -> NDArray[np.float64]:

@@ -24,6 +24,31 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
     ValueError
         Where the shape is not (channels, samples), a value is not finite or a number is not real.
     """
+    record = shaped_record(samples, name=name)
+    _require_finite(record, name)
+    return record
+
+
+def shaped_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float64]:
+    """Check the shape of a record and return it as `as_record` does; its values are not looked at.
+
+    Parameters
+    ----------
+    samples
+        Shape (channels, samples), not empty.
+    name
+        What the record is called in an error.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (channels, samples); the same memory where nothing had to be converted.
+
+    Raises
+    ------
+    ValueError
+        Where the shape is not (channels, samples) or a number is not real.
+    """
     array = np.asarray(samples)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] < 1:
         raise ValueError(
@@ -34,7 +59,6 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
     record = array.astype(np.float64, copy=False)
     if record.strides[1] != record.itemsize:
         record = np.ascontiguousarray(record)
-    _require_finite(record, name)
     return record
 
 
@@ -69,7 +93,33 @@ def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], N
     ValueError
         Where one is no record or their lengths differ.
     """
-    first, second = as_record(a, name="a"), as_record(b, name="b")
+    return _of_one_length(as_record(a, name="a"), as_record(b, name="b"))
+
+
+def matching_shapes(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check the shapes of two records that were sampled together; their values are not looked at.
+
+    Parameters
+    ----------
+    a, b
+        Shape (channels, samples) each, as many samples.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Both of shape (channels, samples), as `shaped_record` returns them.
+
+    Raises
+    ------
+    ValueError
+        Where one is no record by its shape or their lengths differ.
+    """
+    return _of_one_length(shaped_record(a, name="a"), shaped_record(b, name="b"))
+
+
+def _of_one_length(
+    first: NDArray[np.float64], second: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if first.shape[1] != second.shape[1]:
         raise ValueError(f"The records have {first.shape[1]} and {second.shape[1]} samples; both need as many.")
     return first, second

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra.block_spectra import BlockSpectra, density_scale
+from spectra.block_spectra import BlockSpectra, NotFiniteError, density_scale
 from spectra.blocks import hop_samples, independent_averages
 from spectra.lines import line_frequencies
-from spectra.records import matching_records, require_sample_rate
+from spectra.records import matching_records, matching_shapes, require_sample_rate
 from spectra.windows import hann_periodic
 
 # Lines of a Hann-windowed constant: the others hold nothing of it.
@@ -131,9 +131,14 @@ class CrossSpectra:
         Raises
         ------
         ValueError
-            Where the shapes do not agree or a value is not finite.
+            Where the shapes do not agree or a value is not finite. Whole blocks before that value have been added then.
         """
-        self.add_checked(*matching_records(a, b))
+        first, second = matching_shapes(a, b)
+        try:
+            self.add_checked(first, second)
+        except NotFiniteError:
+            matching_records(first, second)  # says which value
+            raise
 
     def add_checked(self, first: NDArray[np.float64], second: NDArray[np.float64]) -> None:
         """Add the next samples of two records that `as_record` has checked: they are not looked through again.
@@ -149,6 +154,8 @@ class CrossSpectra:
         ------
         ValueError
             Where the channels are not those that the estimate was made for.
+        NotFiniteError
+            Where a value is not finite after all.
         """
         expected = (self._n_a, self._tail.shape[0] - self._n_a)
         if (first.shape[0], second.shape[0]) != expected:
@@ -158,7 +165,10 @@ class CrossSpectra:
             )
         if self._without_mean:
             # At the speed of memory: numpy's own sum along rows takes twice as long.
-            self._sums += np.concatenate((np.einsum("cs->c", first), np.einsum("cs->c", second)))
+            sums = np.concatenate((np.einsum("cs->c", first), np.einsum("cs->c", second)))
+            if not np.isfinite(sums).all():
+                raise NotFiniteError
+            self._sums += sums
             self._samples += first.shape[1]
         waiting = self._tail.shape[1]
         skip = 0
@@ -173,7 +183,10 @@ class CrossSpectra:
             skip = taken - waiting
         rest_a, rest_b = first[:, skip:], second[:, skip:]
         taken = self._take(rest_a, rest_b) * self._hop
-        self._tail = np.concatenate((rest_a[:, taken:], rest_b[:, taken:]))
+        tail = np.concatenate((rest_a[:, taken:], rest_b[:, taken:]))
+        if not np.isfinite(tail).all():
+            raise NotFiniteError
+        self._tail = tail
 
     def end_stretch(self) -> None:
         """Forget what does not fill a block: the next samples do not follow on those before."""
@@ -244,9 +257,9 @@ class CrossSpectra:
                 self._products[some] += product
             if self._without_mean:
                 self._lowest_lines += np.sum(lines[: self._lowest_lines.shape[0]], axis=2)
+            self._blocks += lines.shape[2]
+            self._stretch_blocks += lines.shape[2]
             blocks += lines.shape[2]
-        self._blocks += blocks
-        self._stretch_blocks += blocks
         return blocks
 
     def _products_of_mean(self) -> NDArray[np.complex128]:

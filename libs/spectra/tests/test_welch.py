@@ -93,6 +93,31 @@ def test_unusable_records_are_refused(a, b, message):
         spectra.cross_spectra(a, b, **SETTINGS)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("sample", [0, 255, 256, 9_000, 9_999])
+@pytest.mark.parametrize("powered", [False, True])
+@pytest.mark.parametrize("without_mean", [False, True])
+def test_a_value_that_is_not_finite_is_named_and_spoils_nothing(value, sample, powered, without_mean):
+    random = np.random.default_rng(3)
+    a, b = random.standard_normal((2, 3, 10_000))
+    record = a if powered else b
+    running, sound = (spectra.CrossSpectra(3, 3, without_mean=without_mean, **SETTINGS) for _ in range(2))
+    running.add(a, b)
+    sound.add(a, b)
+    wrong = record.copy()
+    wrong[1, sample] = value
+    with pytest.raises(ValueError, match=rf"holds {value} in channel 1 at sample {sample};"):
+        running.add(*((wrong, b) if powered else (a, wrong)))
+    blocks = sound.estimate().blocks
+    estimate = running.estimate()
+    assert estimate.blocks >= blocks
+    assert np.isfinite(estimate.s_ab).all()
+    assert np.isfinite(estimate.s_bb).all()
+    assert np.isfinite(estimate.auto_a).all()
+    if sample == 0:
+        np.testing.assert_array_equal(estimate.s_ab, sound.estimate().s_ab)
+
+
 def test_an_estimate_of_less_than_a_block_is_refused():
     running = spectra.CrossSpectra(1, 1, **SETTINGS)
     running.add(np.ones((1, 255)), np.ones((1, 255)))
