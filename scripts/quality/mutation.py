@@ -66,8 +66,11 @@ AREAS = {
             f"iterator/{name}.py"
             for name in (
                 "basic_twr",
+                "banded_transform",
                 "adaptive_modelling",
                 "model_correction",
+                "anchored_fit",
+                "drive_squares",
                 "secant_fit",
                 "secant_update",
                 "step_spectra",
@@ -82,6 +85,8 @@ AREAS = {
             "full_and_backward_corrections",
             "where_peers_err",
             "rig_model",
+            "banded_transform",
+            "drive_squares",
             "secant_update",
             "gains_and_weights",
             "iteration_loop",
