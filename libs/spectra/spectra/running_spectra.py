@@ -131,12 +131,14 @@ class CrossSpectra:
         Raises
         ------
         ValueError
-            Where the shapes do not agree or a value is not finite. Whole blocks before that value have been added then.
+            Where the shapes do not agree or a value is not finite: whole blocks before it may have been added then, and
+            what comes next follows on nothing.
         """
         first, second = matching_shapes(a, b)
         try:
             self.add_checked(first, second)
         except NotFiniteError:
+            self.end_stretch()
             matching_records(first, second)  # says which value
             raise
 
@@ -178,15 +180,12 @@ class CrossSpectra:
             joined = np.concatenate((self._tail, np.concatenate((first[:, :reach], second[:, :reach]))), axis=1)
             taken = self._take(joined[: self._n_a], joined[self._n_a :]) * self._hop
             if taken < waiting:
-                self._tail = joined[:, taken:]
+                self._wait_with(joined[:, taken:])
                 return
             skip = taken - waiting
         rest_a, rest_b = first[:, skip:], second[:, skip:]
         taken = self._take(rest_a, rest_b) * self._hop
-        tail = np.concatenate((rest_a[:, taken:], rest_b[:, taken:]))
-        if not np.isfinite(tail).all():
-            raise NotFiniteError
-        self._tail = tail
+        self._wait_with(np.concatenate((rest_a[:, taken:], rest_b[:, taken:])))
 
     def end_stretch(self) -> None:
         """Forget what does not fill a block: the next samples do not follow on those before."""
@@ -261,6 +260,11 @@ class CrossSpectra:
             self._stretch_blocks += lines.shape[2]
             blocks += lines.shape[2]
         return blocks
+
+    def _wait_with(self, tail: NDArray[np.float64]) -> None:
+        if not np.isfinite(tail).all():
+            raise NotFiniteError
+        self._tail = tail
 
     def _products_of_mean(self) -> NDArray[np.complex128]:
         """Return what the means ``m`` add: ``XX^H - (X - mW)(X - mW)^H = X (mW)^H + mW X^H - mW (mW)^H``."""

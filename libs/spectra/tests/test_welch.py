@@ -118,6 +118,24 @@ def test_a_value_that_is_not_finite_is_named_and_spoils_nothing(value, sample, p
         np.testing.assert_array_equal(estimate.s_ab, sound.estimate().s_ab)
 
 
+@pytest.mark.parametrize("piece", [50, 200])
+def test_a_piece_with_a_value_that_is_not_finite_is_refused_at_once_however_short_it_is(piece):
+    random = np.random.default_rng(4)
+    running, sound = (spectra.CrossSpectra(1, 1, **SETTINGS) for _ in range(2))
+    for _ in range(7):
+        a, b = random.standard_normal((2, 1, piece))
+        running.add(a, b)
+    wrong = a.copy()
+    wrong[0, -1] = np.nan
+    with pytest.raises(ValueError, match=f"a holds nan in channel 0 at sample {piece - 1};"):
+        running.add(wrong, b)
+    blocks = running.blocks
+    a, b = random.standard_normal((2, 1, 256))
+    running.add(a, b)
+    sound.add(a, b)
+    assert running.blocks == blocks + sound.blocks == blocks + 1
+
+
 def test_an_estimate_of_less_than_a_block_is_refused():
     running = spectra.CrossSpectra(1, 1, **SETTINGS)
     running.add(np.ones((1, 255)), np.ones((1, 255)))
