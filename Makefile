@@ -55,7 +55,7 @@ docs: setup ## build the documentation's site into out/site; a warning is an err
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 test: setup ## run all tests (ARGS="-k name" for some)
-	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile $(ARGS)
+	@$(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
 
 examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it against a lab (minutes, the first time)
 	@cargo build --quiet --manifest-path examples/bare_zenoh/rust/Cargo.toml
