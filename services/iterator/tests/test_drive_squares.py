@@ -22,7 +22,7 @@ from iterator import (
     run_campaign,
     secant_update,
 )
-from iterator.applied_model import predict
+from iterator.applied_model import drive_without, predict
 from iterator.basic_twr import StepStart
 from iterator.drive_squares import drive_for_squares
 from iterator.secant_fit import fit_secant
@@ -168,6 +168,10 @@ def test_the_step_is_corrected_for_what_its_own_squares_will_do():
 
     # The fixed point converges by about 0.6 a look; three are taken.
     assert missed(corrected) < 0.3 * missed(linear)
+    expected = linear
+    for _ in range(3):
+        expected = drive_without(model, np.square(expected), by=square_frf, band=BAND, drive=linear)
+    np.testing.assert_allclose(corrected, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_a_correction_that_would_run_away_is_left_out():

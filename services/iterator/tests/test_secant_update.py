@@ -176,6 +176,25 @@ def test_the_uncertainty_is_how_far_the_fit_scatters_around_the_rig():
     np.testing.assert_allclose(np.diag(np.mean(fit.uncertainty, axis=0)).real, np.diag(scatter).real, rtol=0.15)
 
 
+def test_a_line_that_no_step_moved_is_as_the_identification_left_it():
+    rng = np.random.default_rng(9)
+    truth = rng.standard_normal((3, 2, 2)) + 1j * rng.standard_normal((3, 2, 2))
+    # Moved, moved by little, and not at all.
+    power = np.array([1.0, 1e-6, 0.0])[:, None, None]
+    fit = fit_secant(
+        StepSpectra(power * 2.0 * truth, power * np.eye(2, dtype=np.complex128), power[:, 0] * np.ones((3, 2)) * 50.0),
+        truth,
+        identification_drive=np.broadcast_to(np.eye(2, dtype=np.complex128), (3, 2, 2)),
+        prior_strength=1.0,
+        response_weight=np.ones(2),
+        drive_scale=np.ones(2),
+        averages=10.0,
+    )
+    np.testing.assert_array_equal(fit.frf[2], truth[2])
+    np.testing.assert_array_equal(fit.uncertainty[2], 0.0)
+    assert np.all(np.einsum("fii->fi", fit.uncertainty).real[:2] > 0.0)
+
+
 def test_the_fit_does_not_depend_on_units():
     rng = np.random.default_rng(6)
     model = rng.standard_normal((5, 2, 2)) + 1j * rng.standard_normal((5, 2, 2))

@@ -5,7 +5,7 @@ import pytest
 
 from iterator import IterationHistory, Playback
 from iterator.step_spectra import StepBlocks, averaged_steps, seen_steps
-from spectra import cross_spectra, smooth_lines
+from spectra import CrossSpectra, cross_spectra, smooth_lines
 
 CHOSEN = {"block_samples": 64, "overlap": 0.5, "sample_rate": 100.0}
 
@@ -16,6 +16,15 @@ CHOSEN = {"block_samples": 64, "overlap": 0.5, "sample_rate": 100.0}
 )
 def test_neighbours_of_the_lines_count_as_far_as_there_are_any_and_five_at_least(first, last, expected):
     assert StepBlocks(first=first, last=last, **CHOSEN).around == slice(*expected)
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.5, 0.75])
+def test_as_many_independent_averages_are_told_as_the_spectra_of_a_step_have(overlap):
+    chosen = {"block_samples": 64, "overlap": overlap, "sample_rate": 100.0}
+    averages = CrossSpectra(1, 1, **chosen)
+    averages.add(*np.random.default_rng(1).standard_normal((2, 1, 501 + 64)))
+    told = StepBlocks(first=4, last=20, **chosen).independent_averages(501)
+    assert told == pytest.approx(averages.estimate().independent_averages)
 
 
 def test_steps_are_weighed_by_their_age_and_brought_to_one_size():
