@@ -18,6 +18,8 @@ from labbus import Bus, FaultError, StreamItem
 
 #: Answers and stream messages that are due are waited for so long.
 PATIENCE_SECONDS: Final = 5.0
+#: Signal blocks that were lost on the way are asked for again, which a busy machine does slowly.
+REPAIR_SECONDS: Final = 20.0
 
 
 class Bench:

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from duralab.conformance.bench import Bench, check_numbering
+from duralab.conformance.bench import REPAIR_SECONDS, Bench, check_numbering
 from duralab.conformance.drives import gentle_drive
 from duralab.conformance.finding import NotTriedError, expect
 from duralab_proto.arrays import from_array, from_record
@@ -72,7 +72,7 @@ class PlayChecks:
         """Check that its signal blocks are whole, and equal the drive and the result."""
         self._need()
         bench, result = self._bench, self._result
-        bench.wait(lambda: len(bench.blocks_of(self._run)) >= max(result.blocks, 1))
+        bench.wait(lambda: len(bench.blocks_of(self._run)) >= max(result.blocks, 1), REPAIR_SECONDS)
         items = bench.blocks_of(self._run)
         expect(
             len(items) == result.blocks > 0,

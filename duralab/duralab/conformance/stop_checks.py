@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from duralab.conformance.bench import PATIENCE_SECONDS, Bench
+from duralab.conformance.bench import PATIENCE_SECONDS, REPAIR_SECONDS, Bench
 from duralab.conformance.drives import gentle_drive
 from duralab.conformance.finding import NotTriedError, expect
 from duralab.conformance.play_checks import check_signal
@@ -74,7 +74,7 @@ class StopChecks:
         """Check that the blocks are whole, and bring all drives to zero without a jump."""
         self._need()
         bench, told = self._bench, self._bench.description
-        bench.wait(lambda: any(item.message.last for item in bench.blocks_of(self._run)))
+        bench.wait(lambda: any(item.message.last for item in bench.blocks_of(self._run)), REPAIR_SECONDS)
         check_signal(bench, self._run, epoch=None)
         drive = np.hstack([from_array(item.message.drive) for item in bench.blocks_of(self._run)])
         for channel, row in zip(told.drives, drive, strict=True):
