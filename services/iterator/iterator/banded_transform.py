@@ -33,7 +33,7 @@ class BandedTransform:
 
     def __init__(self, length: int, *, sample_rate: float, lowest: float, highest: float) -> None:
         spacing = sample_rate / length
-        lines = np.arange(length // 2 + 1) * spacing
+        lines: NDArray[np.float64] = np.arange(length // 2 + 1, dtype=np.float64) * spacing
         start, stop = (int(line) for line in np.searchsorted(lines, (lowest, highest)))
         self._inside = slice(start, stop)
         self._phases = next(phases for phases in _PHASES if _fit(phases, length=length, stop=stop))
@@ -42,7 +42,7 @@ class BandedTransform:
         self._turn_back = self._turn.conj()
         self._padded = np.zeros((self._phases, self._phase_length))
         self._whole = np.zeros((self._phases, self._phase_length // 2 + 1), dtype=np.complex128)
-        self.frequency = lines[self._inside]
+        self.frequency: NDArray[np.float64] = lines[self._inside]
         """ndarray, shape (lines,): Hz, of the lines in the band."""
 
     def lines(self, samples: NDArray[np.float64], *, weight: NDArray[np.float64], out: NDArray[np.complex128]) -> None:
