@@ -77,7 +77,7 @@ def main() -> int:
         tallies = None
         if MALFORMED_QUERIES in wanted:
             with LabUnderFault(folder / "malformed_queries") as lab:
-                tallies = send_to_lab(lab, reference, seed=options.seed, each=options.messages)
+                tallies = send_to_lab(lab, reference, seed=options.seed, each=options.messages, tell=_say)
         long_run = soak(reference, folder / "soak", minutes=minutes) if minutes > 0 else None
     write_figures(options.out, results, seed=options.seed, tallies=tallies, soak=long_run)
     _say(f"\n{table(results)}")

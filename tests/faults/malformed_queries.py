@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import zenoh
@@ -43,6 +44,8 @@ class Tally:
     answers: dict[str, int] = field(default_factory=dict)
     findings: list[str] = field(default_factory=list)
     slowest_seconds: float = 0.0
+    begun: list[str] = field(default_factory=list)
+    """Campaigns that a message started after all."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +71,27 @@ class Target:
         Its keys.
     campaign, model : str
         Of a campaign that it has recorded, and of the model that this one identified.
+    recordings : Path
+        Where its recorder keeps them.
     """
 
     endpoint: str
     keys: Keys
     campaign: str
     model: str
+    recordings: Path
 
 
-def send_malformed(target: Target, reference: Reference, *, seed: int, each: int) -> dict[str, Tally]:
+def _silent(_progress: str) -> None:
+    """Say nothing."""
+
+
+def send_malformed(
+    target: Target, reference: Reference, *, seed: int, each: int, tell: Callable[[str], None] = _silent
+) -> dict[str, Tally]:
     """Ask every key so many malformed questions of each kind; the services are asked side by side.
+
+    `tell` is called when all of a key's are answered.
 
     Returns
     -------
@@ -93,7 +107,9 @@ def send_malformed(target: Target, reference: Reference, *, seed: int, each: int
     tallies = {service: Tally() for service in queries}
     with ThreadPoolExecutor(len(queries)) as pool:
         asking = [
-            pool.submit(_ask_service, target, keys, tallies[service], reference=reference, seed=seed, each=each)
+            pool.submit(
+                _ask_service, target, keys, tallies[service], reference=reference, seed=seed, each=each, tell=tell
+            )
             for service, keys in queries.items()
         ]
     for each_service in asking:
@@ -102,17 +118,27 @@ def send_malformed(target: Target, reference: Reference, *, seed: int, each: int
 
 
 def _ask_service(
-    target: Target, keys: list[ContractKey], tally: Tally, *, reference: Reference, seed: int, each: int
+    target: Target,
+    keys: list[ContractKey],
+    tally: Tally,
+    *,
+    reference: Reference,
+    seed: int,
+    each: int,
+    tell: Callable[[str], None],
 ) -> None:
     with raw_session(target.endpoint) as session:
         for key in keys:
             sound = template(key.kind, reference.recording)
+            began, before = time.monotonic(), tally.sent
             for kind in KINDS:
                 # One sequence of random numbers for each key and kind: a finding is made again by its number alone.
                 random = np.random.default_rng([seed, zlib.crc32(f"{key.name} {kind}".encode())])
                 for number in range(each):
                     query = _made(target, key, sound, kind=kind, number=number, random=random)
                     _ask(session, target, query, tally)
+            seconds, found = time.monotonic() - began, f"; {len(tally.findings)} FINDINGS" if tally.findings else ""
+            tell(f"malformed queries to {key.name}: {tally.sent - before} sent in {seconds:.0f} s{found}")
 
 
 def _path(key: ContractKey, target: Target) -> str:
@@ -163,7 +189,7 @@ def _ask(session: zenoh.Session, target: Target, query: Query, tally: Tally) -> 
     tally.answers[short] = tally.answers.get(short, 0) + 1
     tally.findings += [f"{query.origin}: {finding}" for finding in _judge(query, answer)]
     del tally.findings[_MOST_FINDINGS:]
-    _tidy_up(session, target, answer)
+    _tidy_up(session, target, answer, tally)
 
 
 def _judge(query: Query, answer: Answer) -> Iterator[str]:
@@ -181,7 +207,7 @@ def _judge(query: Query, answer: Answer) -> Iterator[str]:
         yield f"not one sentence of at most {_LONGEST_SENTENCE} characters: {sentence[:200]!r}"
 
 
-def _tidy_up(session: zenoh.Session, target: Target, answer: Answer) -> None:
+def _tidy_up(session: zenoh.Session, target: Target, answer: Answer, tally: Tally) -> None:
     """Stop what was begun, and clear the latch, so that the next question is answered as this one was."""
     if answer.fault is None and answer.result == iterator_pb2.CampaignStatus.DESCRIPTOR.full_name:
         status = iterator_pb2.CampaignStatus.FromString(answer.payload)
@@ -189,6 +215,10 @@ def _tidy_up(session: zenoh.Session, target: Target, answer: Answer) -> None:
             stop = iterator_pb2.StopCampaignRequest(reason="the test goes on")
             ask(session, target.keys.campaign_stop(status.id), stop.SerializeToString(), encoding=encoding_of(stop))
             _reset(session, target)
+            # The one before is over, or this one had been refused. Thousands would be what `list` takes its time for.
+            for path in [path for id in tally.begun for path in target.recordings.glob(f"{id}.*")]:
+                path.unlink()
+            tally.begun = [status.id]
     elif answer.result == rig_pb2.RigState.DESCRIPTOR.full_name:
         _reset(session, target)
 
@@ -198,7 +228,9 @@ def _reset(session: zenoh.Session, target: Target) -> None:
     ask(session, target.keys.rig_reset(RIG), reset.SerializeToString(), encoding=encoding_of(reset))
 
 
-def send_to_lab(lab: LabUnderFault, reference: Reference, *, seed: int, each: int) -> dict[str, Tally]:
+def send_to_lab(
+    lab: LabUnderFault, reference: Reference, *, seed: int, each: int, tell: Callable[[str], None] = _silent
+) -> dict[str, Tally]:
     """Send the malformed queries to a lab that then still gives the bytes of the undisturbed campaign.
 
     Returns
@@ -207,21 +239,12 @@ def send_to_lab(lab: LabUnderFault, reference: Reference, *, seed: int, each: in
         By service; under `lab` what is wrong with all of them afterwards.
     """
     before, after = Round("malformed queries", 1), Round("malformed queries", 2)
-    Operator(lab, reference, before).perform(lambda _stack: "", moment=0.0)
-    campaign = before.recordings[0]
-    steps = lab.bus.query(
-        lab.bus.keys.recording_steps(campaign), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps
-    )
-    model = next(
-        identifier_pb2.Model.FromString(step.payload)
-        for step in steps.steps
-        if step.message_type == identifier_pb2.Model.DESCRIPTOR.full_name
-    )
-    target = Target(lab.endpoint, lab.bus.keys, campaign, model.id)
+    Operator(lab, _of_one_playback(reference), before).perform(lambda _stack: "", moment=0.0)
+    target = _target(lab, before.recordings[0])
     # Once to warm up: buffers for the largest messages, and the models and campaigns that are kept.
     send_malformed(target, reference, seed=seed + 1, each=max(1, each // 10))
     resident = lab.resident_mebibytes()
-    tallies = send_malformed(target, reference, seed=seed, each=each)
+    tallies = send_malformed(target, reference, seed=seed, each=each, tell=tell)
     whole = tallies["lab"] = Tally()
     for name, size in lab.resident_mebibytes().items():
         if size - resident[name] > GROWTH_MEBIBYTES:
@@ -230,3 +253,23 @@ def send_to_lab(lab: LabUnderFault, reference: Reference, *, seed: int, each: in
     Operator(lab, reference, after).perform(lambda _stack: "", moment=0.0)
     whole.findings += [*before.findings, *after.findings, *lab.defects()]
     return tallies
+
+
+def _of_one_playback(reference: Reference) -> Reference:
+    """Return the campaign cut short: what is asked of its recording again and again is read quickly."""
+    short = iterator_pb2.CampaignSpec()
+    short.CopyFrom(reference.specification)
+    short.stop.largest_iterations = 1
+    return replace(reference, specification=short, playbacks=reference.playbacks[:1])
+
+
+def _target(lab: LabUnderFault, campaign: str) -> Target:
+    steps = lab.bus.query(
+        lab.bus.keys.recording_steps(campaign), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps
+    )
+    model = next(
+        identifier_pb2.Model.FromString(step.payload)
+        for step in steps.steps
+        if step.message_type == identifier_pb2.Model.DESCRIPTOR.full_name
+    )
+    return Target(lab.endpoint, lab.bus.keys, campaign, model.id, lab.recordings)

@@ -69,6 +69,8 @@ class Notched(White):
             "excitation.detection_share",
             "leaves out none of 3 lines",
         ),
+        ({"detection_share": 5e-324}, "excitation.detection_share", "of 4.94066e-324 leaves out none of"),
+        ({"detection_share": 1e-20}, "excitation.detection_share", "of 1e-20 leaves out none of"),
         (
             {"spectra": (WHITE, WHITE, Notched(0.5, 50.0))},
             "excitation.drive_spectra",

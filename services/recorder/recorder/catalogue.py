@@ -15,9 +15,12 @@ from recorder.refused import invalid
 LARGEST_PART: Final = 8 * 1024 * 1024
 """Bytes of a file in one answer."""
 
+# More than a lab records in years, at a few hundred bytes each: who lists them often reads each file's end once.
+_REMEMBERED: Final = 65_536
+
 
 def describe(
-    folder: Path, name: str, *, written: recorder_pb2.RecordingInfo | None = None
+    folder: Path, name: str, *, written: recorder_pb2.RecordingInfo | None = None, hashed: bool = True
 ) -> recorder_pb2.RecordingInfo:
     """Describe a recording by its files.
 
@@ -29,6 +32,8 @@ def describe(
         Its id; its first file is there.
     written : RecordingInfo, optional
         What is known of it by who writes it now; its last file is then not closed.
+    hashed : bool
+        Whether closed files are read for their SHA-256; else it stays empty.
 
     Returns
     -------
@@ -37,20 +42,18 @@ def describe(
     """
     files = files_of(folder, name)
     information = recorder_pb2.RecordingInfo(recording=name)
-    summary = None if written is not None else _summary(files[-1])
+    closing = None if written is not None else _closing(files[-1])
     if written is not None:
         information.MergeFrom(written)
-    elif summary is not None:
-        _tell(information, summary)
-        information.closed = True
-        information.ended = summary.ended
+    elif closing is not None:
+        information.MergeFrom(closing)
     else:
         found = audit(files)
-        _tell(information, found.content.summary_now(name, reason=""))
+        information.MergeFrom(_told(found.content.summary_now(name, reason="")))
         information.missing_blocks = found.missing_blocks
     for path in files:
         closed = information.closed or path != files[-1]
-        information.files.append(_file(path, closed=closed))
+        information.files.append(_file(path, hashed=hashed and closed))
     information.bytes = sum(file.bytes for file in information.files)
     information.file = files[0].name
     if len(files) > 1 or information.closed:
@@ -58,38 +61,47 @@ def describe(
     return information
 
 
-def _tell(information: recorder_pb2.RecordingInfo, summary: Summary) -> None:
-    information.steps = summary.steps
-    information.signal_blocks = summary.signal_blocks
-    information.missing_blocks = summary.missing_blocks
-    information.rig = summary.story.rig
-    information.target = summary.story.target
-    information.begun = summary.story.begun
-    information.phase = summary.story.phase
-    information.outcome = summary.story.outcome
+def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
+    return recorder_pb2.RecordingInfo(
+        steps=summary.steps,
+        signal_blocks=summary.signal_blocks,
+        missing_blocks=summary.missing_blocks,
+        rig=summary.story.rig,
+        target=summary.story.target,
+        begun=summary.story.begun,
+        phase=summary.story.phase,
+        outcome=summary.story.outcome,
+    )
 
 
-def _file(path: Path, *, closed: bool) -> recorder_pb2.RecordingFile:
+def _file(path: Path, *, hashed: bool) -> recorder_pb2.RecordingFile:
     status = path.stat()
-    file_hash = _file_hash(path, status.st_size, status.st_mtime_ns) if closed else ""
+    file_hash = _file_hash(path, status.st_size, status.st_mtime_ns) if hashed else ""
     return recorder_pb2.RecordingFile(file=path.name, bytes=status.st_size, file_hash=file_hash)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=_REMEMBERED)
 def _file_hash(path: Path, size: int, changed: int) -> str:
     del size, changed  # They are the cache's key: another file of that name has others.
     return sha256_of(path)
 
 
-def _summary(path: Path) -> Summary | None:
+def _closing(path: Path) -> recorder_pb2.RecordingInfo | None:
     status = path.stat()
-    return _cached_summary(path, status.st_size, status.st_mtime_ns)
+    return _cached_closing(path, status.st_size, status.st_mtime_ns)
 
 
-@lru_cache(maxsize=256)
-def _cached_summary(path: Path, size: int, changed: int) -> Summary | None:
+@lru_cache(maxsize=_REMEMBERED)
+def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo | None:
+    """Return what a closed file says of its recording; it is not changed by who asks."""
     del size, changed
-    return read_summary(path)
+    summary = read_summary(path)
+    if summary is None:
+        return None
+    information = _told(summary)
+    information.closed = True
+    information.ended = summary.ended
+    return information
 
 
 def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:

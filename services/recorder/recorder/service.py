@@ -121,7 +121,7 @@ class RecorderService:
         return recorder_pb2.CommitAck(recording=name, step=step.number, payload_hash=step.payload_hash)
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
-        """Describe the recordings of the folder that are looked for."""
+        """Describe the recordings of the folder that are looked for, without their files' hashes."""
         found = (self._described_if_there(name, call) for name in recordings_in(self._folder))
         return recorder_pb2.RecordingList(recordings=[one for one in found if one is not None and fits(one, request)])
 
@@ -158,17 +158,18 @@ class RecorderService:
         self._refuse_open(name, call)
         return verify(self._folder, name)
 
-    def _describe(self, name: str, call: Call) -> recorder_pb2.RecordingInfo:
+    def _describe(self, name: str, call: Call, *, hashed: bool = True) -> recorder_pb2.RecordingInfo:
         written, waiting = self._on_writer(lambda: (self._archive.information(name), self._archive.waiting(name)), call)
         existing_file(self._folder, name)
-        information = describe(self._folder, name, written=written)
+        information = describe(self._folder, name, written=written, hashed=hashed)
         information.waiting = waiting
         return information
 
     def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
         """Describe a recording of the folder, or nothing where somebody deletes it meanwhile."""
         try:
-            return self._describe(name, call)
+            # A thousand recordings are a hundred gigabytes to read for their hashes.
+            return self._describe(name, call, hashed=False)
         except (FileNotFoundError, IndexError, RefusedError):
             if files_of(self._folder, name):
                 raise

@@ -50,7 +50,8 @@ def choose_lines(
         excited[::2] = False
     if detection_share > 0.0:
         candidates = np.flatnonzero(excited)
-        group = round(1.0 / detection_share)
+        # A share that leaves out none of so many lines may have an inverse that is no number.
+        group = round(1.0 / max(detection_share, 1.0 / (candidates.size + 1)))
         groups = candidates.size // group
         drawn = random_stream(seed, Purpose.DETECTION_LINES).integers(group, size=groups)
         excited[candidates[np.arange(groups) * group + drawn]] = False
