@@ -45,6 +45,20 @@ def test_services_are_live_after_start_and_gone_after_stop(bus, fake_services, t
     assert "ready" in (tmp_path / "logs" / "steady.log").read_text()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
+def test_services_compute_on_one_thread_unless_told_otherwise(
+    bus, fake_services, tmp_path, monkeypatch, given, threads
+):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if given is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", given)
+    with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path / "logs") as supervisor:
+        supervisor.start(timeout_seconds=60)
+        (pid,) = supervisor.process_ids.values()
+        assert f"OMP_NUM_THREADS={threads}".encode() in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+
+
 def test_service_that_ends_at_once_is_named_with_code_and_log(bus, fake_services, tmp_path):
     with Supervisor([ServicePlan("steady"), ServicePlan("dying")], bus=bus, logs=tmp_path) as supervisor:
         with pytest.raises(ServiceEndedError, match=r"dying ended by itself \(exit code 3\).*the oil is cold\.$"):

@@ -43,7 +43,8 @@ def _row(result: Rounds) -> tuple[str, ...]:
 def tally_table(tallies: dict[str, Tally]) -> str:
     """Return a line for each service that was sent malformed queries."""
     return "\n".join(
-        f"malformed queries to {service}: {tally.sent} sent, slowest answer {tally.slowest_seconds:.2f} s; "
+        f"malformed queries to {service}: {tally.sent} sent over {tally.sessions} sessions, "
+        f"slowest answer {tally.slowest_seconds:.2f} s; "
         + ", ".join(f"{count} {answer}" for answer, count in sorted(tally.answers.items(), key=lambda item: -item[1]))
         + (f"; {len(tally.findings)} FINDINGS" if tally.findings else "")
         for service, tally in tallies.items()

@@ -6,6 +6,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from .disturbed_campaign import Operator, Round
 from .keys_of_contract import ContractKey, contract_keys, odd_name_in
 from .lab_under_fault import RIG, LabUnderFault
 from .malformed import Malformation, malformed
-from .raw_session import Answer, ask, raw_session
+from .raw_session import Answer, Query, Stranger
 from .reference import Reference
 from .templates import template
 
@@ -46,17 +47,8 @@ class Tally:
     slowest_seconds: float = 0.0
     begun: list[str] = field(default_factory=list)
     """Campaigns that a message started after all."""
-
-
-@dataclass(frozen=True)
-class Query:
-    """One malformed query, and how it came about."""
-
-    origin: str
-    selector: str
-    payload: bytes | None
-    encoding: str | None
-    attachment: bytes | None = None
+    sessions: int = 0
+    """How many the asker needed: another one where a link was lost."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +119,7 @@ def _ask_service(
     each: int,
     tell: Callable[[str], None],
 ) -> None:
-    with raw_session(target.endpoint) as session:
+    with closing(Stranger(target.endpoint)) as stranger:
         for key in keys:
             sound = template(key.kind, reference.recording)
             began, before = time.monotonic(), tally.sent
@@ -136,8 +128,10 @@ def _ask_service(
                 random = np.random.default_rng([seed, zlib.crc32(f"{key.name} {kind}".encode())])
                 for number in range(each):
                     query = _made(target, key, sound, kind=kind, number=number, random=random)
-                    _ask(session, target, query, tally)
+                    origin = f"{key.name}, {kind}, number {number}"
+                    _ask(stranger, target, query, tally, origin=origin)
             seconds, found = time.monotonic() - began, f"; {len(tally.findings)} FINDINGS" if tally.findings else ""
+            tally.sessions = stranger.sessions
             tell(f"malformed queries to {key.name}: {tally.sent - before} sent in {seconds:.0f} s{found}")
 
 
@@ -150,17 +144,16 @@ def _path(key: ContractKey, target: Target) -> str:
 def _made(
     target: Target, key: ContractKey, sound: Message, *, kind: str, number: int, random: np.random.Generator
 ) -> Query:
-    origin = f"{key.name}, {kind}, number {number}"
-    _rename(sound, f"m{zlib.crc32(origin.encode())}", target)
+    _rename(sound, f"m{zlib.crc32(f'{key.name}, {kind}, number {number}'.encode())}", target)
     path, whole, encoding = _path(key, target), sound.SerializeToString(), encoding_of(sound)
     if kind == WRONG_ENCODING:
         if random.random() < 0.3:
-            return Query(origin, path, whole, encoding, attachment=random.bytes(int(random.integers(0, 3000))))
+            return Query(path, whole, encoding, attachment=random.bytes(int(random.integers(0, 3000))))
         payload = None if random.random() < 0.2 else whole
-        return Query(origin, path, payload, _ENCODINGS[int(random.integers(len(_ENCODINGS)))])
+        return Query(path, payload, _ENCODINGS[int(random.integers(len(_ENCODINGS)))])
     if kind == ODD_NAME:
-        return Query(origin, odd_name_in(path, key, random), whole, encoding)
-    return Query(origin, path, malformed(sound, Malformation(kind), random), encoding)
+        return Query(odd_name_in(path, key, random), whole, encoding)
+    return Query(path, malformed(sound, Malformation(kind), random), encoding)
 
 
 def _rename(sound: Message, name: str, target: Target) -> None:
@@ -176,10 +169,11 @@ def _rename(sound: Message, name: str, target: Target) -> None:
             sound.model_id = target.model
 
 
-def _ask(session: zenoh.Session, target: Target, query: Query, tally: Tally) -> None:
+def _ask(stranger: Stranger, target: Target, query: Query, tally: Tally, *, origin: str) -> None:
     began = time.monotonic()
     try:
-        answer = ask(session, query.selector, query.payload, encoding=query.encoding, attachment=query.attachment)
+        # A key that nobody serves has no answer either; that is the contract.
+        answer = stranger.ask(query, served=ODD_NAME not in origin)
     except zenoh.ZError:
         return
     tally.sent += 1
@@ -187,17 +181,14 @@ def _ask(session: zenoh.Session, target: Target, query: Query, tally: Tally) -> 
     code = query_pb2.FaultCode.Name(answer.fault.code) if answer.fault is not None else answer.result or "no answer"
     short = code.removeprefix("FAULT_CODE_").removeprefix("duralab.v1.")
     tally.answers[short] = tally.answers.get(short, 0) + 1
-    tally.findings += [f"{query.origin}: {finding}" for finding in _judge(query, answer)]
+    tally.findings += [f"{origin}: {finding}" for finding in _judge(answer, served=ODD_NAME not in origin)]
     del tally.findings[_MOST_FINDINGS:]
-    _tidy_up(session, target, answer, tally)
+    _tidy_up(stranger, target, answer, tally)
 
 
-def _judge(query: Query, answer: Answer) -> Iterator[str]:
-    if answer.none and not query.origin.endswith("main"):
-        # A key that nobody serves has no answer either; that is the contract.
-        if ODD_NAME not in query.origin:
-            yield "no answer"
-        return
+def _judge(answer: Answer, *, served: bool) -> Iterator[str]:
+    if answer.none and served:
+        yield "no answer"
     if answer.fault is None:
         return
     sentence = answer.fault.message
@@ -207,25 +198,25 @@ def _judge(query: Query, answer: Answer) -> Iterator[str]:
         yield f"not one sentence of at most {_LONGEST_SENTENCE} characters: {sentence[:200]!r}"
 
 
-def _tidy_up(session: zenoh.Session, target: Target, answer: Answer, tally: Tally) -> None:
+def _tidy_up(stranger: Stranger, target: Target, answer: Answer, tally: Tally) -> None:
     """Stop what was begun, and clear the latch, so that the next question is answered as this one was."""
+    reset = _sound(target.keys.rig_reset(RIG), rig_pb2.ResetRequest())
     if answer.fault is None and answer.result == iterator_pb2.CampaignStatus.DESCRIPTOR.full_name:
         status = iterator_pb2.CampaignStatus.FromString(answer.payload)
         if status.id != target.campaign:
             stop = iterator_pb2.StopCampaignRequest(reason="the test goes on")
-            ask(session, target.keys.campaign_stop(status.id), stop.SerializeToString(), encoding=encoding_of(stop))
-            _reset(session, target)
+            stranger.ask(_sound(target.keys.campaign_stop(status.id), stop), served=True)
+            stranger.ask(reset, served=True)
             # The one before is over, or this one had been refused. Thousands would be what `list` takes its time for.
             for path in [path for id in tally.begun for path in target.recordings.glob(f"{id}.*")]:
                 path.unlink()
             tally.begun = [status.id]
     elif answer.result == rig_pb2.RigState.DESCRIPTOR.full_name:
-        _reset(session, target)
+        stranger.ask(reset, served=True)
 
 
-def _reset(session: zenoh.Session, target: Target) -> None:
-    reset = rig_pb2.ResetRequest()
-    ask(session, target.keys.rig_reset(RIG), reset.SerializeToString(), encoding=encoding_of(reset))
+def _sound(key: str, message: Message) -> Query:
+    return Query(key, message.SerializeToString(), encoding_of(message))
 
 
 def send_to_lab(

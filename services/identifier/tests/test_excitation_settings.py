@@ -12,6 +12,7 @@ RANDOM, BURST, SWEEP = ExcitationKind.PURE_RANDOM, ExcitationKind.BURST_RANDOM, 
     ("changes", "field", "message"),
     [
         ({"levels": (1.0, 0.0, 1.0)}, "excitation.rms", "The RMS of drive 1 is 0.0"),
+        ({"levels": (1.0, 1e308, 1.0)}, "excitation.rms", "at most 1e\\+12"),
         ({"levels": (1.0, np.nan, 1.0)}, "excitation.rms", "The RMS of drive 1 is nan"),
         ({"levels": (1.0, 1.0, -1.0), "level_kind": LevelKind.PEAK}, "excitation.peak", "The peak of drive 2 is -1.0"),
         ({"levels": (1.0, 1.0)}, "excitation.rms", "2 levels and 3 spectra"),

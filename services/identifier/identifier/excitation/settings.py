@@ -13,6 +13,8 @@ SMALLEST_BLOCK_SAMPLES = 256
 """Fewer samples leave too few lines for an impulse response that dies out."""
 
 LARGEST_DETECTION_SHARE = 0.5
+# In whatever unit a drive has, far beyond any actuator: what is made of it, peaks and slopes, stays a number.
+LARGEST_LEVEL = 1e12
 """Above this fewer lines would be excited than watched."""
 
 
@@ -170,10 +172,11 @@ class ExcitationSettings:
                 field=field,
             )
         for index, level in enumerate(self.levels):
-            if not 0.0 < level < np.inf:
+            if not 0.0 < level <= LARGEST_LEVEL:
                 name = "RMS" if self.level_kind is LevelKind.RMS else "peak"
                 raise SettingError(
-                    f"The {name} of drive {index} is {level}; every level must be finite and greater than 0.",
+                    f"The {name} of drive {index} is {level}; every level must be greater than 0 and at most "
+                    f"{LARGEST_LEVEL:g}.",
                     field=field,
                 )
         first = self.spectra[0]
