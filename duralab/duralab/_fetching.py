@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +20,9 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import Bus, FaultError
 
 PART_BYTES: Final = 4 * 1024 * 1024
+PARTS_AHEAD: Final = 2
+"""So many pieces are asked for while one is written and hashed."""
+
 CLOSE_SECONDS: Final = 30.0
 """Longest wait for the recorder to close a recording after its campaign ended."""
 
@@ -82,26 +88,42 @@ def fetch(
     LabError
         What came is not what the recorder holds.
     """
-    digest, offset = hashlib.sha256(), 0
+
+    def ask(offset: int) -> recorder_pb2.RecordingPart:
+        request = recorder_pb2.ReadRecordingRequest(offset=offset, length=PART_BYTES, part=part.value, number=number)
+        return bus.query(bus.keys.recording_read(id), request, recorder_pb2.RecordingPart)
+
+    digest, offset, total = hashlib.sha256(), 0, 0
     with replace_when_complete(path) as temporary, temporary.open("xb") as stream:
-        while True:
-            request = recorder_pb2.ReadRecordingRequest(
-                offset=offset, length=PART_BYTES, part=part.value, number=number
-            )
-            piece = bus.query(bus.keys.recording_read(id), request, recorder_pb2.RecordingPart)
+        for piece in _in_order(ask):
+            total = piece.total
+            if piece.offset != offset:
+                break
             stream.write(piece.data)
             digest.update(piece.data)
             offset += len(piece.data)
-            if on_fraction is not None and piece.total:
-                on_fraction(offset / piece.total)
-            if offset >= piece.total:
-                break
-            if not piece.data:
-                raise LabError(f"The recorder sent {offset} of {piece.total} bytes of {id!r} and then nothing.")
+            if on_fraction is not None and total:
+                on_fraction(offset / total)
+        if offset != total:
+            raise LabError(f"The recorder sent {offset} of {total} bytes of {id!r} and then not what follows them.")
         if file_hash and digest.hexdigest() != file_hash:
             raise LabError(
                 f"The recording {id!r} came with the SHA-256 {digest.hexdigest()}; the recorder says {file_hash}."
             )
+
+
+def _in_order(ask: Callable[[int], recorder_pb2.RecordingPart]) -> Iterator[recorder_pb2.RecordingPart]:
+    """Ask for a file piece by piece, a few ahead of the one that is needed."""
+    first = ask(0)
+    yield first
+    with ThreadPoolExecutor(PARTS_AHEAD, thread_name_prefix="duralab-fetch") as pool:
+        offsets = iter(range(max(1, len(first.data)), first.total, PART_BYTES))
+        asked: deque[Future[recorder_pb2.RecordingPart]] = deque()
+        asked.extend(pool.submit(ask, offset) for offset in islice(offsets, PARTS_AHEAD))
+        while asked:
+            piece = asked.popleft().result()
+            asked.extend(pool.submit(ask, offset) for offset in islice(offsets, 1))
+            yield piece
 
 
 def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: Path) -> None:

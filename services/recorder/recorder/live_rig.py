@@ -9,6 +9,7 @@ import rerun as rr
 
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
+from recorder.live_pieces import Piece
 from recorder.live_scene import Outline, Placed, Scene, line_ends, outline_of, solid_poses, with_world
 from recorder.live_series import RUN_TIME, Colour
 
@@ -58,6 +59,7 @@ class RigDrawing:
         self._stream = stream
         self._scene = scene
         self._now = now
+        self._pending: Piece[tuple[np.ndarray, np.ndarray]] = Piece()
         solids = scene.solids
         self._boxes = [solid for solid in solids if isinstance(solid.solid, rig_pb2.BoxShape)]
         self._cylinders = [solid for solid in solids if isinstance(solid.solid, rig_pb2.CylinderShape)]
@@ -76,7 +78,7 @@ class RigDrawing:
         return outline_of(self._scene)
 
     def show(self, block: rig_pb2.PoseBlock, *, on_run_time: bool) -> None:
-        """Move the rig.
+        """Move the rig; poses of playbacks are drawn half a second's worth at a time, `catch_up` draws what waits.
 
         Parameters
         ----------
@@ -95,9 +97,20 @@ class RigDrawing:
         if not len(time):
             return
         if on_run_time:
-            self._move(poses, time)
+            last = self._pending.last
+            if last is not None and time[0] <= last[1][-1]:
+                # Of another playback: it replaces the poses of this one.
+                self.catch_up()
+            self._pending.add((poses, time))
+            if self._pending.due:
+                self.catch_up()
         if self._now:
             self._place_now(poses[-1:])
+
+    def catch_up(self) -> None:
+        """Draw the poses that wait to be drawn together."""
+        if pending := self._pending.take():
+            self._move(np.concatenate([poses for poses, _ in pending]), np.concatenate([time for _, time in pending]))
 
     def _draw_forms(self, root: str) -> None:
         """Send what does not change: sizes, colours and names."""

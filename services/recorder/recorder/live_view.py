@@ -21,6 +21,7 @@ from recorder.live_charts import Drawing
 from recorder.live_figures import draw_figures, dress_figures
 from recorder.live_frf import draw_frf
 from recorder.live_limits import DriveLimits
+from recorder.live_pieces import Piece
 from recorder.live_rig import RigDrawing
 from recorder.live_scene import read_scene
 from recorder.live_series import RUN_TIME, TARGET, Curve, Group, Look, with_unit
@@ -31,8 +32,8 @@ from recorder.live_thinning import bucket_samples, keep_extremes
 DETAIL_SECONDS: Final = 2.0
 """Length of the stretch around the target's peak that the first tab magnifies: single waves are told apart."""
 
-BATCH_SECONDS: Final = 0.5
-"""Signal blocks are drawn in pieces of this length: a hundred samples at a time cost ten times as much."""
+LONGEST_PIECE_SECONDS: Final = 30.0
+"""Of signals drawn at once, however fast they come: some megabytes."""
 
 LOG_LINES: Final = 100
 """Lines of the campaign's log that are shown, the newest first."""
@@ -61,14 +62,15 @@ class LiveView:
         self._status: iterator_pb2.CampaignStatus | None = None
         self._iterations: list[iterator_pb2.IterationMetrics] = []
         self._playbacks: dict[Group, list[str]] = {group: [] for group in Group}
-        self._pending: list[rig_pb2.SignalBlock] = []
+        self._pending: Piece[rig_pb2.SignalBlock] = Piece()
         self._log_lines: deque[str] = deque(maxlen=LOG_LINES)
         self._state: rig_pb2.RigState | None = None
         self._rig: RigDrawing | None = None
         self._limits: DriveLimits | None = None
 
     def show_step(self, message: Message) -> None:
-        """Draw a committed step; steps without a picture change nothing."""
+        """Draw a committed step, after all that came before it; steps without a picture change nothing."""
+        self._draw_pending()
         match message:
             case iterator_pb2.CampaignSpec():
                 self._specification = message
@@ -109,12 +111,13 @@ class LiveView:
 
     def show_block(self, block: rig_pb2.SignalBlock) -> None:
         """Draw a block of a playback, together with its neighbours."""
-        if self._pending and self._pending[0].run != block.run:
+        last = self._pending.last
+        if last is not None and (last.run != block.run or last.first_sample > block.first_sample):
             self._draw_pending()
-        self._pending.append(block)
-        first = self._pending[0]
+        self._pending.add(block)
+        first = self._pending.first or block
         span = (block.first_sample - first.first_sample + block.response.shape[-1]) / block.sample_rate
-        if block.last or span >= BATCH_SECONDS or span < 0:
+        if block.last or span >= LONGEST_PIECE_SECONDS or self._pending.due:
             self._draw_pending()
 
     def close(self) -> bool:
@@ -194,7 +197,9 @@ class LiveView:
         self._write_status()
 
     def _draw_pending(self) -> None:
-        blocks, self._pending = self._pending, []
+        if self._rig is not None:
+            self._rig.catch_up()
+        blocks = self._pending.take()
         if not blocks or self._description is None:
             return
         first = blocks[0]

@@ -166,9 +166,8 @@ class RecorderService:
         return information
 
     def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
-        """Describe a recording of the folder, or nothing where somebody deletes it meanwhile."""
+        """Describe a recording, or nothing where somebody deletes it meanwhile; unhashed: a thousand are 100 GB."""
         try:
-            # A thousand recordings are a hundred gigabytes to read for their hashes.
             return self._describe(name, call, hashed=False)
         except (FileNotFoundError, IndexError, RefusedError):
             if files_of(self._folder, name):

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import hashlib
+import threading
+
+import pytest
+
+from duralab import _fetching
+from duralab._fetching import Part, fetch
+from duralab.errors import LabError
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import recorder_pb2
+from labbus import FaultError
+
+CONTENT = bytes(range(256)) * 40
+
+
+class Recorder:
+    """Answers as a recorder does, in a process of its own that is not needed here."""
+
+    def __init__(self, content: bytes = CONTENT, *, total: int | None = None) -> None:
+        self.keys = Keys()
+        self.content = content
+        self.total = len(content) if total is None else total
+        self.asked: list[int] = []
+        self.at_once = 0
+        self.most_at_once = 0
+        self._lock = threading.Lock()
+
+    def query(self, _key, request, _kind) -> recorder_pb2.RecordingPart:
+        with self._lock:
+            self.asked.append(request.offset)
+            self.at_once += 1
+            self.most_at_once = max(self.most_at_once, self.at_once)
+        piece = self.content[request.offset : request.offset + request.length]
+        with self._lock:
+            self.at_once -= 1
+        return recorder_pb2.RecordingPart(offset=request.offset, data=piece, total=self.total)
+
+
+@pytest.fixture(autouse=True)
+def short_pieces(monkeypatch):
+    monkeypatch.setattr(_fetching, "PART_BYTES", 1000)
+
+
+def fetched(bus, path, **options) -> bytes:
+    fetch(bus, "demo", part=Part.RECORDING, path=path, **options)
+    return path.read_bytes()
+
+
+def test_the_pieces_are_put_together_in_their_order_and_checked(tmp_path):
+    bus, shares = Recorder(), []
+    digest = hashlib.sha256(CONTENT).hexdigest()
+    assert fetched(bus, tmp_path / "a.mcap", file_hash=digest, on_fraction=shares.append) == CONTENT
+    assert sorted(bus.asked) == list(range(0, len(CONTENT), 1000)), "each piece once"
+    assert bus.most_at_once <= _fetching.PARTS_AHEAD
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_an_empty_file_is_fetched(tmp_path):
+    assert fetched(Recorder(b""), tmp_path / "a.mcap") == b""
+
+
+def test_a_file_that_is_cut_off_is_not_kept(tmp_path):
+    with pytest.raises(LabError, match="sent 4321 of 10240 bytes of 'demo'"):
+        fetched(Recorder(CONTENT[:4321], total=len(CONTENT)), tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recorder_that_dies_on_the_way_leaves_nothing(tmp_path):
+    class Dying(Recorder):
+        def query(self, key, request, kind):
+            if request.offset >= 5000:
+                raise FaultError(0, "The recorder is gone.")
+            return super().query(key, request, kind)
+
+    with pytest.raises(FaultError, match="is gone"):
+        fetched(Dying(), tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []

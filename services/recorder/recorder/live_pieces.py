@@ -1,0 +1,53 @@
+"""Pieces of what comes in, drawn together: a hundred samples at a time cost the viewer ten times as much."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
+
+PIECE_SECONDS: Final = 0.5
+"""Longest that something waits to be drawn, by the clock of who watches: a simulated rig plays two minutes in it."""
+
+ItemT = TypeVar("ItemT")
+
+
+class Piece(Generic[ItemT]):
+    """What came since the last piece was drawn.
+
+    Parameters
+    ----------
+    clock : callable
+        Returns the time in s; it never goes backwards.
+    """
+
+    def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._items: list[ItemT] = []
+        self._begun = 0.0
+
+    @property
+    def first(self) -> ItemT | None:
+        """What came first, or None where nothing did."""
+        return self._items[0] if self._items else None
+
+    @property
+    def last(self) -> ItemT | None:
+        """What came last, or None where nothing did."""
+        return self._items[-1] if self._items else None
+
+    @property
+    def due(self) -> bool:
+        """Whether its first item has waited for as long as anything may."""
+        return bool(self._items) and self._clock() - self._begun >= PIECE_SECONDS
+
+    def add(self, item: ItemT) -> None:
+        """Add what came."""
+        if not self._items:
+            self._begun = self._clock()
+        self._items.append(item)
+
+    def take(self) -> list[ItemT]:
+        """Return everything and begin anew."""
+        items, self._items = self._items, []
+        return items
