@@ -188,7 +188,7 @@ def _ask(stranger: Stranger, target: Target, query: Query, tally: Tally, *, orig
 
 def _judge(answer: Answer, *, served: bool) -> Iterator[str]:
     if answer.none and served:
-        yield "no answer"
+        yield "silent" if answer.silent else "no answer"
     if answer.fault is None:
         return
     sentence = answer.fault.message

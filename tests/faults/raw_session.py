@@ -51,11 +51,14 @@ class Answer:
         What was refused.
     payload : bytes
         Of the result.
+    silent : bool
+        Whether nothing came for too long; else Zenoh itself ended it.
     """
 
     result: str = ""
     fault: query_pb2.Fault | None = None
     payload: bytes = b""
+    silent: bool = False
 
     @property
     def none(self) -> bool:
@@ -105,7 +108,9 @@ class Stranger:
         self._open.close()
 
     def ask(self, query: Query, *, served: bool) -> Answer:
-        """Ask; what nobody answers though its key is `served` is asked a second time, as one who has just come.
+        """Ask; where nobody is there though the key is `served`, ask a second time, as one who has just come.
+
+        Who is there and silent is not asked again: that is what is looked for.
 
         Raises
         ------
@@ -113,7 +118,7 @@ class Stranger:
             It cannot be sent.
         """
         answer = ask(self._session, query)
-        if answer.none and served:
+        if answer.none and not answer.silent and served:
             self._open.close()
             self._session = self._open.enter_context(raw_session(self._endpoint))
             self.sessions += 1
@@ -146,7 +151,7 @@ def ask(session: zenoh.Session, query: Query, *, silence_seconds: float = 20.0) 
             if kind != _PROGRESS:
                 answer = Answer(result=kind or "?", payload=reply.ok.payload.to_bytes())
     except Empty:
-        return Answer()
+        return Answer(silent=True)
     finally:
         stop.cancel()
     return answer
