@@ -26,6 +26,7 @@ from labbus._live_token import LiveToken
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
 from labbus._permission import Permission
 from labbus._reintroduction import Reintroduction
+from labbus._rejoining import BusSession
 from labbus._replay import ReplayServer
 from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
@@ -36,7 +37,6 @@ from labbus._stream_item import StreamItem
 from labbus._streams import StreamPublisher
 from labbus._subscription import Subscription
 
-_CLOSE_SECONDS: Final = 1.0
 _STORING: Final = ("recorder", MAIN_INSTANCE)
 
 
@@ -58,19 +58,19 @@ class Bus:
         self.service = service
         self.listening = listening
         """The endpoints others may connect to, with their actual ports."""
-        self._session = session
+        self._session = BusSession(session, config)
         self._limit = config.largest_payload_bytes
-        self._tracker = LivelinessTracker(session, self.keys)
+        self._tracker = LivelinessTracker(self._session, self.keys)
         self._reintroduction = Reintroduction(config, self._tracker)
         self._permission = Permission(identity, self.keys)
-        self._client = QueryClient(session, self.keys, self._tracker, largest_bytes=self._limit)
+        self._client = QueryClient(self._session, self.keys, self._tracker, largest_bytes=self._limit)
         self.figures = Figures()
         """What this process counts and measures: told to Prometheus, and to who asks for its health."""
         self._server = QueryServer(
-            session, self.keys, service=service, workers=workers, largest_bytes=self._limit, figures=self.figures
+            self._session, self.keys, service=service, workers=workers, largest_bytes=self._limit, figures=self.figures
         )
-        self._replays = ReplayServer(session)
-        self._replay_client = ReplayClient(session, largest_bytes=self._limit)
+        self._replays = ReplayServer(self._session)
+        self._replay_client = ReplayClient(self._session, largest_bytes=self._limit)
         # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
         self._tokens: set[LiveToken] = set()
         self._subscriptions: set[Subscription[Any]] = set()
@@ -159,6 +159,7 @@ class Bus:
                 cancel=cancel,
             )
         except zenoh.ZError as error:
+            self._session.expect_router(key)
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
     def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
@@ -248,7 +249,8 @@ class Bus:
             health_pb2.HealthRequest,
             lambda _request, _call: self._health.tell(service, instance),
         )
-        declared = self._session.liveliness().declare_token(self.keys.live(service, instance))
+        key = self.keys.live(service, instance)
+        declared = self._session.declare(lambda joined: joined.liveliness().declare_token(key))
         token = LiveToken(declared, answering, on_close=self._tokens.discard)
         self._tokens.add(token)
         return token
@@ -309,10 +311,7 @@ class Bus:
             space.close()
         self._reintroduction.close()
         self._tracker.close()
-        # Closing waits for Zenoh's own threads; a stuck link must not keep the process from ending.
-        closing = threading.Thread(target=self._session.close, name="labbus-close", daemon=True)
-        closing.start()
-        closing.join(_CLOSE_SECONDS)
+        self._session.close()
 
     def __enter__(self) -> Self:
         return self

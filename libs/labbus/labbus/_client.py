@@ -16,6 +16,7 @@ from duralab_proto.v1 import query_pb2
 from labbus._encoding import MessageT, decode, encode, encoding_of
 from labbus._faults import FaultError
 from labbus._liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker
+from labbus._rejoining import BusSession
 
 DISCOVERY_SECONDS: Final = 1.5
 """A session this young may not have met everyone; it waits so long before it says that somebody is not there."""
@@ -48,13 +49,11 @@ _Event = zenoh.Reply | _Gone | _Ended
 class QueryClient:
     """Asks over one session."""
 
-    def __init__(self, session: zenoh.Session, keys: Keys, tracker: LivelinessTracker, *, largest_bytes: int) -> None:
+    def __init__(self, session: BusSession, keys: Keys, tracker: LivelinessTracker, *, largest_bytes: int) -> None:
         self._session = session
         self._keys = keys
         self._tracker = tracker
-        self._source = tracker.source
         self._largest_bytes = largest_bytes
-        self._discovered_at = time.monotonic() + DISCOVERY_SECONDS
 
     def query(
         self,
@@ -71,6 +70,7 @@ class QueryClient:
             raise ValueError(f"The key {key!r} has wildcards; a query goes to one key.")
         instance = parse_live(serving(key))
         payload = encode(request, largest_bytes=self._largest_bytes)
+        self._session.expect_router(key)
         self._expect_live(instance)
         events: SimpleQueue[_Event] = SimpleQueue()
 
@@ -80,17 +80,18 @@ class QueryClient:
 
         asker = secrets.token_hex(16)
         stop = zenoh.CancellationToken()
-        with self._session.liveliness().declare_token(self._keys.asking(asker)):
+        session = self._session.current
+        with session.liveliness().declare_token(self._keys.asking(asker)):
             self._tracker.subscribe(on_live)
             try:
                 # Not through a declared querier: of four declared at once on one key, three ended without an answer.
-                self._session.get(
+                session.get(
                     key,
                     zenoh.handlers.Callback(events.put, drop=lambda: events.put(_Ended()), indirect=False),
                     payload=payload,
                     encoding=encoding_of(request),
                     attachment=asker,
-                    source_info=self._source,
+                    source_info=self._tracker.source,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
                     congestion_control=zenoh.CongestionControl.BLOCK,
@@ -112,7 +113,11 @@ class QueryClient:
 
     def wait_until_discovered(self) -> None:
         """Wait until the session is old enough to have met everyone."""
-        time.sleep(max(0.0, self._discovered_at - time.monotonic()))
+        time.sleep(self._undiscovered_seconds)
+
+    @property
+    def _undiscovered_seconds(self) -> float:
+        return max(0.0, self._session.opened + DISCOVERY_SECONDS - time.monotonic())
 
     def _follow(
         self,
@@ -176,8 +181,7 @@ class QueryClient:
         return None
 
     def _expect_live(self, instance: Instance) -> None:
-        patience = max(0.0, self._discovered_at - time.monotonic())
-        if not self._tracker.wait_for({instance}, timeout_seconds=patience):
+        if not self._tracker.wait_for({instance}, timeout_seconds=self._undiscovered_seconds):
             return
         service = instance[0]
         if service == "rig_sim":
@@ -204,7 +208,7 @@ class QueryClient:
         )
 
     def _is_served(self, key: str) -> bool:
-        with self._session.declare_querier(key) as querier:
+        with self._session.current.declare_querier(key) as querier:
             # The stub of Zenoh 1.10.2 says bool; it is a MatchingStatus.
             return cast(zenoh.MatchingStatus, querier.matching_status).matching
 

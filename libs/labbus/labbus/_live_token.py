@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-import zenoh
-
+from labbus._rejoining import Declaration
 from labbus._server import Served
 
 
@@ -14,17 +14,15 @@ class LiveToken:
 
     Parameters
     ----------
-    token : LivelinessToken
-        Declared.
+    token : Declaration
+        Of the liveliness token.
     answering : Served
         The query for its health.
     on_close : callable
         Told when it is closed.
     """
 
-    def __init__(
-        self, token: zenoh.LivelinessToken, answering: Served, *, on_close: Callable[[LiveToken], None]
-    ) -> None:
+    def __init__(self, token: Declaration[Any], answering: Served, *, on_close: Callable[[LiveToken], None]) -> None:
         self._token = token
         self._answering = answering
         self._on_close = on_close

@@ -12,6 +12,7 @@ import zenoh
 
 from duralab_proto.keys import ANY, Keys, parse_live
 from labbus._delivery import Delivery
+from labbus._rejoining import BusSession
 
 DEBOUNCE_SECONDS: Final = 0.3
 """A token that is back within this time was never gone: links flap."""
@@ -49,7 +50,7 @@ class LiveWatch:
 class LivelinessTracker:
     """Follows every liveliness token of the lab, from those that are there already on."""
 
-    def __init__(self, session: zenoh.Session, keys: Keys) -> None:
+    def __init__(self, session: BusSession, keys: Keys) -> None:
         self._changed = threading.Condition()
         self._live: set[Instance] = set()
         self._met: set[Instance] = set()
@@ -57,14 +58,18 @@ class LivelinessTracker:
         self._events: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="labbus-liveliness", daemon=True)
         self._thread.start()
-        self._subscriber = session.liveliness().declare_subscriber(
-            keys.live(ANY, ANY), zenoh.handlers.Callback(self._events.put, indirect=False), history=True
+        # Who is there is told anew by a session that takes this one's place.
+        self._subscriber = session.declare(
+            lambda joined: joined.liveliness().declare_subscriber(
+                keys.live(ANY, ANY), zenoh.handlers.Callback(self._events.put, indirect=False), history=True
+            )
         )
 
     @property
-    def source(self) -> zenoh.SourceInfo:
+    def source(self) -> zenoh.SourceInfo | None:
         """Names this session to those whom it asks."""
-        return zenoh.SourceInfo(self._subscriber.id, 0)
+        subscriber = self._subscriber.current
+        return None if subscriber is None else zenoh.SourceInfo(subscriber.id, 0)
 
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
         """Return who is there now, of a service and an instance or of any."""

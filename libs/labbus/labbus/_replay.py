@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import structlog
 import zenoh
@@ -22,6 +22,7 @@ from labbus._delivery import Delivery
 from labbus._encoding import decode, encoding_of
 from labbus._faults import BusError, FaultError
 from labbus._later import Later
+from labbus._rejoining import BusSession, Declaration
 from labbus._spool import Spool
 from labbus._stream_item import POSITION
 
@@ -60,16 +61,18 @@ def mark_key(key: str) -> str:
 class SpoolOffer:
     """The spool of one epoch as it is offered on the bus."""
 
-    def __init__(self, server: ReplayServer, session: zenoh.Session, *, key: str, epoch: int, spool: Spool) -> None:
+    def __init__(self, server: ReplayServer, session: BusSession, *, key: str, epoch: int, spool: Spool) -> None:
         self.spool = spool
         self.done = False
         self._server = server
         self._key = key
         self._epoch = epoch
-        self._declared = (
-            session.declare_queryable(replay_key(key), self._callback(self._answer_replay, bulk=True)),
-            session.declare_queryable(head_key(key), self._callback(self._answer_head, bulk=False)),
-            session.declare_subscriber(mark_key(key), zenoh.handlers.Callback(self._take_mark, indirect=False)),
+        replays, heads = self._callback(self._answer_replay, bulk=True), self._callback(self._answer_head, bulk=False)
+        marks = zenoh.handlers.Callback(self._take_mark, indirect=False)
+        self._declared: tuple[Declaration[Any], ...] = (
+            session.declare(lambda joined: joined.declare_queryable(replay_key(key), replays)),
+            session.declare(lambda joined: joined.declare_queryable(head_key(key), heads)),
+            session.declare(lambda joined: joined.declare_subscriber(mark_key(key), marks)),
         )
 
     def retire(self) -> None:
@@ -157,7 +160,7 @@ def _number(query: zenoh.Query, name: str) -> int:
 class ReplayServer:
     """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: BusSession) -> None:
         self._session = session
         self._lock = threading.Lock()
         self._offers: set[SpoolOffer] = set()

@@ -11,6 +11,7 @@ import zenoh
 from duralab_proto.v1 import stream_pb2
 from labbus._encoding import MessageT, decode, encoding_of
 from labbus._faults import BusError, FaultError
+from labbus._rejoining import BusSession
 from labbus._replay import head_key, mark_key, replay_key
 from labbus._stream_item import StreamItem, read_item
 
@@ -26,7 +27,7 @@ Head = tuple[str, stream_pb2.StreamHead]
 class ReplayClient:
     """Asks over one session."""
 
-    def __init__(self, session: zenoh.Session, *, largest_bytes: int) -> None:
+    def __init__(self, session: BusSession, *, largest_bytes: int) -> None:
         self._session = session
         self._largest_bytes = largest_bytes
 
@@ -35,7 +36,7 @@ class ReplayClient:
         replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
         stop = zenoh.CancellationToken()
         try:
-            self._session.get(
+            self._session.current.get(
                 f"{replay_key(key)}?epoch={epoch};first={wanted.start};stop={wanted.stop}",
                 zenoh.handlers.Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
                 # Several publishers may be on one key; only that of the epoch answers.
@@ -49,7 +50,8 @@ class ReplayClient:
                 cancellation_token=stop,
             )
         except zenoh.ZError as error:
-            raise BusError(f"{key} cannot be replayed: this bus is closed ({error}).") from error
+            self._expect_open(f"{key} cannot be replayed", error)
+            return []
         items: dict[int, StreamItem[MessageT]] = {}
         try:
             # Zenoh ends the query after the timeout by itself; twice as long only where its session is stuck.
@@ -85,7 +87,7 @@ class ReplayClient:
 
         stop = zenoh.CancellationToken()
         try:
-            self._session.get(
+            self._session.current.get(
                 head_key(key_expression),
                 zenoh.handlers.Callback(on_reply, indirect=False),
                 target=zenoh.QueryTarget.ALL,
@@ -97,14 +99,14 @@ class ReplayClient:
                 cancellation_token=stop,
             )
         except zenoh.ZError as error:
-            raise BusError(f"{key_expression} cannot be asked: this bus is closed ({error}).") from error
+            self._expect_open(f"{key_expression} cannot be asked", error)
         return stop
 
     def mark(self, key: str, *, epoch: int, stored: int) -> None:
         """Tell the publisher that all below a number are stored."""
         mark = stream_pb2.StreamMark(epoch=epoch, next=stored)
         try:
-            self._session.put(
+            self._session.current.put(
                 mark_key(key),
                 mark.SerializeToString(),
                 encoding=encoding_of(mark),
@@ -113,4 +115,9 @@ class ReplayClient:
                 priority=zenoh.Priority.INTERACTIVE_HIGH,
             )
         except zenoh.ZError as error:
-            raise BusError(f"{key} cannot be marked: this bus is closed ({error}).") from error
+            self._expect_open(f"{key} cannot be marked", error)
+
+    def _expect_open(self, what: str, error: zenoh.ZError) -> None:
+        """Pass over what the session of a router that is away cannot send: it is asked for again."""
+        if self._session.closed:
+            raise BusError(f"{what}: this bus is closed ({error}).") from error

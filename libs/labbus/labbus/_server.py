@@ -22,6 +22,7 @@ from labbus._faults import FaultError
 from labbus._figures import NO_LABELS, Figures, Labels
 from labbus._liveliness import DEBOUNCE_SECONDS
 from labbus._refusal_log import RefusalLog
+from labbus._rejoining import BusSession, Declaration, Inbox
 from labbus._workers import PATIENCE_SECONDS, WorkerPool
 
 _TICK_SECONDS: Final = 0.1
@@ -45,20 +46,19 @@ class _Route:
 class Served:
     """A key expression that is being served; made by `Bus.serve`, ended by `close`."""
 
-    def __init__(self, server: QueryServer, route: _Route, queryable: zenoh.Queryable[Any]) -> None:
+    def __init__(self, server: QueryServer, route: _Route, inbox: Inbox[Any]) -> None:
         self._server = server
         self._route = route
-        self._queryable = queryable
-        self._untaken = queryable.handler
+        self._inbox = inbox
         self._closed = False
 
     def close(self) -> None:
         """Take no more queries; those that run go on."""
         if not self._closed:
             self._closed = True
-            while (query := self._untaken.try_recv()) is not None:
+            while (query := self._inbox.next_at_once()) is not None:
                 self._server.take(self._route, query)
-            self._queryable.undeclare()
+            self._inbox.undeclare()
             self._server.forget(self, self._route)
 
 
@@ -67,7 +67,7 @@ class QueryServer:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        session: BusSession,
         keys: Keys,
         *,
         service: str,
@@ -87,7 +87,7 @@ class QueryServer:
         self._jobs: dict[QueryJob[Any], _Route] = {}
         self._departures: dict[str, float] = {}
         self._departed: deque[str] = deque(maxlen=_REMEMBERED_DEPARTURES)
-        self._askers: zenoh.Subscriber[None] | None = None
+        self._askers: Declaration[Any] | None = None
         self._closed = False
         self._refusals = RefusalLog()
         self._log = structlog.get_logger("labbus")
@@ -107,8 +107,10 @@ class QueryServer:
     ) -> Served:
         """Answer the queries on a key expression; see `Bus.serve`."""
         if self._askers is None:
-            self._askers = self._session.liveliness().declare_subscriber(
-                self._keys.asking(ANY), zenoh.handlers.Callback(self._on_asker, indirect=False)
+            self._askers = self._session.declare(
+                lambda joined: joined.liveliness().declare_subscriber(
+                    self._keys.asking(ANY), zenoh.handlers.Callback(self._on_asker, indirect=False)
+                )
             )
             threading.Thread(target=self._tick, name="labbus-keep-alive", daemon=True).start()
         # Workers for each key alone: who asks one without end keeps nobody from the others.
@@ -124,19 +126,21 @@ class QueryServer:
         with self._changed:
             self._routes.append(route)
 
-        queryable = self._session.declare_queryable(
-            key_expression,
-            zenoh.handlers.RingChannel(_MOST_UNTAKEN),
-            # Complete: a query goes to one service only, even where two are started by mistake.
-            complete=True,
+        inbox = self._session.receive(
+            lambda joined: joined.declare_queryable(
+                key_expression,
+                zenoh.handlers.RingChannel(_MOST_UNTAKEN),
+                # Complete: a query goes to one service only, even where two are started by mistake.
+                complete=True,
+            )
         )
         threading.Thread(
             target=self._take_all,
-            args=(route, queryable.handler),
+            args=(route, inbox),
             name=f"labbus-take-{request_type.DESCRIPTOR.name}",
             daemon=True,
         ).start()
-        served = Served(self, route, queryable)
+        served = Served(self, route, inbox)
         with self._changed:
             self._served.add(served)
         return served
@@ -181,12 +185,8 @@ class QueryServer:
             query_pb2.FAULT_CODE_UNAVAILABLE, f"The {self._service} ended before it answered {key}; start it again."
         )
 
-    def _take_all(self, route: _Route, untaken: zenoh.handlers.Handler[zenoh.Query]) -> None:
-        while True:
-            try:
-                query = untaken.recv()
-            except zenoh.ZError:
-                return  # It is served no more, or its session is closed.
+    def _take_all(self, route: _Route, inbox: Inbox[Any]) -> None:
+        while (query := inbox.next()) is not None:
             self.take(route, query)
             route.pool.wait_for_room()
 

@@ -12,6 +12,7 @@ from google.protobuf.message import Message
 from labbus._encoding import encode, encoding_of
 from labbus._faults import BusError
 from labbus._figures import Tally
+from labbus._rejoining import BusSession
 from labbus._replay import ReplayServer
 from labbus._spool import Spool
 from labbus._spool_space import SPOOL_BYTES, SpoolSpace
@@ -43,7 +44,7 @@ class StreamPublisher:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        session: BusSession,
         key: str,
         *,
         replays: ReplayServer,
@@ -58,12 +59,15 @@ class StreamPublisher:
         self._largest_bytes = largest_bytes
         self._lock = threading.Lock()
         self._closed = False
-        self._publisher = session.declare_publisher(
-            key,
-            # Not BLOCK: one receiver that is frozen would stop its publisher, and the rig with it.
-            congestion_control=zenoh.CongestionControl.DROP,
-            reliability=zenoh.Reliability.RELIABLE,
-            priority=_PRIORITY,
+        self._session = session
+        self._publisher = session.declare(
+            lambda joined: joined.declare_publisher(
+                key,
+                # Not BLOCK: one receiver that is frozen would stop its publisher, and the rig with it.
+                congestion_control=zenoh.CongestionControl.DROP,
+                reliability=zenoh.Reliability.RELIABLE,
+                priority=_PRIORITY,
+            )
         )
         store = spools.store(key=key, epoch=self.epoch)
         # Those of a process that nobody marks share the space with those that somebody does.
@@ -114,12 +118,20 @@ class StreamPublisher:
                 raise BusError(f"The publisher of {self.key} is closed.")
             # Kept first: whatever anybody received can be asked for again, also of a process that was killed.
             seq = self._spool.append(payload, encoding)
-            try:
-                self._publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
-            except zenoh.ZError as error:
-                raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
+            self._send(payload, encoding=encoding, seq=seq)
             self._published.add(message.DESCRIPTOR.name)
             return seq
+
+    def _send(self, payload: bytes, *, encoding: str, seq: int) -> None:
+        publisher = self._publisher.current
+        if publisher is None:
+            return
+        try:
+            publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
+        except zenoh.ZError as error:
+            # While the router is away nobody receives it: it is asked for afterwards.
+            if self._session.closed:
+                raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
 
     def close(self) -> None:
         """Publish no more. What was put is still sent, and replayed for a while."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from typing import Final, Generic
 
 import structlog
@@ -13,6 +12,7 @@ import zenoh
 
 from labbus._encoding import MessageT
 from labbus._faults import FaultError
+from labbus._rejoining import BusSession
 from labbus._replay_client import ReplayClient
 from labbus._stream_item import StreamItem, read_item
 from labbus._stream_order import StreamProof
@@ -31,7 +31,7 @@ class Subscription(Generic[MessageT]):
 
     def __init__(
         self,
-        session: zenoh.Session,
+        session: BusSession,
         key_expression: str,
         message_type: type[MessageT],
         callback: Callable[[StreamItem[MessageT]], None],
@@ -58,8 +58,9 @@ class Subscription(Generic[MessageT]):
         self._repair: StreamRepair[MessageT] | None = None
         if client is not None:
             self._repair = StreamRepair(client, key_expression, message_type, deliver=self._deliver)
-        self._subscriber = session.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
-        self._waiting = self._subscriber.handler
+        self._inbox = session.receive(
+            lambda joined: joined.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
+        )
         # A daemon: a callback that is stuck must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name=f"labbus-{message_type.DESCRIPTOR.name}", daemon=True)
         self._thread.start()
@@ -110,8 +111,8 @@ class Subscription(Generic[MessageT]):
         free = self._delivering.acquire(timeout=_JOIN_SECONDS)
         try:
             self._closed = True
-            waiting = list(iter(self._waiting.try_recv, None)) if free else []
-            self._subscriber.undeclare()
+            waiting = list(iter(self._inbox.next_at_once, None)) if free else []
+            self._inbox.undeclare()
         finally:
             if free:
                 self._delivering.release()
@@ -132,20 +133,14 @@ class Subscription(Generic[MessageT]):
         return self._repair
 
     def _run(self) -> None:
-        while True:
-            try:
-                sample = self._waiting.recv()
-            except zenoh.ZError:
-                return  # The subscription or its session is closed.
+        while (sample := self._inbox.next()) is not None:
             with self._delivering:
                 if self._closed:
                     self._rest.append(sample)
                     return
                 # Waiting lets go of the interpreter's lock, which costs more than a message: only when none is left.
-                samples = [sample]
-                with suppress(zenoh.ZError):  # Closed meanwhile: what came before is delivered.
-                    samples += itertools.islice(iter(self._waiting.try_recv, None), _MOST_AT_ONCE)
-                self._deliver(self._read_all(samples))
+                more = itertools.islice(iter(self._inbox.next_at_once, None), _MOST_AT_ONCE)
+                self._deliver(self._read_all([sample, *more]))
 
     def _deliver(self, items: Sequence[StreamItem[MessageT]]) -> None:
         """Hand on what may be handed on now that these are here."""

@@ -104,7 +104,7 @@ def test_answer_of_another_type_is_not_taken(lab):
 
 def raw_query(bus, key, **options):
     """Ask as a stranger would: with Zenoh alone."""
-    replies = list(bus._session.get(key, consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0, **options))
+    replies = list(bus._session.current.get(key, consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0, **options))
     assert len(replies) == 1
     assert str(replies[0].err.encoding) == "application/protobuf;duralab.v1.Fault"
     return query_pb2.Fault.FromString(replies[0].err.payload.to_bytes())

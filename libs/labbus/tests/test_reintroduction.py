@@ -4,7 +4,7 @@ import labbus
 
 
 def others(bus):
-    return {str(zid) for zid in bus._session.info.peers_zid()}
+    return {str(zid) for zid in bus._session.current.info.peers_zid()}
 
 
 def test_a_session_joins_for_a_moment_when_a_service_vanishes(hub, processes, until):

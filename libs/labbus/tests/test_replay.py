@@ -42,7 +42,7 @@ def publish(bus, key, count, *, lost=(), **options):
     """Publish blocks of which some are lost on the way; return the publisher, open."""
     publisher = bus.publisher(key, **options)
     time.sleep(0.2)  # The offer to replay is on its way to the receiver.
-    publisher._publisher = LossyLink(publisher._publisher, lost=lost)
+    publisher._publisher.current = LossyLink(publisher._publisher.current, lost=lost)
     for number in range(count):
         publisher.put(rig_pb2.SignalBlock(run=RUN, first_sample=number))
     return publisher
@@ -140,7 +140,7 @@ def test_gap_that_nobody_can_fill_delays_what_follows_but_does_not_keep_it(hub, 
     subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
     # A publisher that keeps nothing and answers nobody, such as a gateway of somebody else.
     encoding = labbus.encoding_of(rig_pb2.SignalBlock)
-    stranger = hub._session.declare_publisher(key)
+    stranger = hub._session.current.declare_publisher(key)
     block = rig_pb2.SignalBlock(run=RUN).SerializeToString()
     until(lambda: stranger.matching_status.matching)
     for seq in (0, 1, 4, 5):
@@ -236,7 +236,7 @@ def test_mark_of_what_was_never_published_frees_nothing(hub, receiver, key, unti
     until(lambda: client.mark(key, epoch=publisher.epoch, stored=1) or publisher.unmarked == 2)
     client.mark(key, epoch=publisher.epoch, stored=2**63)
     client.mark(key, epoch=publisher.epoch + 1, stored=3)
-    receiver._session.put(f"{key}/@mark", b"\xff\xff", encoding="text/plain")
+    receiver._session.current.put(f"{key}/@mark", b"\xff\xff", encoding="text/plain")
     until(lambda: client.mark(key, epoch=publisher.epoch, stored=2) or publisher.unmarked == 1)
 
 
@@ -281,7 +281,9 @@ def test_slow_receiver_gets_everything_and_memory_stays_bounded(hub, receiver, k
 def test_question_that_is_none_is_refused(hub, receiver, key, parameters):
     publish(hub, key, 1)
     replies = list(
-        receiver._session.get(f"{key}/@replay{parameters}", consolidation=zenoh.ConsolidationMode.NONE, timeout=5.0)
+        receiver._session.current.get(
+            f"{key}/@replay{parameters}", consolidation=zenoh.ConsolidationMode.NONE, timeout=5.0
+        )
     )
     assert len(replies) == 1
     fault = query_pb2.Fault.FromString(replies[0].err.payload.to_bytes())

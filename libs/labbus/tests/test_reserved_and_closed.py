@@ -51,13 +51,13 @@ def test_asker_whose_token_flapped_before_its_query_is_not_cancelled(hub):
     hub.serve(key, rig_pb2.StopRequest, handle)
     with labbus.open_bus(labbus.BusConfig(connect=hub.listening), service="asker") as asker:
         asker.discover()
-        tokens = asker._session.liveliness()
+        tokens = asker._session.current.liveliness()
         tokens.declare_token(hub.keys.asking("flapping")).undeclare()
         wait_for(lambda: "flapping" in hub._server._departed)
         token = tokens.declare_token(hub.keys.asking("flapping"))
         wait_for(lambda: "flapping" not in hub._server._departed)
         encoding = labbus.encoding_of(rig_pb2.StopRequest)
-        replies = asker._session.get(
+        replies = asker._session.current.get(
             key, encoding=encoding, attachment="flapping", consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0
         )
         assert [reply.ok is not None for reply in replies] == [True]

@@ -81,12 +81,12 @@ def test_damaged_messages_are_reported_and_the_stream_goes_on(hub):
         (b"", right, b"short", "5 bytes of epoch"),
         (b"", right, None, "0 bytes of epoch"),
     ]:
-        hub._session.put(key, payload, encoding=encoding, attachment=attachment)
+        hub._session.current.put(key, payload, encoding=encoding, attachment=attachment)
         problem = problems.get(timeout=WAIT)
         assert said in problem.message
         assert key in problem.message
         assert problem.code in (query_pb2.FAULT_CODE_INVALID_ARGUMENT, query_pb2.FAULT_CODE_DATA_LOSS)
-    hub._session.put(key, rig_pb2.RigState(rig="r").SerializeToString(), encoding=right, attachment=position)
+    hub._session.current.put(key, rig_pb2.RigState(rig="r").SerializeToString(), encoding=right, attachment=position)
     item = items.get(timeout=WAIT)
     assert (item.key, item.epoch, item.seq, item.message.rig) == (key, 7, 0, "r")
     subscription.close()

@@ -89,7 +89,7 @@ class Lab:
 
     def play(self, campaign, run, *, blocks=None, lost=()):
         publisher = self.bus.publisher(self.bus.keys.rig_signal(campaign.rig, run))
-        publisher._publisher = LossyLink(publisher._publisher, lost=lost)
+        publisher._publisher.current = LossyLink(publisher._publisher.current, lost=lost)
         for block in campaign.blocks(run) if blocks is None else blocks:
             publisher.put(block)
         publisher.close()

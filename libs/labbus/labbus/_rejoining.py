@@ -1,0 +1,250 @@
+"""A Zenoh session, and after its router was away another one in its place.
+
+A router that was frozen finds the old links of its clients broken and their new ones waiting, both at once. Zenoh
+1.10.2 then takes a client that comes back under its old id for the one that it is just letting go: in a trace two of
+three were refused at first, and what the third declared went with its old link. A session that comes back under
+another id is nobody's old one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final, Generic, Protocol, TypeVar
+
+import structlog
+import zenoh
+
+from duralab_proto.v1 import query_pb2
+from labbus._config import BusConfig, BusMode
+from labbus._faults import BusError, FaultError
+from labbus._session import open_session
+
+# Zenoh takes a link up again by itself within 50 ms where the router is there. Longer, and another session does.
+_GRACE_SECONDS: Final = 0.2
+_AGAIN_SECONDS: Final = 0.2
+_CLOSE_SECONDS: Final = 1.0
+
+
+class _Declared(Protocol):
+    def undeclare(self) -> None: ...
+
+
+class _Received(_Declared, Protocol):
+    @property
+    def handler(self) -> Any: ...
+
+
+DeclaredT = TypeVar("DeclaredT", bound=_Declared)
+ReceivedT = TypeVar("ReceivedT", bound=_Received)
+
+
+class Declaration(Generic[DeclaredT]):
+    """What a session has declared, and after it the session in its place; made by `BusSession.declare`."""
+
+    def __init__(self, owner: BusSession, declare: Callable[[zenoh.Session], DeclaredT]) -> None:
+        self._owner = owner
+        self._declare = declare
+        self.current: DeclaredT | None = None
+        """As Zenoh gave it; None as long as the router has been away since it was to be declared."""
+
+    def renew(self, session: zenoh.Session) -> None:
+        """Declare it on a session."""
+        self.current = self._declare(session)
+
+    def undeclare(self) -> None:
+        """Declare it no more."""
+        self._owner.forget(self)
+        if self.current is not None:
+            # With a session that is closed it is gone already.
+            with suppress(zenoh.ZError):
+                self.current.undeclare()
+
+
+class Inbox(Declaration[ReceivedT]):
+    """A declaration to whose channel, of Zenoh's own, something comes; made by `BusSession.receive`."""
+
+    def __init__(self, owner: BusSession, declare: Callable[[zenoh.Session], ReceivedT]) -> None:
+        super().__init__(owner, declare)
+        self._channel: Any = None
+
+    def renew(self, session: zenoh.Session) -> None:
+        """Declare it on a session; what waits in the channel of another one is left there."""
+        super().renew(session)
+        self._channel = None if self.current is None else self.current.handler
+
+    def next(self) -> Any | None:
+        """Wait for the next one, over as many sessions as it takes; None once it is declared no more."""
+        while True:
+            channel = self._channel
+            with suppress(zenoh.ZError):
+                if channel is not None:
+                    return channel.recv()
+            if not self._owner.wait_until(self, lambda channel=channel: self._channel is not channel):
+                return None
+
+    def next_at_once(self) -> Any | None:
+        """Return the next one that is there already; None where there is none."""
+        with suppress(zenoh.ZError):
+            if self._channel is not None:
+                return self._channel.try_recv()
+        return None
+
+
+class BusSession:
+    """The session of a bus: Zenoh's, and for a client another one when its router was away.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open.
+    config : BusConfig
+        How it was opened, and is again.
+    """
+
+    def __init__(self, session: zenoh.Session, config: BusConfig) -> None:
+        self.current = session
+        """Zenoh's session; closed while the router is away."""
+        self.opened = time.monotonic()
+        """When, on the monotonic clock in s, the current one was opened."""
+        self._config = config
+        self._changed = threading.Condition()
+        self._declarations: dict[Declaration[Any], None] = {}
+        self.away = False
+        """Whether its router is away: what is declared now is declared when it is back, and nothing is sent."""
+        self._closed = threading.Event()
+        self._broken = threading.Event()
+        self._log = structlog.get_logger("labbus")
+        if config.mode is BusMode.CLIENT:
+            self._listener = self._listen()
+            threading.Thread(target=self._run, name="labbus-rejoining", daemon=True).start()
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed by its owner, and does not come back."""
+        return self._closed.is_set()
+
+    def expect_router(self, key: str) -> None:
+        """Raise FaultError UNAVAILABLE while the router is away, naming what cannot be asked."""
+        if self.away and not self.closed:
+            raise FaultError(
+                query_pb2.FAULT_CODE_UNAVAILABLE,
+                f"The router at {', '.join(self._config.connect)} is away, so {key} cannot be asked; "
+                "see that it runs, and ask again.",
+            )
+
+    def declare(self, declare: Callable[[zenoh.Session], DeclaredT]) -> Declaration[DeclaredT]:
+        """Declare something on this session and on each that takes its place.
+
+        Parameters
+        ----------
+        declare : callable
+            Given Zenoh's session, declares it there and returns it.
+
+        Returns
+        -------
+        Declaration
+            To be undeclared.
+
+        Raises
+        ------
+        zenoh.ZError
+            The session is closed, or refuses it.
+        """
+        return self._declared(Declaration(self, declare))
+
+    def receive(self, declare: Callable[[zenoh.Session], ReceivedT]) -> Inbox[ReceivedT]:
+        """Declare something with a channel, like `declare`."""
+        return self._declared(Inbox(self, declare))
+
+    def _declared(self, declaration: _AnyDeclaration) -> _AnyDeclaration:
+        with self._changed:
+            if not self.away:
+                declaration.renew(self.current)
+            self._declarations[declaration] = None
+        return declaration
+
+    def forget(self, declaration: Declaration[Any]) -> None:
+        """Declare something no more on what takes this session's place."""
+        with self._changed:
+            self._declarations.pop(declaration, None)
+            self._changed.notify_all()
+
+    def wait_until(self, declaration: Declaration[Any], changed: Callable[[], bool]) -> bool:
+        """Wait until something has changed; return False once the declaration is forgotten, or the session closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: changed() or declaration not in self._declarations or self.closed)
+            return changed()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        with self._changed:
+            self._closed.set()
+            self._changed.notify_all()
+        self._broken.set()
+        self._close_current()
+
+    def _close_current(self) -> None:
+        # Closing waits for Zenoh's own threads; a stuck link must not keep anybody from going on.
+        closing = threading.Thread(target=self.current.close, name="labbus-close", daemon=True)
+        closing.start()
+        closing.join(_CLOSE_SECONDS)
+
+    def _listen(self) -> zenoh.TransportEventsListener[None]:
+        def note(event: zenoh.TransportEvent) -> None:
+            if event.kind == zenoh.SampleKind.DELETE:
+                self._broken.set()
+
+        return self.current.info.declare_transport_events_listener(zenoh.handlers.Callback(note, indirect=False))
+
+    def _run(self) -> None:
+        while True:
+            self._broken.wait()
+            if self._closed.wait(_GRACE_SECONDS):
+                return
+            self._broken.clear()
+            if not self.current.info.transports():
+                self._rejoin()
+
+    def _rejoin(self) -> None:
+        self._log.warning("The router is away.", endpoints=list(self._config.connect))
+        with self._changed:
+            self.away = True
+        # First, so that it does not come back as well.
+        self._close_current()
+        session = self._opened_again()
+        if session is None:
+            return
+        with self._changed:
+            self.current, self.opened, self.away = session, time.monotonic(), False
+            self._listener = self._listen()
+            for declaration in self._declarations:
+                self._renew(declaration)
+            self._changed.notify_all()
+        if self.closed:
+            self._close_current()
+            return
+        self._log.warning("The router is back.", declarations=len(self._declarations))
+
+    def _opened_again(self) -> zenoh.Session | None:
+        told = ""
+        while not self._closed.wait(_AGAIN_SECONDS):
+            try:
+                return open_session(self._config)[0]
+            except BusError as error:
+                if str(error) != told:
+                    told = str(error)
+                    self._log.warning("The router is still away.", reason=told)
+        return None
+
+    def _renew(self, declaration: Declaration[Any]) -> None:
+        try:
+            declaration.renew(self.current)
+        except zenoh.ZError as error:
+            # Its link is gone once more, which is noticed by itself.
+            self._log.warning("A declaration was not taken.", reason=str(error))
+
+
+_AnyDeclaration = TypeVar("_AnyDeclaration", bound=Declaration[Any])
