@@ -6,6 +6,7 @@ units.
 """
 
 from spectra.band import band_mask, limit_band
+from spectra.block_spectra import NotFiniteError
 from spectra.blocks import count_blocks, hop_samples, independent_averages
 from spectra.filtering import centred_impulse_response, filter_whole_record, interpolate_frf, overlap_save
 from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
@@ -20,7 +21,7 @@ from spectra.metrics import (
     rms_response,
 )
 from spectra.noise_floor import noise_floor
-from spectra.records import as_record, require_sample_rate
+from spectra.records import as_record, require_sample_rate, shaped_record
 from spectra.running_spectra import CrossSpectra, SpectraEstimate
 from spectra.welch import auto_spectra, cross_spectra, paired_spectra
 from spectra.windows import hann_periodic
@@ -28,6 +29,7 @@ from spectra.windows import hann_periodic
 __all__ = [
     "LARGEST_CONDITION",
     "CrossSpectra",
+    "NotFiniteError",
     "SpectraEstimate",
     "as_frf",
     "as_record",
@@ -55,5 +57,6 @@ __all__ = [
     "require_sample_rate",
     "rms",
     "rms_response",
+    "shaped_record",
     "smooth_lines",
 ]

@@ -18,7 +18,7 @@ from identifier.estimators.smoothing_check import smoothing_warnings
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Layout, Window
-from spectra import as_record
+from spectra import NotFiniteError, as_record, shaped_record
 
 _LOCAL = (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
 
@@ -104,17 +104,32 @@ class Estimation:
         Raises
         ------
         ValueError
-            Where the shapes do not agree, a value is not finite, or the record is longer than its layout.
+            Where the shapes do not agree, a value is not finite, or the record is longer than its layout; begin anew
+            with the whole record then.
         """
-        inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
+        inputs, outputs = shaped_record(drive, name="drive"), shaped_record(response, name="response")
         _require_same_length(inputs, outputs)
-        for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
-            self._drive_check.add(inputs[:, piece])
-            self._response_check.add(outputs[:, piece])
+        try:
+            self._check(inputs, outputs)
+        except NotFiniteError:
+            # They say which value.
+            as_record(inputs, name="drive")
+            as_record(outputs, name="response")
+            raise
         self._spectral.add(inputs, outputs)
         if self._local is not None:
             self._local.add(inputs, outputs)
         self._periodicity.add(outputs)
+
+    def _check(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
+        """Look at every value once: what is used through its extremes, the delay blocks and fades between by itself."""
+        seen = 0
+        for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
+            _require_finite(inputs[:, seen : piece.start], outputs[:, seen : piece.start])
+            self._drive_check.add(inputs[:, piece])
+            self._response_check.add(outputs[:, piece])
+            seen = piece.stop
+        _require_finite(inputs[:, seen:], outputs[:, seen:])
 
     def estimate(self) -> FrfEstimate:
         """Return the estimate from the whole record.
@@ -185,6 +200,11 @@ def estimate(
     )
     running.add(inputs, outputs)
     return running.estimate()
+
+
+def _require_finite(*records: NDArray[np.float64]) -> None:
+    if not all(np.isfinite(record).all() for record in records):
+        raise NotFiniteError
 
 
 def _require_same_length(drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
+from spectra import NotFiniteError
 
 SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
@@ -41,10 +42,12 @@ class ChannelCheck:
         Parameters
         ----------
         samples
-            Shape (channels, samples), a record: finite.
+            Shape (channels, samples), a record.
 
         Raises
         ------
+        NotFiniteError
+            Where a value is not finite: which one, `spectra.as_record` says.
         ValueError
             Where a magnitude is beyond what can be computed with.
         """
@@ -55,6 +58,8 @@ class ChannelCheck:
             ]
             extremes = [(part.max(), -part.min()) for part in parts]
             highest, lowest = np.max(extremes, axis=0)
+            if not (np.isfinite(highest) and np.isfinite(lowest)):
+                raise NotFiniteError
             largest[row] = max(highest, lowest)
             self._tops.add(row, parts, [top for top, _ in extremes])
             self._bottoms.add(row, parts, [bottom for _, bottom in extremes])
