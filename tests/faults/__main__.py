@@ -12,11 +12,13 @@ import tempfile
 import time
 from pathlib import Path
 
+from duralab_proto.keys import Keys
+
 from .disturbed_campaign import Round
 from .fault_kinds import FAULTS, FULL, SHORT
 from .fault_table import soak_table, table, tally_table, write_figures
 from .lab_under_fault import LabUnderFault
-from .malformed_queries import send_to_lab
+from .malformed_queries import query_keys, send_to_lab
 from .reference import make_reference
 from .rounds import perform_all
 from .soak import soak
@@ -38,6 +40,15 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--rounds", type=int, default=20, help="of each fault (20)")
     parser.add_argument("--seed", type=int, default=1, help="decides all moments, durations and messages (1)")
     parser.add_argument("--messages", type=int, default=1000, help="malformed queries of each kind to each key (1000)")
+    keys = [key.name for key in query_keys(Keys())]
+    parser.add_argument(
+        "--key",
+        action="append",
+        choices=keys,
+        default=[],
+        metavar="NAME",
+        help=f"malformed queries to these keys only: {', '.join(keys)}",
+    )
     parser.add_argument("--soak", type=float, default=None, metavar="MINUTES", help="30 where no fault is named")
     parser.add_argument("--short", action="store_true", help="faults of up to 3 s in place of 60 s")
     parser.add_argument("--out", type=Path, default=Path("out/faults.json"), help="where the figures go")
@@ -77,7 +88,9 @@ def main() -> int:
         tallies = None
         if MALFORMED_QUERIES in wanted:
             with LabUnderFault(folder / "malformed_queries") as lab:
-                tallies = send_to_lab(lab, reference, seed=options.seed, each=options.messages, tell=_say)
+                tallies = send_to_lab(
+                    lab, reference, seed=options.seed, each=options.messages, only=options.key, tell=_say
+                )
         long_run = soak(reference, folder / "soak", minutes=minutes) if minutes > 0 else None
     write_figures(options.out, results, seed=options.seed, tallies=tallies, soak=long_run)
     _say(f"\n{table(results)}")

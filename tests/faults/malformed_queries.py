@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -78,12 +78,23 @@ def _silent(_progress: str) -> None:
     """Say nothing."""
 
 
+def query_keys(keys: Keys) -> list[ContractKey]:
+    """Return the keys that are asked."""
+    return [key for key in contract_keys(keys) if not key.stream]
+
+
 def send_malformed(
-    target: Target, reference: Reference, *, seed: int, each: int, tell: Callable[[str], None] = _silent
+    target: Target,
+    reference: Reference,
+    *,
+    seed: int,
+    each: int,
+    only: Collection[str] = (),
+    tell: Callable[[str], None] = _silent,
 ) -> dict[str, Tally]:
     """Ask every key so many malformed questions of each kind; the services are asked side by side.
 
-    `tell` is called when all of a key's are answered.
+    `only` are names of keys, all where there is none; `tell` is called when all of a key's are answered.
 
     Returns
     -------
@@ -91,8 +102,8 @@ def send_malformed(
         What became of them, by service.
     """
     queries: dict[str, list[ContractKey]] = {}
-    for key in contract_keys(target.keys):
-        if not key.stream:
+    for key in query_keys(target.keys):
+        if not only or key.name in only:
             service = _path(key, target).split("/")[3]
             # The health of the rigs is asked here.
             queries.setdefault("rig" if service == "health" else service, []).append(key)
@@ -220,7 +231,13 @@ def _sound(key: str, message: Message) -> Query:
 
 
 def send_to_lab(
-    lab: LabUnderFault, reference: Reference, *, seed: int, each: int, tell: Callable[[str], None] = _silent
+    lab: LabUnderFault,
+    reference: Reference,
+    *,
+    seed: int,
+    each: int,
+    only: Collection[str] = (),
+    tell: Callable[[str], None] = _silent,
 ) -> dict[str, Tally]:
     """Send the malformed queries to a lab that then still gives the bytes of the undisturbed campaign.
 
@@ -233,9 +250,9 @@ def send_to_lab(
     Operator(lab, _of_one_playback(reference), before).perform(lambda _stack: "", moment=0.0)
     target = _target(lab, before.recordings[0])
     # Once to warm up: buffers for the largest messages, and the models and campaigns that are kept.
-    send_malformed(target, reference, seed=seed + 1, each=max(1, each // 10))
+    send_malformed(target, reference, seed=seed + 1, each=max(1, each // 10), only=only)
     resident = lab.resident_mebibytes()
-    tallies = send_malformed(target, reference, seed=seed, each=each, tell=tell)
+    tallies = send_malformed(target, reference, seed=seed, each=each, only=only, tell=tell)
     whole = tallies["lab"] = Tally()
     for name, size in lab.resident_mebibytes().items():
         if size - resident[name] > GROWTH_MEBIBYTES:

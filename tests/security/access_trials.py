@@ -24,6 +24,9 @@ _POLL_SECONDS = 0.05
 _LONGEST_SECONDS = 20.0
 # What has not come when everything that is allowed has come, and this long after, does not come.
 _GRACE_SECONDS = 0.5
+# Both may see every token of the table; and the name of one that is there throughout.
+_WATCHERS = (Role.RIG, Role.RECORDER)
+_MARKER = "marker"
 
 
 @dataclass(frozen=True)
@@ -222,6 +225,7 @@ def _try_liveliness(trying: Sessions, partners: Sessions, keys: Keys, expected: 
     came: set[Trial] = set()
     rows = [(row, key) for row, key in trial_keys(keys) if row.kind is KeyKind.LIVELINESS]
     held = sorted({key for _, key in rows})
+    marker = partners[Role.ITERATOR].liveliness().declare_token(keys.asking(_MARKER))
     for role in Role:
         # One role after the other: a token does not say whose it is. One that comes back at once under the same name
         # was never gone for who watches: each has a name of its own, where the key has one.
@@ -230,13 +234,16 @@ def _try_liveliness(trying: Sessions, partners: Sessions, keys: Keys, expected: 
         watches = [
             partners[watcher].liveliness().declare_subscriber(own[key], _noting(Trial(role, Operation.HOLD, key), seen))
             for key in held
-            for watcher in (Role.RIG, Role.RECORDER)
+            for watcher in _WATCHERS
         ]
+        for watcher in _WATCHERS:
+            _wait_until_watching(partners[watcher], keys.asking(_MARKER))
         tokens = [trying[role].liveliness().declare_token(own[key]) for key in held]
         mine = {trial for trial in expected if trial.role is role and trial.operation is Operation.HOLD}
         came |= seen.after(mine)
         for each in [*watches, *tokens]:
             each.undeclare()
+    marker.undeclare()
     seen = _Seen()
     tokens = [partners[owner].liveliness().declare_token(key) for row, key in rows for owner in row.owners[:1]]
     watches = [
@@ -250,6 +257,14 @@ def _try_liveliness(trying: Sessions, partners: Sessions, keys: Keys, expected: 
     for each in [*watches, *tokens]:
         each.undeclare()
     return came
+
+
+def _wait_until_watching(session: zenoh.Session, marker: str) -> None:
+    """Wait until the router knows of all that a session watches: it hears of it in order, and of this one last."""
+    told = threading.Event()
+    watch = session.liveliness().declare_subscriber(marker, lambda _: told.set(), history=True)
+    assert told.wait(_LONGEST_SECONDS)
+    watch.undeclare()
 
 
 def token_key(key: str, role: Role) -> str:
