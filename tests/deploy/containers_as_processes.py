@@ -66,7 +66,9 @@ class ContainersAsProcesses:
             process.wait()
             if process.stdin is not None:
                 process.stdin.close()
+        left = subprocess.run(["ip", "netns", "pids", self._network], capture_output=True, text=True, check=True).stdout
         subprocess.run(["ip", "netns", "delete", self._network], check=True)
+        assert not left.split(), f"The processes {left.split()} outlived their containers."
 
     def start(self, name: str) -> None:
         """Start a container's command."""
@@ -143,7 +145,8 @@ class ContainersAsProcesses:
         # What stands in the image at /opt/duralab stands here in the environment that runs the tests.
         programs = Path(sys.prefix) / "bin"
         viewer = next(Path(sys.prefix).glob("lib/python*/site-packages/rerun_cli"))
-        own["PATH"] = f"{programs}:{viewer}:/usr/local/bin:/usr/bin:/bin"
+        # The viewer's image holds the program alone, not the script around it, which would leave it behind when it ends.
+        own["PATH"] = f"{viewer}:{programs}:/usr/local/bin:/usr/bin:/bin"
         if "XDG_CONFIG_HOME" in own:
             own["XDG_CONFIG_HOME"] = str(self._folder)
         own |= container.environment
