@@ -145,7 +145,7 @@ class ContainersAsProcesses:
         # What stands in the image at /opt/duralab stands here in the environment that runs the tests.
         programs = Path(sys.prefix) / "bin"
         viewer = next(Path(sys.prefix).glob("lib/python*/site-packages/rerun_cli"))
-        # The viewer's image holds the program alone, not the script around it, which would leave it behind when it ends.
+        # As in its image, the viewer is the program, not the script around it: that leaves it behind when killed.
         own["PATH"] = f"{viewer}:{programs}:/usr/local/bin:/usr/bin:/bin"
         if "XDG_CONFIG_HOME" in own:
             own["XDG_CONFIG_HOME"] = str(self._folder)
