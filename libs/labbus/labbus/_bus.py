@@ -149,6 +149,7 @@ class Bus:
             This bus is closed.
         """
         self._permission.expect(Operation.ASK, key)
+        session = self._session.current
         try:
             return self._client.query(
                 key,
@@ -159,7 +160,7 @@ class Bus:
                 cancel=cancel,
             )
         except zenoh.ZError as error:
-            self._session.expect_router(key)
+            self._session.expect_router(key, session)
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
     def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
