@@ -6,12 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
 import rerun as rr
 
 from duralab_proto.v1 import array_pb2
 from recorder.live_series import LIMIT_COLOUR, RUN_TIME, Group, channel_path
 
 _NAMES: Final = ("lower limit", "upper limit")
+# A viewer draws no line to a point outside of the stretch that it shows.
+_SPACING_SECONDS: Final = 1.0
 
 
 class DriveLimits:
@@ -37,9 +40,10 @@ class DriveLimits:
     def reach(self, end: float) -> None:
         """Lengthen the lines to a time of the run, in seconds; they are never shortened."""
         if end > self._end:
+            between = np.arange(self._end + _SPACING_SECONDS, end, _SPACING_SECONDS)
             self._end = end
             for drive in self._drives:
-                self._send(drive, [end])
+                self._send(drive, [*between, end])
 
     def _send(self, drive: array_pb2.Channel, times: Sequence[float]) -> None:
         limits = [drive.minimum, drive.maximum] * len(times)

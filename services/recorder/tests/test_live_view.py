@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import socket
 import subprocess
 import time
@@ -9,11 +10,12 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from duralab_proto.v1 import iterator_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
 from recorder import rebuild_view
+from recorder.live_limits import DriveLimits
 from recorder.live_rig import LINE_COLOURS, ROLE_COLOURS
 from recorder.live_series import CHANNEL_COLOURS, LATEST_COLOUR
-from recorder.live_stream import close_stream
+from recorder.live_stream import close_stream, open_stream
 from recorder.live_view import LiveView
 from recorder.live_views import LiveViews
 
@@ -91,6 +93,19 @@ def test_the_file_is_whole_and_holds_every_curve(live_file, rerun_program, viewe
         "/campaign/status",
     ):
         assert entity in printed, entity
+
+
+def test_limits_have_a_point_in_each_second_however_long_the_pieces(tmp_path, rerun_program, viewer_environment):
+    path = tmp_path / "limits.rrd"
+    opened = open_stream("demo", file=path, viewer=None)
+    limits = DriveLimits(opened.stream, [array_pb2.Channel(name="left", unit="m", minimum=-1.0, maximum=1.0)])
+    for end in (30.0, 45.5, 40.0):
+        limits.reach(end)
+    close_stream(opened.stream)
+    printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", path)
+    rows = [int(count) for count in re.findall(r"with (\d+) rows .* - /drive/left/0\\ limits", printed)]
+    # The style, the begin, 1 to 30 s, 31 to 45 s and the end.
+    assert sum(rows) == 1 + 1 + 30 + 15 + 1
 
 
 def test_a_viewer_that_is_not_there_costs_the_file_nothing(tmp_path, campaign):
