@@ -198,8 +198,9 @@ class Performance:
 
         `trouble` is what the rig itself found, empty where it was stopped or its commander went.
         """
-        # Where it was stopped, it is latched already, and the first reason stays.
-        self._latch(trouble or COMMANDER_GONE)
+        # Where it was stopped, it is latched already; a reset that waits for the rest is to find no other trip.
+        if trouble or not self._interlock.wait_for_stop(0.0):
+            self._latch(trouble or COMMANDER_GONE)
         reason = self._interlock.state().reason
         if publish is not None:
             publish.flush(last=False)

@@ -14,6 +14,7 @@ from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
+from rig_sim.interlock import Interlock
 from rig_sim.service import SERVICE, RigServer
 from rig_sim.watchdogs import WatchdogLimits, set_up_watchdogs
 
@@ -335,6 +336,30 @@ def test_until_it_rests_an_interlocked_rig_has_a_run(client):
     ]
     assert latched[-2:] == ["goes_down", ""]
     assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_stop_while_a_reset_waits_for_the_rest_keeps_the_rig_latched(client, monkeypatch):
+    client.stop("first")
+    rest = Interlock.wait_for_rest
+
+    def meanwhile(interlock):
+        monkeypatch.undo()
+        client.server.stop("somebody is in the cell")
+        return rest(interlock)
+
+    monkeypatch.setattr(Interlock, "wait_for_rest", meanwhile)
+    with pytest.raises(labbus.FaultError, match=r"again while its reset waited \(somebody is in the cell\)") as caught:
+        client.reset()
+    assert caught.value.code_name == "FAILED_PRECONDITION"
+    assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_reset_on_the_way_down_clears_the_stop_it_was_asked_for(client):
+    thread = in_background(client, "reset_early", wave(60.0), real_time=True)
+    client.server.stop("enough")
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+    thread.join(WAIT)
 
 
 def test_a_paced_playback_has_the_same_bytes_and_blocks(client):
