@@ -70,7 +70,7 @@ class Performance:
         ------
         FaultError
             CANCELLED where it was stopped or its commander went, FAILED_PRECONDITION where a watchdog tripped or the
-            rig failed. The rig is latched then.
+            rig failed before the drive's end. The rig is latched then.
         """
         playback = self._rig.playback(drive, seed=request.seed)
         rate = self._rig.specimen.sample_rate
@@ -162,11 +162,15 @@ class Performance:
         self._interlock.fraction = 1.0
         self._interlock.enter(rig_pb2.RIG_MODE_RAMPING_DOWN)
         self._tell_state()
-        for block in playback.ramp_down():
-            time.sleep(clock.ahead(block))
-            if (trip := self._watch(block)) is not None:
-                self._latch(trip.sentence)
-            call.progress("ramping down", 1.0, detail=run)
+        try:
+            for block in playback.ramp_down():
+                time.sleep(clock.ahead(block))
+                if (trip := self._watch(block)) is not None:
+                    self._latch(trip.sentence)
+                call.progress("ramping down", 1.0, detail=run)
+        except RigFaultError as error:
+            self._latch(str(error).rstrip("."))
+            self._log.warning("failed on its way to rest", run=run, reason=str(error))
 
     def _lack_of_room(self, publisher: StreamPublisher, call: Call, *, wait: bool) -> str:
         """Wait until what is played next can be kept for the recorder; return why it cannot, or an empty text.

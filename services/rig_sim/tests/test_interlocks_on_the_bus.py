@@ -15,6 +15,7 @@ from duralab_proto.v1 import rig_pb2
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
 from rig_sim.interlock import Interlock
+from rig_sim.player import Playback, RigFaultError
 from rig_sim.service import SERVICE, RigServer
 from rig_sim.watchdogs import WatchdogLimits, set_up_watchdogs
 
@@ -322,6 +323,20 @@ def test_the_state_says_settling_playing_ramping_down_and_idle(client):
     # The stream is the drive's own samples, no ramp.
     np.testing.assert_array_equal(client.drive_of("offset"), drive)
     assert result.response.samples.shape == [6, 300]
+
+
+def test_a_rig_that_fails_on_its_way_to_rest_latches_and_answers_with_all_that_was_measured(client, monkeypatch):
+    def ramp_down(_playback):
+        yield from ()
+        raise RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+
+    monkeypatch.setattr(Playback, "ramp_down", ramp_down)
+    result = client.play("fails_late", wave(0.3) + 0.01)
+    assert (result.blocks, result.response.samples.shape) == (3, [6, 300])
+    state = client.state()
+    assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert state.reason == "the piston of left_vertical met its end stop; lower the drive"
+    client.reset()
 
 
 def test_until_it_rests_an_interlocked_rig_has_a_run(client):
