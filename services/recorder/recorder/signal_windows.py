@@ -189,15 +189,22 @@ def _blocks(
     """Return the blocks that cover the window, and its first sample and the one after its last."""
     begin = min(_read(places[0]), key=lambda block: block.first_sample)
     rate, size = begin.sample_rate, begin.response.shape[-1]
-    first = math.floor(request.first_second * rate + 0.5)
-    last = first + max(1, math.floor(request.seconds * rate + 0.5))
-    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
-    if (last - first) * row_bytes > LARGEST_WINDOW_BYTES:
+    if not math.isfinite(request.first_second * rate):
         raise invalid(
-            f"seconds is {request.seconds:g}, {(last - first) * row_bytes} bytes; at most {LARGEST_WINDOW_BYTES} are "
+            f"first_second is {request.first_second:g}, beyond any sample of {rate:g} Hz; give a time within the run.",
+            field="first_second",
+        )
+    first = math.floor(request.first_second * rate + 0.5)
+    # Compared before it is made whole: the product may be infinite.
+    samples = max(request.seconds * rate, 1.0)
+    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
+    if samples * row_bytes > LARGEST_WINDOW_BYTES:
+        raise invalid(
+            f"seconds is {request.seconds:g}, {samples * row_bytes:.9g} bytes; at most {LARGEST_WINDOW_BYTES} are "
             "answered at once.",
             field="seconds",
         )
+    last = first + math.floor(samples + 0.5)
     # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
     likely: list[_Place] = []
     before = 0
