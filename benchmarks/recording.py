@@ -19,8 +19,9 @@ from duralab_proto.v1 import array_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import verify
+from recorder.file_index import forget_indexes
 from recorder.recording_files import files_of
-from recorder.signal_windows import forget_indexes, read_window
+from recorder.signal_windows import read_window
 from recorder.step_types import Step, decode_step
 
 CHANNELS, SAMPLE_RATE, BLOCK = 8, 2000.0, 100

@@ -116,6 +116,11 @@ class LabRigs:
         -------
         RigState
             After the reset.
+
+        Raises
+        ------
+        LabError
+            It is not there, does not come to rest, or was stopped again while the reset waited.
         """
         return reset_rig(self._ask, rig)
 

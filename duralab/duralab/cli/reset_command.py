@@ -18,7 +18,7 @@ def reset(rig: str, *, endpoint: str | None, as_json: bool) -> None:
     Raises
     ------
     LabError
-        The rig is not there, or does not come to rest.
+        The rig is not there, does not come to rest, or was stopped again meanwhile.
     """
     with join_bus(endpoint_of_lab(endpoint)) as bus:
         try:

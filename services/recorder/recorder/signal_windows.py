@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, ChunkIndex, Message
-from mcap.stream_reader import breakup_chunk
-from mcap.summary import Summary
+from mcap.records import Channel, ChunkIndex
 
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
+from recorder.file_index import count_messages, index_of, messages_of
 from recorder.mcap_damage import DAMAGE
 from recorder.mcap_ending import is_finished
 from recorder.recording_content import EPOCH, STEP_TOPIC
@@ -26,11 +21,6 @@ from recorder.recording_files import files_of
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
-
-_RECORD_HEAD: Final = struct.Struct("<BQ")
-# Of a message index: channel and the length of its entries, 16 bytes each.
-_INDEX_HEAD: Final = struct.Struct("<BQHI")
-_INDEX_ENTRY_BYTES: Final = 16
 
 
 @dataclass(frozen=True)
@@ -120,34 +110,18 @@ class _Channels:
         )
 
 
-def index_of(path: Path) -> Summary:
-    """Return the index of a file; that of a file that is not finished is empty."""
-    status = path.stat()
-    return _index(path, status.st_size, status.st_mtime_ns)
-
-
-@lru_cache(maxsize=16)
-def _index(path: Path, size: int, changed: int) -> Summary:
-    del size, changed  # They are the cache's key: another file of that name has others.
-    if not is_finished(path):
-        return Summary()
-    with path.open("rb") as stream:
-        return SeekingReader(stream).get_summary() or Summary()
-
-
-def forget_indexes() -> None:
-    """Read every index again, as a process that has just begun does."""
-    _index.cache_clear()
+def _finished_files(folder: Path, name: str) -> list[Path]:
+    return [path for path in files_of(folder, name) if is_finished(path)]
 
 
 def _description(folder: Path, name: str) -> rig_pb2.RigDescription:
     topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
-    for path in files_of(folder, name):
+    for path in _finished_files(folder, name):
         summary = index_of(path)
         wanted = {id for id, channel in summary.channels.items() if channel.topic == topic}
         for chunk in summary.chunk_indexes:
             for id in wanted & chunk.message_index_offsets.keys():
-                return rig_pb2.RigDescription.FromString(_messages(path, chunk, id)[0])
+                return rig_pb2.RigDescription.FromString(messages_of(path, chunk, {id})[0].data)
     raise RefusedError(
         query_pb2.FAULT_CODE_NOT_FOUND, f"Recording {name!r} holds no description of its rig.", field="recording"
     )
@@ -155,7 +129,7 @@ def _description(folder: Path, name: str) -> rig_pb2.RigDescription:
 
 def _places(folder: Path, name: str, run: str) -> Iterator[tuple[int, _Place]]:
     """Yield epoch and place of every chunk that holds blocks of the run, in the order they were written."""
-    for path in files_of(folder, name):
+    for path in _finished_files(folder, name):
         summary = index_of(path)
         wanted = {id: channel for id, channel in summary.channels.items() if _is_of_run(channel, run)}
         if not wanted:
@@ -163,18 +137,12 @@ def _places(folder: Path, name: str, run: str) -> Iterator[tuple[int, _Place]]:
         with path.open("rb") as stream:
             for chunk in summary.chunk_indexes:
                 for id in wanted.keys() & chunk.message_index_offsets.keys():
-                    count = _entries(stream, chunk.message_index_offsets[id])
+                    count = count_messages(stream, chunk, id)
                     yield int(wanted[id].metadata[EPOCH]), _Place(path, chunk, id, count)
 
 
 def _is_of_run(channel: Channel, run: str) -> bool:
     return channel.topic.endswith(f"/signal/{run}") and EPOCH in channel.metadata
-
-
-def _entries(stream: IO[bytes], offset: int) -> int:
-    stream.seek(offset)
-    _, _, _, length = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
-    return length // _INDEX_ENTRY_BYTES
 
 
 def _newest_epoch(places: list[tuple[int, _Place]]) -> list[_Place]:
@@ -189,15 +157,22 @@ def _blocks(
     """Return the blocks that cover the window, and its first sample and the one after its last."""
     begin = min(_read(places[0]), key=lambda block: block.first_sample)
     rate, size = begin.sample_rate, begin.response.shape[-1]
-    first = math.floor(request.first_second * rate + 0.5)
-    last = first + max(1, math.floor(request.seconds * rate + 0.5))
-    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
-    if (last - first) * row_bytes > LARGEST_WINDOW_BYTES:
+    if not math.isfinite(request.first_second * rate):
         raise invalid(
-            f"seconds is {request.seconds:g}, {(last - first) * row_bytes} bytes; at most {LARGEST_WINDOW_BYTES} are "
+            f"first_second is {request.first_second:g}, beyond any sample of {rate:g} Hz; give a time within the run.",
+            field="first_second",
+        )
+    first = math.floor(request.first_second * rate + 0.5)
+    # Compared before it is made whole: the product may be infinite.
+    samples = max(request.seconds * rate, 1.0)
+    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
+    if samples * row_bytes > LARGEST_WINDOW_BYTES:
+        raise invalid(
+            f"seconds is {request.seconds:g}, {samples * row_bytes:.9g} bytes; at most {LARGEST_WINDOW_BYTES} are "
             "answered at once.",
             field="seconds",
         )
+    last = first + math.floor(samples + 0.5)
     # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
     likely: list[_Place] = []
     before = 0
@@ -237,14 +212,8 @@ def _covers(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> bool:
 
 
 def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
-    return [rig_pb2.SignalBlock.FromString(data) for data in _messages(place.path, place.chunk, place.channel)]
-
-
-def _messages(path: Path, chunk: ChunkIndex, channel: int) -> list[bytes]:
-    with path.open("rb") as stream:
-        stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
-        records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    return [record.data for record in records if isinstance(record, Message) and record.channel_id == channel]
+    messages = messages_of(place.path, place.chunk, {place.channel})
+    return [rig_pb2.SignalBlock.FromString(message.data) for message in messages]
 
 
 def _joined(

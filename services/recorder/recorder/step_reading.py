@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mcap.reader import SeekingReader
-from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.records import ChunkIndex, Message
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
+from recorder.file_index import count_messages, index_of, messages_of
 from recorder.mcap_damage import DAMAGE
-from recorder.mcap_ending import is_finished, scan
 from recorder.recording_content import STEP_TOPIC
 from recorder.refused import RefusedError, invalid
 
@@ -44,63 +44,63 @@ def read_steps(
     RefusedError
         INVALID_ARGUMENT where there is no such step, DATA_LOSS where a file is damaged.
     """
-    answer = recorder_pb2.RecordedSteps()
     name = files[0].stem
-    room, full = LARGEST_ANSWER, False
     try:
-        for number, step in enumerate(_steps(files)):
-            if number == written:
-                break
+        places = list(_places(files))
+        there = sum(place.count for place in places)
+        if written is not None and there < written:
+            raise _damaged(name, f"it ends after {there} of {written} steps")
+        answer = recorder_pb2.RecordedSteps(total=there if written is None else written)
+        if request.first > answer.total:
+            raise invalid(
+                f"first is {request.first}; recording {name!r} has {answer.total} steps, from 0.", field="first"
+            )
+        room = LARGEST_ANSWER
+        for number, step in _steps(places, first=request.first):
             if step.step != number:
                 raise _damaged(name, f"step {number} is missing, though step {step.step} is there")
-            answer.total = number + 1
-            size = len(step.payload)
-            full = full or (bool(answer.steps) and size > room)
-            if number >= request.first and not full:
-                answer.steps.append(step)
-                room -= size
+            if number == answer.total or (answer.steps and len(step.payload) > room):
+                break
+            answer.steps.append(step)
+            room -= len(step.payload)
     except DAMAGE as error:
         raise _damaged(name, str(error).rstrip(".") or type(error).__name__) from error
-    if written is not None and answer.total < written:
-        raise _damaged(name, f"it ends after {answer.total} of {written} steps")
-    if request.first > answer.total:
-        raise invalid(f"first is {request.first}; recording {name!r} has {answer.total} steps, from 0.", field="first")
     return answer
 
 
-def _steps(files: Sequence[Path]) -> Iterator[recorder_pb2.RecordedStep]:
+@dataclass(frozen=True)
+class _Place:
+    """A chunk that holds `count` steps: where, and the full name of the message on each of its channels of steps."""
+
+    path: Path
+    chunk: ChunkIndex
+    types: dict[int, str]
+    count: int
+
+
+def _places(files: Sequence[Path]) -> Iterator[_Place]:
     for path in files:
-        yield from _indexed(path) if is_finished(path) else _scanned(path)
+        summary = index_of(path)
+        types = {
+            channel.id: summary.schemas[channel.schema_id].name
+            for channel in summary.channels.values()
+            if channel.topic.startswith(STEP_TOPIC)
+        }
+        with path.open("rb") as stream:
+            for chunk in summary.chunk_indexes:
+                here = {id: types[id] for id in chunk.message_index_offsets if id in types}
+                yield _Place(path, chunk, here, sum(count_messages(stream, chunk, id) for id in here))
 
 
-def _indexed(path: Path) -> Iterator[recorder_pb2.RecordedStep]:
-    with path.open("rb") as stream:
-        reader = SeekingReader(stream, validate_crcs=True)
-        summary = reader.get_summary()
-        channels = {} if summary is None else summary.channels
-        topics = [channel.topic for channel in channels.values() if channel.topic.startswith(STEP_TOPIC)]
-        if not topics:
-            return
-        for schema, _, message in reader.iter_messages(topics=topics, log_time_order=False):
-            yield _step(message, "" if schema is None else schema.name)
-
-
-def _scanned(path: Path) -> list[recorder_pb2.RecordedStep]:
-    schemas: dict[int, str] = {}
-    channels: dict[int, Channel] = {}
-    found: list[recorder_pb2.RecordedStep] = []
-
-    def take(record: McapRecord) -> None:
-        match record:
-            case Schema():
-                schemas[record.id] = record.name
-            case Channel():
-                channels[record.id] = record
-            case Message() if (channel := channels[record.channel_id]).topic.startswith(STEP_TOPIC):
-                found.append(_step(record, schemas[channel.schema_id]))
-
-    scan(path, take)
-    return found
+def _steps(places: Sequence[_Place], *, first: int) -> Iterator[tuple[int, recorder_pb2.RecordedStep]]:
+    """Yield the steps from `first` on with the numbers that they must have; no chunk before is read."""
+    before = 0
+    for place in places:
+        if place.count and before + place.count > first:
+            for number, message in enumerate(messages_of(place.path, place.chunk, place.types), start=before):
+                if number >= first:
+                    yield number, _step(message, place.types[message.channel_id])
+        before += place.count
 
 
 def _step(message: Message, schema: str) -> recorder_pb2.RecordedStep:

@@ -65,6 +65,8 @@ def test_only_the_channels_asked_for_come(folder, campaign):
         ({"first": float("nan"), "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 0.0, "seconds": 0.0}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 0.0, "seconds": 1e300}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 0.0, "seconds": 1e307}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 1e307, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 1e300, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
         ({"first": 7.0, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
         ({"first": 0.0, "seconds": 1.0, "channels": ["x"]}, "channels", query_pb2.FAULT_CODE_INVALID_ARGUMENT),

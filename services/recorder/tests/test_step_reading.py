@@ -5,6 +5,7 @@ import shutil
 import pytest
 
 from duralab_proto.v1 import recorder_pb2
+from recorder import file_index, mcap_ending
 from recorder.archive import Archive
 from recorder.refused import RefusedError
 from recorder.step_reading import read_steps
@@ -80,3 +81,36 @@ def test_a_long_recording_comes_in_parts(archive, campaign, step_of, tmp_path, m
     assert [step.step for step in read(tmp_path / "demo.mcap").steps] == [0, 1]
     assert [step.step for step in read(tmp_path / "demo.mcap", 2).steps] == [2]
     assert read(tmp_path / "demo.mcap", 2).total == 4
+
+
+@pytest.mark.parametrize("state", ["open", "killed", "closed"])
+def test_each_part_reads_its_own_chunks_and_no_others(archive, campaign, step_of, tmp_path, monkeypatch, state):
+    messages = [campaign.specification(), campaign.description(), *(campaign.iteration(n, 0.5) for n in range(1, 7))]
+    commit(archive, step_of, messages)
+    if state == "closed":
+        archive.close()
+    read_chunks, scanned = [], []
+    monkeypatch.setattr("recorder.step_reading.LARGEST_ANSWER", 1)
+    monkeypatch.setattr(
+        "recorder.step_reading.messages_of", lambda *place: read_chunks.append(place) or file_index.messages_of(*place)
+    )
+    monkeypatch.setattr(file_index, "scan", lambda *file: scanned.append(file) or mcap_ending.scan(*file))
+    for number, message in enumerate(messages):
+        answer = read(tmp_path / "demo.mcap", number, written=len(messages) if state == "open" else None)
+        assert [step.payload for step in answer.steps] == [message.SerializeToString()]
+        assert answer.total == len(messages)
+    # Its own chunk, and the next one, whose step does not fit any more.
+    assert len(read_chunks) == 2 * len(messages) - 1
+    assert len(scanned) == (state != "closed")
+
+
+def test_a_message_index_that_is_none_is_damage(archive, campaign, step_of, tmp_path):
+    commit(archive, step_of, [campaign.specification()])
+    archive.close()
+    path = tmp_path / "demo.mcap"
+    (offset,) = file_index.index_of(path).chunk_indexes[0].message_index_offsets.values()
+    content = bytearray(path.read_bytes())
+    content[offset] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(RefusedError, match=f"damaged: at byte {offset} is no message index of channel"):
+        read(path)

@@ -25,6 +25,8 @@ class Interlock:
         self._changed = threading.Condition()
         self._latched = False
         self._reason = ""
+        self._newest_reason = ""
+        self._trips = 0
         self._run = ""
         self._mode: rig_pb2.RigMode = rig_pb2.RIG_MODE_IDLE
         self._fraction = 0.0
@@ -95,10 +97,16 @@ class Interlock:
         """Latch, and tell the playback that may be under way to ramp down. The first reason is the one that is kept."""
         reason = reason or "stopped on request"
         with self._changed:
+            self._trips += 1
+            self._newest_reason = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON] + "…"
             if not self._latched:
-                self._latched = True
-                self._reason = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON] + "…"
+                self._latched, self._reason = True, self._newest_reason
             self._stop.set()
+
+    @property
+    def trips(self) -> int:
+        """How often it was tripped so far."""
+        return self._trips
 
     def wait_for_stop(self, seconds: float) -> bool:
         """Wait for at most so long; return whether the playback has to ramp down."""
@@ -138,9 +146,26 @@ class Interlock:
                 )
             _remember(self._resets, command)
 
-    def reset(self) -> None:
-        """Clear the latch; a rig that is not latched stays as it is."""
+    def reset(self, *, seen: int) -> None:
+        """Clear the latch; a rig that is not latched stays as it is.
+
+        Parameters
+        ----------
+        seen : int
+            `trips` when the reset was asked: whoever asked has looked at those, and at no later one.
+
+        Raises
+        ------
+        FaultError
+            FAILED_PRECONDITION where it was tripped since; the latch stays.
+        """
         with self._changed:
+            if self._latched and self._trips != seen:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                    f"{self._rig} was stopped again while its reset waited ({self._newest_reason}); see to it and "
+                    "reset it again.",
+                )
             self._latched, self._reason = False, ""
             self._stop.clear()
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from duralab_proto.keys import LONGEST_NAME
 from rig_sim.engine import EngineChoice
 from rig_sim.faults import Fault
 from rig_sim.playable import PlayableRig
@@ -20,16 +21,17 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 def rig_name(path: Path) -> str:
     """Return the name of the rig in a YAML; one made of the file's name where it says none that can be one.
 
-    What is wrong with the YAML is said when the rig is loaded: until then, somebody has to be asked for it by name.
+    What is wrong with the YAML is said when the rig is loaded: until then, somebody has to be asked for it by name. So
+    a file's name is cut where it is longer than a key may hold; the reason tells all of it.
     """
     try:
         document = read_document(path)
     except SpecimenError:
         document = None
     name = document.get("name") if isinstance(document, dict) else None
-    if isinstance(name, str) and _NAME.fullmatch(name):
+    if isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name):
         return name
-    return "rig_" + re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
+    return ("rig_" + re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_"))[:LONGEST_NAME]
 
 
 def shipped_titles() -> dict[str, str]:

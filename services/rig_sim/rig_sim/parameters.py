@@ -6,6 +6,8 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
+from duralab_proto.keys import LONGEST_NAME
+
 STRICT = ConfigDict(extra="forbid", frozen=True)
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -14,3 +16,5 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 #: Of a part or a channel.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+#: Of a rig: it stands in the keys of the bus.
+RigName = Annotated[Name, Field(max_length=LONGEST_NAME)]

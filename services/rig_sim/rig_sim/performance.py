@@ -70,7 +70,7 @@ class Performance:
         ------
         FaultError
             CANCELLED where it was stopped or its commander went, FAILED_PRECONDITION where a watchdog tripped or the
-            rig failed. The rig is latched then.
+            rig failed before the drive's end. The rig is latched then.
         """
         playback = self._rig.playback(drive, seed=request.seed)
         rate = self._rig.specimen.sample_rate
@@ -162,11 +162,15 @@ class Performance:
         self._interlock.fraction = 1.0
         self._interlock.enter(rig_pb2.RIG_MODE_RAMPING_DOWN)
         self._tell_state()
-        for block in playback.ramp_down():
-            time.sleep(clock.ahead(block))
-            if (trip := self._watch(block)) is not None:
-                self._latch(trip.sentence)
-            call.progress("ramping down", 1.0, detail=run)
+        try:
+            for block in playback.ramp_down():
+                time.sleep(clock.ahead(block))
+                if (trip := self._watch(block)) is not None:
+                    self._latch(trip.sentence)
+                call.progress("ramping down", 1.0, detail=run)
+        except RigFaultError as error:
+            self._latch(str(error).rstrip("."))
+            self._log.warning("failed on its way to rest", run=run, reason=str(error))
 
     def _lack_of_room(self, publisher: StreamPublisher, call: Call, *, wait: bool) -> str:
         """Wait until what is played next can be kept for the recorder; return why it cannot, or an empty text.
@@ -198,8 +202,9 @@ class Performance:
 
         `trouble` is what the rig itself found, empty where it was stopped or its commander went.
         """
-        # Where it was stopped, it is latched already, and the first reason stays.
-        self._latch(trouble or COMMANDER_GONE)
+        # Where it was stopped, it is latched already; a reset that waits for the rest is to find no other trip.
+        if trouble or not self._interlock.wait_for_stop(0.0):
+            self._latch(trouble or COMMANDER_GONE)
         reason = self._interlock.state().reason
         if publish is not None:
             publish.flush(last=False)

@@ -182,6 +182,7 @@ class RigServer:
         return self._interlock.wait_for_rest()
 
     def _on_reset(self, request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
+        seen = self._interlock.trips
         if request.command:
             # Whatever it finds: an old command must not clear a latch that is set later.
             try:
@@ -189,9 +190,9 @@ class RigServer:
             except KeyNameError as error:
                 raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field="command") from error
         if self._interlock.state().mode == rig_pb2.RIG_MODE_INTERLOCKED:
-            # A latch is not cleared over a rig that is still on its way down.
+            # A latch is not cleared over a rig that is still on its way down, nor one that is set meanwhile.
             self._interlock.wait_for_rest()
-            self._interlock.reset()
+            self._interlock.reset(seen=seen)
             self._publish_state()
             self._log.info("reset")
         return self._interlock.state()

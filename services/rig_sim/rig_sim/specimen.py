@@ -23,7 +23,7 @@ from rig_sim.elements.strut import StrutLaw
 from rig_sim.elements.tyre import TyreLaw
 from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
 from rig_sim.hydraulics.supply import Supply
-from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, Vector
+from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
 from rig_sim.quantities import UNIT_OF, Quantity
 from rig_sim.responses import KINDS, SPINDLE, ResponseChannel
 from rig_sim.watchdogs import WatchdogLimits
@@ -151,7 +151,7 @@ class Specimen(BaseModel):
 
     model_config = STRICT
 
-    name: Name
+    name: RigName
     title: str
     #: Name of the SDF or URDF, which lies beside the YAML.
     sdf: SdfName

@@ -56,7 +56,7 @@ def test_a_latched_rig_refuses_with_the_first_reason(interlock):
     fault = refused(interlock, "a")
     assert fault.code_name == "FAILED_PRECONDITION"
     assert str(fault) == "bench is interlocked (oil on the floor); reset it before it plays."
-    interlock.reset()
+    interlock.reset(seen=interlock.trips)
     interlock.begin("a")
     assert interlock.state().reason == ""
     assert not interlock.wait_for_stop(0.0)
@@ -89,9 +89,27 @@ def test_a_rig_that_does_not_come_to_rest_is_told_of(interlock, monkeypatch):
 def test_a_stop_without_a_reason_or_with_a_novel_is_a_stop(interlock):
     interlock.trip("")
     assert interlock.state().reason == "stopped on request"
-    interlock.reset()
+    interlock.reset(seen=interlock.trips)
     interlock.trip("x" * 10_000_000)
     assert interlock.state().reason == "x" * LONGEST_REASON + "…"
+
+
+def test_a_stop_while_a_reset_waits_is_not_erased(interlock):
+    interlock.begin("a")
+    interlock.trip("first")
+    asked = interlock.trips
+    interlock.trip("somebody is in the cell")
+    interlock.end()
+    with pytest.raises(FaultError) as caught:
+        interlock.reset(seen=asked)
+    assert caught.value.code_name == "FAILED_PRECONDITION"
+    assert str(caught.value) == (
+        "bench was stopped again while its reset waited (somebody is in the cell); see to it and reset it again."
+    )
+    assert (interlock.state().mode, interlock.state().reason) == (rig_pb2.RIG_MODE_INTERLOCKED, "first")
+    assert interlock.wait_for_stop(0.0)
+    interlock.reset(seen=interlock.trips)
+    assert interlock.state().mode == rig_pb2.RIG_MODE_IDLE
 
 
 def test_a_reset_is_done_once(interlock, monkeypatch):

@@ -14,6 +14,8 @@ from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
+from rig_sim.interlock import Interlock
+from rig_sim.player import Playback, RigFaultError
 from rig_sim.service import SERVICE, RigServer
 from rig_sim.watchdogs import WatchdogLimits, set_up_watchdogs
 
@@ -323,6 +325,20 @@ def test_the_state_says_settling_playing_ramping_down_and_idle(client):
     assert result.response.samples.shape == [6, 300]
 
 
+def test_a_rig_that_fails_on_its_way_to_rest_latches_and_answers_with_all_that_was_measured(client, monkeypatch):
+    def ramp_down(_playback):
+        yield from ()
+        raise RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+
+    monkeypatch.setattr(Playback, "ramp_down", ramp_down)
+    result = client.play("fails_late", wave(0.3) + 0.01)
+    assert (result.blocks, result.response.samples.shape) == (3, [6, 300])
+    state = client.state()
+    assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert state.reason == "the piston of left_vertical met its end stop; lower the drive"
+    client.reset()
+
+
 def test_until_it_rests_an_interlocked_rig_has_a_run(client):
     thread = in_background(client, "goes_down", wave(60.0), real_time=True)
     state = client.stop()
@@ -335,6 +351,30 @@ def test_until_it_rests_an_interlocked_rig_has_a_run(client):
     ]
     assert latched[-2:] == ["goes_down", ""]
     assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_stop_while_a_reset_waits_for_the_rest_keeps_the_rig_latched(client, monkeypatch):
+    client.stop("first")
+    rest = Interlock.wait_for_rest
+
+    def meanwhile(interlock):
+        monkeypatch.undo()
+        client.server.stop("somebody is in the cell")
+        return rest(interlock)
+
+    monkeypatch.setattr(Interlock, "wait_for_rest", meanwhile)
+    with pytest.raises(labbus.FaultError, match=r"again while its reset waited \(somebody is in the cell\)") as caught:
+        client.reset()
+    assert caught.value.code_name == "FAILED_PRECONDITION"
+    assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_reset_on_the_way_down_clears_the_stop_it_was_asked_for(client):
+    thread = in_background(client, "reset_early", wave(60.0), real_time=True)
+    client.server.stop("enough")
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+    thread.join(WAIT)
 
 
 def test_a_paced_playback_has_the_same_bytes_and_blocks(client):

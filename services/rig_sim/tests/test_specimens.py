@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
+from duralab_proto.keys import check_rig
 from rig_sim.assembly import assemble
+from rig_sim.loading import rig_name
 from rig_sim.player import load_rig
 from rig_sim.specimen import SpecimenError, load_specimen, shipped_specimens
 from rig_sim.specimens.axles import DOUBLE_WISHBONES
@@ -99,6 +101,7 @@ def changed(path, value, name="front_axle"):
         (["drives", 0, "quantity"], "ratio", ["'left_vertical' is a ratio, whose unit is not 'm'"]),
         (["responses", 0, "axis"], "w", ["responses.0.axis is 'w'"]),
         (["name"], "Front Axle", ["name is 'Front Axle'"]),
+        (["name"], "a" * 121, ["name is 'aaaa", "at most 120 characters"]),
     ],
 )
 def test_a_bad_value_in_the_yaml_is_named(tmp_path, path, value, said):
@@ -110,6 +113,13 @@ def test_a_bad_value_in_the_yaml_is_named(tmp_path, path, value, said):
     assert "\n" not in message
     for part in said:
         assert part in message
+
+
+@pytest.mark.parametrize("content", ["name: " + "a" * 121, "{"])
+def test_a_rig_whose_name_and_file_are_too_long_for_a_key_can_be_asked_all_the_same(tmp_path, content):
+    path = tmp_path / ("x" * 200 + ".yaml")
+    path.write_text(content)
+    assert check_rig(rig_name(path)) == "rig_" + "x" * 116
 
 
 def test_all_bad_values_are_named_at_once(tmp_path):

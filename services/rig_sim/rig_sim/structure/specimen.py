@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from rig_sim.approach import Approach
-from rig_sim.parameters import STRICT, NotNegative, Positive, Vector
+from rig_sim.parameters import STRICT, NotNegative, Positive, RigName, Vector
 from rig_sim.specimen import InputChannel, Name, Quantity
 from rig_sim.structure.beam import Section
 from rig_sim.watchdogs import WatchdogLimits
@@ -108,7 +108,7 @@ class StructureSpecimen(BaseModel):
     model_config = STRICT
 
     kind: Literal["state_space"]
-    name: Name
+    name: RigName
     title: str
     #: The only sample rate it plays, in Hz.
     sample_rate: Positive
