@@ -7,7 +7,7 @@ from typing import Final
 
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator.recorded_campaign import RecordedCampaign
+from iterator.recorded_campaign import RecordedCampaign, read_campaign
 from iterator.recording_log import RecordingLog
 from labbus import Bus, FaultError
 
@@ -75,6 +75,49 @@ def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescri
             "campaign.",
             field="rig",
         )
+
+
+def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
+    """Read back the campaign that another one was taken up from, with all that is taken over from it.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recorded : RecordedCampaign
+        The campaign that takes over.
+
+    Returns
+    -------
+    RecordedCampaign
+        Its parent.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where the parent is not there or does not hold as much.
+    """
+    spec = recorded.spec
+    try:
+        parent = read_campaign(bus, spec.parent)
+    except FaultError as fault:
+        if fault.code not in (query_pb2.FAULT_CODE_NOT_FOUND, query_pb2.FAULT_CODE_DATA_LOSS):
+            raise
+        raise _no_parent(recorded, fault.message.rstrip(".")) from fault
+    if parent.model is None or len(parent.iterations) < spec.parent_iteration:
+        raise _no_parent(recorded, f"it holds {len(parent.iterations)}")
+    return parent
+
+
+def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
+    spec = recorded.spec
+    return FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        f"Campaign {spec.id!r} takes over {spec.parent_iteration} playbacks of {spec.parent!r} and its recording holds "
+        f"{len(recorded.iterations)} of them; the recording of {spec.parent!r} does not give the rest ({why}): bring "
+        "it back, or start a new campaign.",
+        field="id",
+    )
 
 
 def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:

@@ -19,6 +19,7 @@ from iterator.admission import (
     described_rig,
     expect_free_id,
     go_on_recording,
+    read_parent,
     require_name,
     require_same_rig,
 )
@@ -28,6 +29,7 @@ from iterator.campaign_plan import plan_campaign
 from iterator.campaign_resumption import (
     Resumption,
     finished_unseen,
+    lacks_copies,
     new_campaign,
     require_no_settings,
     same_campaign,
@@ -252,7 +254,7 @@ class IteratorService:
         if (final := finished_unseen(recorded, None if entry is None else entry.board.snapshot())) is not None:
             self._keep_final(id, final)
             return final
-        resumption = same_campaign(recorded)
+        resumption = same_campaign(recorded, read_parent(self._bus, recorded) if lacks_copies(recorded) else None)
         with self._admitting(recorded.spec, again=True):
             go_on_recording(self._bus, recorded)
             if recorded.final is None:
