@@ -12,7 +12,7 @@ from typing import Final, Self
 
 import structlog
 
-from duralab_proto.keys import ANY, check_id, check_rig, id_of
+from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.admission import (
     already_exists,
@@ -20,6 +20,7 @@ from iterator.admission import (
     expect_free_id,
     go_on_recording,
     read_parent,
+    require_id,
     require_name,
     require_same_rig,
 )
@@ -120,7 +121,7 @@ class IteratorService:
         FaultError
             INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS or BUSY with the field, UNAVAILABLE for a missing service.
         """
-        require_name(check_id, spec.id, field="id")
+        require_id(spec.id)
         require_name(check_rig, spec.rig, field="rig")
         if spec.parent or spec.parent_iteration:
             raise FaultError(
@@ -244,7 +245,7 @@ class IteratorService:
             )
         call.progress("reading back", 0.0, detail=f"campaign {id}")
         if request.new_id:
-            require_name(check_id, request.new_id, field="new_id")
+            require_id(request.new_id, field="new_id")
             expect_free_id(self._bus, request.new_id, field="new_id")
             spec, resumption = new_campaign(read_campaign(self._bus, id), request)
             with self._admitting(spec):

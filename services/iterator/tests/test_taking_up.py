@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from duralab_proto.keys import check_run
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
-from iterator.campaign_resumption import lacks_copies, new_campaign, same_campaign
+from iterator.campaign_resumption import lacks_copies, new_campaign, run_name, same_campaign
 from iterator.recorded_campaign import RecordedCampaign
 from labbus import FaultError
 
@@ -93,3 +94,16 @@ def test_what_ended_while_it_was_taking_over_needs_nothing_of_its_parent():
     ended.spec.parent, ended.spec.parent_iteration = "zeroth", 5
     assert not lacks_copies(ended)
     assert same_campaign(ended).copies == ()
+
+
+def test_a_campaign_of_the_longest_id_can_name_all_its_runs(lab):
+    id = "a" * 104
+    spec = specification(id, iterations=1)
+    spec.confirmations = 1
+    lab.start(spec)
+    final = lab.end_of(id)
+    assert final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED, final.fault.message
+    named = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlanned)]
+    assert named == [f"{id}.identify", f"{id}.i01", f"{id}.confirm01"]
+    # The longest there is: of the last playback that can be asked for, after 998 crashes in it.
+    assert check_run(run_name(f"{id}.i{2**32 - 1}", tuple(f"{id}.i{2**32 - 1}-{k}" for k in range(998))))
