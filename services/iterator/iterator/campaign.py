@@ -168,9 +168,8 @@ class Campaign:
             best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels)
             if best_number == last.number:
                 best = last
-            self._board.add_iteration(
-                metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks_of(last, plan=plan)
-            )
+            remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
+            self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
         if best is not None:
             self._confirm(last.outcome, best)
         return last

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from duralab_proto.keys import check_run
@@ -10,6 +11,7 @@ from iterator.campaign_resumption import lacks_copies, new_campaign, run_name, s
 from iterator.recorded_campaign import RecordedCampaign
 from labbus import FaultError
 
+from .linear_plants import noise_target
 from .wide_rig import specification, wide_lab
 
 ITERATIONS = 3
@@ -94,6 +96,22 @@ def test_what_ended_while_it_was_taking_over_needs_nothing_of_its_parent():
     ended.spec.parent, ended.spec.parent_iteration = "zeroth", 5
     assert not lacks_copies(ended)
     assert same_campaign(ended).copies == ()
+
+
+def test_what_was_told_of_a_playback_is_told_again_where_it_is_not_made_again(lab):
+    target = np.vstack([noise_target(8000, level=(9e4, 40.0)), np.zeros(8000)])
+    spec = specification("held", target=target, iterations=ITERATIONS)
+    spec.limit_policy = iterator_pb2.LIMIT_POLICY_PROJECT
+    lab.start(spec)
+    told = list(lab.end_of("held").remarks)
+    assert any(remark.startswith("Playback 1: ") for remark in told)
+    assert any(remark.startswith("Playback 2: ") for remark in told)
+    # Broken off after its second playback.
+    lab.recorder.steps["held"] = lab.recorder.steps["held"][: 3 + 3 + 2 * 3]
+    lab.resume("held")
+    assert list(lab.end_of("held").remarks) == told
+    lab.resume("held", new_id="held-2", from_iteration=2)
+    assert list(lab.end_of("held-2").remarks) == told
 
 
 def test_a_campaign_of_the_longest_id_can_name_all_its_runs(lab):
