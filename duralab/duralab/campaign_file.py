@@ -86,7 +86,7 @@ class Target(Section):
 class ControlBand(Section):
     """Where the target is reproduced and judged."""
 
-    lowest_frequency: Positive = Field(description="In hertz.")
+    lowest_frequency: Positive = Field(description="In hertz; the target holds one period of it at least.")
     highest_frequency: Positive = Field(description="In hertz.")
 
     @model_validator(mode="after")

@@ -5,12 +5,11 @@ Records are (channels, samples) with time along the last axis; spectra are (line
 units.
 """
 
-from spectra.band import band_mask, limit_band
+from spectra.band import band_mask
 from spectra.block_spectra import NotFiniteError
 from spectra.blocks import count_blocks, hop_samples, independent_averages
-from spectra.filtering import centred_impulse_response, filter_whole_record, interpolate_frf, overlap_save
+from spectra.filtering import centred_impulse_response, filter_whole_record, overlap_save
 from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
-from spectra.level_crossing import count_level_crossings
 from spectra.lines import line_frequencies, smooth_lines
 from spectra.metrics import (
     crest_factor,
@@ -37,16 +36,13 @@ __all__ = [
     "band_mask",
     "centred_impulse_response",
     "count_blocks",
-    "count_level_crossings",
     "crest_factor",
     "cross_spectra",
     "filter_whole_record",
     "hann_periodic",
     "hop_samples",
     "independent_averages",
-    "interpolate_frf",
     "inverse_frf",
-    "limit_band",
     "line_frequencies",
     "noise_floor",
     "overall_relative_rms_error",

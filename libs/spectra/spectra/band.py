@@ -1,14 +1,7 @@
-"""Frequency bands with smooth edges: as a mask of lines, and as a zero-phase filter of a record."""
+"""Frequency bands with smooth edges, as a mask of lines."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from spectra.lines import line_frequencies
-from spectra.records import as_record, require_sample_rate
-from spectra.transforms import backward, fast_length, forward
-
-# After this many times 1/edge the mask's impulse response has fallen by about 1e-7 of its peak.
-_DECAY_EDGES = 16.0
 
 
 def band_mask(frequency: ArrayLike, lowest: float, highest: float, *, edge: float) -> NDArray[np.float64]:
@@ -49,50 +42,6 @@ def band_mask(frequency: ArrayLike, lowest: float, highest: float, *, edge: floa
         return ((lines >= lowest) & (lines <= highest)).astype(np.float64)
     falling = _smooth_step((highest - lines) / edge)
     return falling if lowest == 0.0 else falling * _smooth_step((lines - lowest) / edge)
-
-
-def limit_band(
-    samples: ArrayLike, *, sample_rate: float, lowest: float, highest: float, edge: float
-) -> NDArray[np.float64]:
-    """Limit a record to a band without shifting its phase.
-
-    Parameters
-    ----------
-    samples
-        Shape (channels, samples), any length.
-    sample_rate
-        In hertz, greater than 0.
-    lowest
-        Lower limit, in hertz, 0 or more; at 0 the mean stays.
-    highest
-        Upper limit, in hertz, above `lowest` and at most half the sample rate.
-    edge
-        Width of each edge, in hertz, greater than 0 (a hard edge rings over the whole record), at most half the band.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (channels, samples). The record is taken as zero before its start and after its end; it is padded until
-        the mask's impulse response has died out, so its end does not return at its start.
-
-    Raises
-    ------
-    ValueError
-        Where the record, the sample rate or the band is not allowed.
-    """
-    record = as_record(samples)
-    require_sample_rate(sample_rate)
-    if edge <= 0.0:
-        raise ValueError(f"The band's edge is {edge} Hz wide; filtering a record needs an edge greater than 0.")
-    if highest > sample_rate / 2.0:
-        raise ValueError(
-            f"The band ends at {highest} Hz; at {sample_rate} samples per second it must end at or below "
-            f"{sample_rate / 2.0} Hz."
-        )
-    count = record.shape[1]
-    padded = fast_length(count + int(np.ceil(_DECAY_EDGES * sample_rate / edge)))
-    mask = band_mask(line_frequencies(padded, sample_rate), lowest, highest, edge=edge)
-    return np.ascontiguousarray(backward(forward(record, padded) * mask, padded)[:, :count])
 
 
 def _smooth_step(position: NDArray[np.float64]) -> NDArray[np.float64]:

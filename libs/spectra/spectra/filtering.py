@@ -7,10 +7,8 @@ because the inverse of a rig is acausal. Both ways of applying it are the same l
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra.band import band_mask
 from spectra.inverse import as_frf
-from spectra.lines import line_frequencies
-from spectra.records import as_record, require_sample_rate
+from spectra.records import as_record
 from spectra.transforms import backward, fast_length, forward
 
 _CHUNK_BLOCKS = 8
@@ -47,43 +45,6 @@ def centred_impulse_response(frf: ArrayLike) -> NDArray[np.float64]:
     response[..., 0] *= 0.5
     response[..., block] = response[..., 0]
     return response
-
-
-def interpolate_frf(
-    frf: ArrayLike, samples: int, *, sample_rate: float, lowest: float, highest: float, edge: float
-) -> NDArray[np.complex128]:
-    """Carry an FRF to the lines of another length through its centred impulse response, masked before and after.
-
-    Parameters
-    ----------
-    frf
-        Complex, shape (lines, n_out, n_in), of a block of ``2 (lines - 1)`` samples.
-    samples
-        Length of the new lines' block, longer than the old one's by at least one sample.
-    sample_rate
-        In hertz, greater than 0.
-    lowest, highest, edge
-        Band of the FRF in hertz, see `band_mask`. Before, because an FRF is noise outside the band it was identified in
-        and its impulse response would carry that everywhere; after, because between the old lines some comes back.
-        An edge of 4 lines or more keeps the ripple between the lines below a per cent.
-
-    Returns
-    -------
-    numpy.ndarray
-        Complex, shape (samples // 2 + 1, n_out, n_in). On the edges the mask counts twice.
-
-    Raises
-    ------
-    ValueError
-        Where the new length is too short or a parameter is not allowed.
-    """
-    matrix = as_frf(frf)
-    require_sample_rate(sample_rate)
-    block = 2 * (matrix.shape[0] - 1)
-    before = band_mask(line_frequencies(block, sample_rate), lowest, highest, edge=edge)
-    spectrum = _spectrum_of(centred_impulse_response(matrix * before[:, None, None]), samples)
-    after = band_mask(line_frequencies(samples, sample_rate), lowest, highest, edge=edge)
-    return spectrum * after[:, None, None]
 
 
 def filter_whole_record(samples: ArrayLike, frf: ArrayLike) -> NDArray[np.float64]:
@@ -179,10 +140,6 @@ def _spectrum_of(impulse_response: NDArray[np.float64], samples: int) -> NDArray
     """Lines of a centred impulse response on a longer block, time zero at the block's first sample."""
     taps = impulse_response.shape[-1]
     half = taps // 2
-    if samples < taps:
-        raise ValueError(
-            f"The impulse response has {taps} samples and the new block {samples}; it must have at least as many."
-        )
     circular = np.zeros((*impulse_response.shape[:2], samples))
     circular[..., : half + 1] = impulse_response[..., half:]
     circular[..., samples - half :] = impulse_response[..., :half]

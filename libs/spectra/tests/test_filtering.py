@@ -69,29 +69,6 @@ def test_a_real_frf_has_a_symmetric_impulse_response():
     np.testing.assert_allclose(response, response[..., ::-1], atol=1e-15)
 
 
-def test_interpolation_keeps_the_lines_that_both_blocks_share():
-    generator = np.random.default_rng(8)
-    frf = smooth_frf(generator)
-    band = {"sample_rate": RATE, "lowest": 1.0, "highest": 400.0, "edge": 1.5}
-    fine = spectra.interpolate_frf(frf, 512 * 4, **band)
-    np.testing.assert_allclose(fine[::4], frf, atol=1e-12 * np.abs(frf).max())
-
-
-def test_interpolation_masks_garbage_before_and_after():
-    frequency = spectra.line_frequencies(1024, RATE)
-    band = {"lowest": 2.0, "highest": 50.0, "edge": 8.0}
-    clean = np.exp(-2j * np.pi * frequency * 0.004)[:, None, None]
-    garbage = clean.copy()
-    garbage[frequency > 50.0] = 1e6
-    fine = spectra.interpolate_frf(garbage, 7001, sample_rate=RATE, **band)
-    np.testing.assert_array_equal(fine, spectra.interpolate_frf(clean, 7001, sample_rate=RATE, **band))
-    lines = spectra.line_frequencies(7001, RATE)
-    expected = spectra.band_mask(lines, **band) ** 2 * np.exp(-2j * np.pi * lines * 0.004)
-    inside = (lines >= 2.0) & (lines <= 50.0)
-    np.testing.assert_allclose(fine[inside, 0, 0], expected[inside], atol=3e-3)
-    assert not np.any(fine[(lines <= 2.0) | (lines >= 50.0)])
-
-
 def test_a_record_of_other_channels_is_refused():
     with pytest.raises(ValueError, match="3 channels and the FRF takes 2"):
         spectra.overlap_save(np.ones((3, 10)), np.ones((5, 2, 2)))

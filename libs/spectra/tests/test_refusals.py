@@ -26,10 +26,6 @@ BLOCKS = {"block_samples": 256, "overlap": 0.5, "sample_rate": 1000.0}
         (lambda: spectra.as_record([[1.0, np.inf]], name="drive"), "drive holds inf in channel 0 at sample 1"),
         (lambda: spectra.paired_spectra(np.ones((2, 300)), np.ones((1, 300)), **BLOCKS), "2 and 1 channels"),
         (lambda: spectra.CrossSpectra(0, 1, **BLOCKS), "0 and 1 channels"),
-        (
-            lambda: spectra.interpolate_frf(np.ones((9, 1, 1)), 16, sample_rate=1.0, lowest=0.1, highest=0.4, edge=0.1),
-            "16",
-        ),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_its_value(call, message):

@@ -41,10 +41,10 @@ from iterator.iteration_loop import (
 )
 from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
 from iterator.outside_band import OutsideBand, energy_outside_band
-from iterator.playback_report import PlaybackReport, SpectrumOverlay, overlay_spectra, report_playback
 from iterator.repeatability import Repeatability, judge_repeatability
 from iterator.rig_model import ModelUncertainty, RigModel, rig_model
 from iterator.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
+from iterator.spectrum_overlay import SpectrumOverlay, overlay_spectra
 from iterator.stop_criteria import DamageBounds, Outcome, StopCriteria, damage_spent, judge_end
 from iterator.time_segments import Segment, segments_of
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
@@ -77,7 +77,6 @@ __all__ = [
     "OutsideBand",
     "Play",
     "Playback",
-    "PlaybackReport",
     "Prediction",
     "RecordedPlayback",
     "Repeatability",
@@ -106,7 +105,6 @@ __all__ = [
     "predict",
     "predict_convergence",
     "project_drive",
-    "report_playback",
     "require_within_limits",
     "rig_model",
     "run_campaign",

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from duralab_proto.keys import MAIN_INSTANCE
+from duralab_proto.keys import LONGEST_NAME, MAIN_INSTANCE, check_id
 from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator.recorded_campaign import RecordedCampaign
+from iterator.recorded_campaign import RecordedCampaign, read_campaign
 from iterator.recording_log import RecordingLog
 from labbus import Bus, FaultError
 
 _DISCOVERY_SECONDS: Final = 1.5
+# A run is named after its campaign and is a name itself; this is the most that is added, in a further attempt.
+_LONGEST_ID: Final = LONGEST_NAME - len(".i4294967295-999")
 
 
 def already_exists(campaign: str, *, field: str = "id") -> FaultError:
@@ -29,6 +31,18 @@ def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
         check(name)
     except ValueError as error:
         raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=field) from error
+
+
+def require_id(id: str, *, field: str = "id") -> None:
+    """Refuse an id that the contract does not allow, or that leaves no room for the names of the campaign's runs."""
+    require_name(check_id, id, field=field)
+    if len(id) > _LONGEST_ID:
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            f"The id {id[:20]!r}… has {len(id)} characters; a campaign's has at most {_LONGEST_ID}, because its runs "
+            "have longer names: choose a shorter one.",
+            field=field,
+        )
 
 
 def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
@@ -75,6 +89,49 @@ def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescri
             "campaign.",
             field="rig",
         )
+
+
+def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
+    """Read back the campaign that another one was taken up from, with all that is taken over from it.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recorded : RecordedCampaign
+        The campaign that takes over.
+
+    Returns
+    -------
+    RecordedCampaign
+        Its parent.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where the parent is not there or does not hold as much.
+    """
+    spec = recorded.spec
+    try:
+        parent = read_campaign(bus, spec.parent)
+    except FaultError as fault:
+        if fault.code not in (query_pb2.FAULT_CODE_NOT_FOUND, query_pb2.FAULT_CODE_DATA_LOSS):
+            raise
+        raise _no_parent(recorded, fault.message.rstrip(".")) from fault
+    if parent.model is None or len(parent.iterations) < spec.parent_iteration:
+        raise _no_parent(recorded, f"it holds {len(parent.iterations)}")
+    return parent
+
+
+def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
+    spec = recorded.spec
+    return FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        f"Campaign {spec.id!r} takes over {spec.parent_iteration} playbacks of {spec.parent!r} and its recording holds "
+        f"{len(recorded.iterations)} of them; the recording of {spec.parent!r} does not give the rest ({why}): bring "
+        "it back, or start a new campaign.",
+        field="id",
+    )
 
 
 def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:

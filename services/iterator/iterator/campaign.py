@@ -168,9 +168,8 @@ class Campaign:
             best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels)
             if best_number == last.number:
                 best = last
-            self._board.add_iteration(
-                metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks_of(last, plan=plan)
-            )
+            remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
+            self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
         if best is not None:
             self._confirm(last.outcome, best)
         return last
@@ -181,16 +180,13 @@ class Campaign:
         with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
             self._estimate.step_was_done()
             self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
-            if before.copies:
-                for message in (model, *before.iterations):
-                    self._log.commit(message)
-                return
-            # A crash may have come between a result and the proof that its run was recorded.
-            if model.run not in before.played:
-                self._log.commit(run_played(model, rig=self._rig))
-            for step in (*before.iterations, *before.confirmations):
-                if step.run not in before.played:
-                    self._log.commit(run_played(step, rig=self._rig))
+            for message in before.copies:
+                self._log.commit(message)
+            # A crash may have come between a result and the proof that its run was recorded; the runs of what was
+            # taken over are in the parent's recording.
+            for result in (model, *before.iterations, *before.confirmations):
+                if result.run in before.planned and result.run not in before.played:
+                    self._log.commit(run_played(result, rig=self._rig))
 
     def _identify(self) -> identifier_pb2.Model:
         plan, spec = self._plan, self._plan.spec

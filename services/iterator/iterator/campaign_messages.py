@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -113,7 +114,9 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
     )
 
 
-def remarks_of(iteration: Iteration, *, plan: CampaignPlan) -> list[str]:
+def remarks_of(
+    iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
+) -> list[str]:
     """Return what a person should know of a playback, one sentence each.
 
     Parameters
@@ -122,6 +125,8 @@ def remarks_of(iteration: Iteration, *, plan: CampaignPlan) -> list[str]:
         What was made of it.
     plan : CampaignPlan
         Names the channels.
+    recorded : sequence of IterationStep
+        The first playbacks, where they were not made again: what their drives met is told in these steps alone.
 
     Returns
     -------
@@ -129,11 +134,16 @@ def remarks_of(iteration: Iteration, *, plan: CampaignPlan) -> list[str]:
         Limits that its drive would have passed, where the target was out of the rig's reach, and whether the next
         playback is predicted to diverge.
     """
+    if iteration.number < len(recorded):
+        return list(recorded[iteration.number - 1].remarks)
     passings = iteration.projection.passings if iteration.projection is not None else ()
+    of_it = f"Playback {iteration.number}: "
     return [
-        *(f"Playback {iteration.number}: {passing}" for passing in passings),
+        # What is predicted of the next playback is told anew: it may be made with other settings.
+        *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
+        *(f"{of_it}{passing}" for passing in passings),
         *(
-            f"Playback {iteration.number}: the target of {plan.description.responses[found.response].name} from "
+            f"{of_it}the target of {plan.description.responses[found.response].name} from "
             f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
             f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
             for found in iteration.unreachable

@@ -27,6 +27,8 @@ from spectra import count_blocks, rms
 _ROUNDING: Final = 1e-9
 # A smaller share of the target's energy outside the control band is no news.
 _TOLD_SHARE: Final = 0.01
+# Zeros behind a record that is shorter than they are: 134 MB a channel.
+_MOST_RINGING: Final = 2**24
 # More say no more of a rig than these, and a slip of the finger shall not wear a specimen out.
 _MOST_CONFIRMATIONS: Final = 100
 
@@ -108,7 +110,7 @@ def plan_campaign(
         )
     target = _checked_target(spec, description)
     _check_experiment(spec, experiment)
-    band = _checked_band(spec, description, experiment)
+    band = _checked_band(spec, description, experiment, samples=target.shape[1])
     update = checked_update(spec.update, band, responses=len(description.responses))
     weight = checked_weight(spec.update, responses=len(description.responses), drives=len(description.drives))
     stop = checked_stop(spec.stop)
@@ -229,6 +231,8 @@ def _checked_band(
     spec: iterator_pb2.CampaignSpec,
     description: rig_pb2.RigDescription,
     experiment: identifier_pb2.ExperimentPlan,
+    *,
+    samples: int,
 ) -> ControlBand:
     try:
         band = control_band(spec.lowest_frequency, spec.highest_frequency, sample_rate=description.sample_rate)
@@ -245,7 +249,25 @@ def _checked_band(
                 f"{experiment.lowest_frequency:g} to {experiment.highest_frequency:g} Hz, where the model is known.",
                 field=field,
             )
+    _check_lower_edge(band, samples=samples)
     return band
+
+
+def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
+    """Bound the zeros that a low edge asks for: without, a tiny one would ask for more memory than there is."""
+    seconds = samples / band.sample_rate
+    if band.lowest * seconds < 1.0:
+        raise invalid(
+            f"The control band begins at {band.lowest:g} Hz, of which a period lasts {1.0 / band.lowest:g} s; the "
+            f"target lasts {seconds:g} s and must hold one: take a higher edge or a longer target.",
+            field="lowest_frequency",
+        )
+    if band.ringing_samples > max(samples, _MOST_RINGING):
+        raise invalid(
+            f"The control band of {band.lowest:g} to {band.highest:g} Hz rings for {band.ringing_samples:g} samples; "
+            f"{_MOST_RINGING} are the most for a target of {samples}: take a higher lower edge.",
+            field="lowest_frequency",
+        )
 
 
 def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings, *, samples: int) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from google.protobuf.message import Message
+
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.recorded_campaign import RecordedCampaign
 from labbus import FaultError
@@ -27,6 +29,8 @@ class Resumption:
         Runs on the rig that its own recording has announced.
     played : frozenset of str
         Those of which it is stored that they were played.
+    copies : tuple of Message
+        Steps of its parent that its own recording does not hold yet.
     """
 
     steps: int = 0
@@ -35,11 +39,7 @@ class Resumption:
     confirmations: tuple[iterator_pb2.ConfirmationStep, ...] = ()
     planned: tuple[str, ...] = ()
     played: frozenset[str] = frozenset()
-
-    @property
-    def copies(self) -> bool:
-        """Whether the steps are those of another recording, and are to be stored in its own."""
-        return self.steps == 0
+    copies: tuple[Message, ...] = ()
 
 
 def run_name(stem: str, planned: tuple[str, ...]) -> str:
@@ -61,18 +61,39 @@ def run_name(stem: str, planned: tuple[str, ...]) -> str:
     return f"{stem}-{attempts + 1}" if attempts else stem
 
 
-def same_campaign(recorded: RecordedCampaign) -> Resumption:
+def lacks_copies(recorded: RecordedCampaign) -> bool:
+    """Return whether a crash came while a campaign stored what it takes over from its parent.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        As the recorder holds it.
+
+    Returns
+    -------
+    bool
+        False where it has ended: then nothing is to be done with them.
+    """
+    spec = recorded.spec
+    if not spec.parent or recorded.closed or recorded.final is not None:
+        return False
+    return recorded.model is None or len(recorded.iterations) < spec.parent_iteration
+
+
+def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = None) -> Resumption:
     """Return what a campaign that was broken off by a crash goes on from.
 
     Parameters
     ----------
     recorded : RecordedCampaign
         Not closed.
+    parent : RecordedCampaign, optional
+        Given where it `lacks_copies`; holds them.
 
     Returns
     -------
     Resumption
-        All that it holds.
+        All that it holds, and the copies that it lacks.
 
     Raises
     ------
@@ -86,6 +107,12 @@ def same_campaign(recorded: RecordedCampaign) -> Resumption:
             f"Campaign {recorded.spec.id!r} has ended ({how}) and its recording is closed; name a new_id to take it "
             "up again.",
             field="new_id",
+        )
+    if parent is not None and parent.model is not None:
+        taken = tuple(parent.iterations[: recorded.spec.parent_iteration])
+        held = len(recorded.iterations) + (recorded.model is not None)
+        return Resumption(
+            steps=recorded.steps, model=parent.model, iterations=taken, copies=(parent.model, *taken)[held:]
         )
     return Resumption(
         steps=recorded.steps,
@@ -170,7 +197,8 @@ def new_campaign(
             f"over from {parent!r}; give more, or an earlier from_iteration.",
             "stop.largest_iterations",
         )
-    return spec, Resumption(model=recorded.model, iterations=tuple(recorded.iterations[:kept]))
+    taken = tuple(recorded.iterations[:kept])
+    return spec, Resumption(model=recorded.model, iterations=taken, copies=(recorded.model, *taken))
 
 
 def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:

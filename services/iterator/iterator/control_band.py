@@ -114,6 +114,11 @@ class ControlBand:
             upper_flank=self.upper_flank,
         )
 
+    @property
+    def ringing_samples(self) -> int:
+        """Number of zeros in which what rings at the narrower flank has died out."""
+        return math.ceil(_PADDING_PERIODS * self.sample_rate / min(self.lower_flank, self.upper_flank))
+
     def transform_samples(self, samples: int) -> int:
         """Length of a transform in which a record of so many samples is filtered without wrap-around.
 
@@ -127,8 +132,7 @@ class ControlBand:
         int
             A multiple of four: the record, and zeros for what rings before its start and after its end.
         """
-        ringing = math.ceil(_PADDING_PERIODS * self.sample_rate / min(self.lower_flank, self.upper_flank))
-        quarter = math.ceil((samples + max(samples, ringing)) / 4)
+        quarter = math.ceil((samples + max(samples, self.ringing_samples)) / 4)
         return 4 * cast(int, next_fast_len(quarter, real=True))
 
     def transform(self, samples: int) -> BandedTransform:

@@ -12,13 +12,15 @@ from typing import Final, Self
 
 import structlog
 
-from duralab_proto.keys import ANY, check_id, check_rig, id_of
+from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.admission import (
     already_exists,
     described_rig,
     expect_free_id,
     go_on_recording,
+    read_parent,
+    require_id,
     require_name,
     require_same_rig,
 )
@@ -28,6 +30,7 @@ from iterator.campaign_plan import plan_campaign
 from iterator.campaign_resumption import (
     Resumption,
     finished_unseen,
+    lacks_copies,
     new_campaign,
     require_no_settings,
     same_campaign,
@@ -118,7 +121,7 @@ class IteratorService:
         FaultError
             INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS or BUSY with the field, UNAVAILABLE for a missing service.
         """
-        require_name(check_id, spec.id, field="id")
+        require_id(spec.id)
         require_name(check_rig, spec.rig, field="rig")
         if spec.parent or spec.parent_iteration:
             raise FaultError(
@@ -242,7 +245,7 @@ class IteratorService:
             )
         call.progress("reading back", 0.0, detail=f"campaign {id}")
         if request.new_id:
-            require_name(check_id, request.new_id, field="new_id")
+            require_id(request.new_id, field="new_id")
             expect_free_id(self._bus, request.new_id, field="new_id")
             spec, resumption = new_campaign(read_campaign(self._bus, id), request)
             with self._admitting(spec):
@@ -252,7 +255,7 @@ class IteratorService:
         if (final := finished_unseen(recorded, None if entry is None else entry.board.snapshot())) is not None:
             self._keep_final(id, final)
             return final
-        resumption = same_campaign(recorded)
+        resumption = same_campaign(recorded, read_parent(self._bus, recorded) if lacks_copies(recorded) else None)
         with self._admitting(recorded.spec, again=True):
             go_on_recording(self._bus, recorded)
             if recorded.final is None:

@@ -39,11 +39,19 @@ class Recorder:
         else:
             assert request.step == len(steps)
             assert not steps or steps[-1][0] != "RecordingClosed"
+            self._expect_announced(request.recording, kind, request.payload)
             steps.append((kind, request.payload))
         self.watch(request.recording, request.step, True)
         return recorder_pb2.CommitAck(
             recording=request.recording, step=request.step, payload_hash=hashlib.sha256(request.payload).hexdigest()
         )
+
+    def _expect_announced(self, recording, kind, payload):
+        planned = {run.run for run in self.read(recording, recorder_pb2.RunPlanned)}
+        if kind == "RunPlayed" and (run := recorder_pb2.RunPlayed.FromString(payload).run) not in planned:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The run {run!r} was not announced to {recording!r}."
+            )
 
     def recording(self, _request, call):
         name = call.key.rpartition("/")[2]

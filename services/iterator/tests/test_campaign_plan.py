@@ -40,6 +40,10 @@ def secant_that_forgets_nothing_or_more(spec):
     spec.update.secant.forgetting = 1.5
 
 
+def with_band_from(spec, lowest):
+    spec.lowest_frequency = spec.excitation.spectrum.lowest_frequency = lowest
+
+
 def with_curve(spec, frequency, share):
     spec.update.gain_curve_frequency.CopyFrom(to_array(np.array(frequency)))
     spec.update.gain_curve_share.CopyFrom(to_array(np.array(share)))
@@ -67,6 +71,9 @@ MISTAKES = {
         lambda s: setattr(s, "lowest_frequency", 0.5),
         lambda s: setattr(s, "lowest_frequency", np.nan),
         lambda s: setattr(s, "lowest_frequency", 59.0),
+        # A period of 40.4 s in a target of 40 s, and one that no memory would hold.
+        lambda s: with_band_from(s, 0.02475),
+        lambda s: with_band_from(s, 1e-12),
     ],
     "highest_frequency": [
         lambda s: setattr(s, "highest_frequency", 80.0),
@@ -120,6 +127,23 @@ def test_a_sound_specification_becomes_a_plan():
     # The static part of the target is no matter of the iteration.
     assert np.max(np.abs(plan.target_in_band[:, :200])) < 1e-2 * np.max(np.abs(plan.target_in_band))
     assert plan.identified_band == (1.0, 70.0)
+
+
+def test_a_band_from_the_longest_period_that_the_target_holds_is_allowed():
+    spec = specification()
+    with_band_from(spec, 0.025)
+    assert plan_campaign(spec, description(), experiment_plan(spec)).settings.update.band.lowest == 0.025
+
+
+def test_a_band_that_rings_longer_than_memory_holds_is_refused_for_a_long_target_too():
+    spec, rig = specification(), description()
+    rig.longest_drive_seconds = 3600.0
+    with_target(spec, lambda t: np.tile(t, 90))
+    # Nearly two periods in an hour.
+    with_band_from(spec, 0.0005)
+    with pytest.raises(FaultError, match=r"rings for 2.56e\+07 samples; 16777216 are the most") as caught:
+        plan_campaign(spec, rig, experiment_plan(spec))
+    assert caught.value.field == "lowest_frequency"
 
 
 def test_all_settings_of_update_and_end_reach_the_core():

@@ -281,6 +281,7 @@ def test_a_campaign_is_taken_up_from_an_earlier_playback_with_other_settings(lab
         ("nobody", {}, query_pb2.FAULT_CODE_NOT_FOUND, None),
         ("undisturbed", {"from_iteration": 1}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
         ("undisturbed", {"new_id": "../up"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
+        ("undisturbed", {"new_id": "a" * 105}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
         ("undisturbed", {"new_id": "old"}, query_pb2.FAULT_CODE_ALREADY_EXISTS, "new_id"),
         ("undisturbed", {"new_id": "x", "from_iteration": 9}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "from_iteration"),
         ("undisturbed", {"new_id": "x"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "stop.largest_iterations"),

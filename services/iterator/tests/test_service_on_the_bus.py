@@ -218,6 +218,7 @@ INVALID, NOT_FOUND, EXISTS = (
         (lambda s: setattr(s, "rig", "rear"), NOT_FOUND, "rig", "No rig 'rear' is on the bus"),
         (lambda s: setattr(s, "rig", "Rear!"), INVALID, "rig", "'Rear!'"),
         (lambda s: setattr(s, "id", "../up"), INVALID, "id", "'../up'"),
+        (lambda s: setattr(s, "id", "a" * 105), INVALID, "id", "has 105 characters; a campaign's has at most 104"),
         (lambda s: setattr(s, "id", "ended"), EXISTS, "id", "'ended' exists already"),
         (lambda s: setattr(s, "id", "old"), EXISTS, "id", "'old' exists already"),
         (nan_target, INVALID, "target.samples", "nan"),
