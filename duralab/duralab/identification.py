@@ -225,7 +225,7 @@ class Identifier:
         gain : float
             Of every response, above 0 to 1.
         band : tuple of float
-            In hertz.
+            In hertz; within the model's, and within that of a `rig_model`.
         rig_model : Model, optional
             Stands for the rig.
 

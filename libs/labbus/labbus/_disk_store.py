@@ -161,7 +161,7 @@ class DiskStore:
             path, os.open(path, os.O_RDONLY), self._epoch, first, size=len(content), end=len(self._header)
         )
         while True:
-            record = content[segment.end :][: _longest(content, segment.end)]
+            record = content[segment.end : segment.end + _longest(content, segment.end)]
             if (message := _parse(record, self._epoch, segment.stop)) is None:
                 break
             segment.offsets.append(segment.end)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+import tracemalloc
 
 import pytest
 
@@ -104,6 +105,24 @@ def test_spool_that_nobody_marks_now_is_there_at_the_next_start_again(killed):
         left.spool.close(delete=False)
     first.close()
     assert {left.epoch for left in labbus.SpoolFolder(killed).take_over()} == {5, 6}
+
+
+def test_segments_are_taken_over_without_a_copy_of_what_follows_each_message(tmp_path):
+    store = labbus.SpoolFolder(tmp_path / "written").store(key="k", epoch=1)
+    spool = Spool(store, held=True, unheld_bytes=0)
+    fill(spool, 100)
+    (path,) = tmp_path.glob("written/*/1-*.spool")
+    content = path.read_bytes()
+    taking = _disk_store.DiskStore(labbus.SpoolFolder(tmp_path / "taking"), key="k", epoch=1, writable=False)
+    tracemalloc.start()
+    try:
+        taking.adopt(path, 0, content)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert taking.adopted == range(100)
+    # One message is read at a time, and copied once or twice.
+    assert most < 10 * len(PAYLOAD) < len(content) // 10
 
 
 def test_spool_of_a_process_that_lives_is_not_taken(killed):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from loads.load_cycles import LoadCycles
-from spectra import as_record
+from loads.load_cycles import LoadCycles, as_signal
 
 
 def count_level_crossings(signal: ArrayLike, levels: ArrayLike) -> NDArray[np.intp]:
@@ -27,13 +26,13 @@ def count_level_crossings(signal: ArrayLike, levels: ArrayLike) -> NDArray[np.in
     Raises
     ------
     ValueError
-        No signal, or a value that is not finite.
+        No signal, several channels, or a value that is not finite.
 
     Notes
     -----
     Source: ASTM E1049-85, section 5.1, level-crossing counting, without its restriction to one side of the mean.
     """
-    values = as_record(np.atleast_2d(np.asarray(signal)), name="signal")[0]
+    values = as_signal(signal)
     wanted = np.asarray(levels, dtype=np.float64)
     before, after = values[:-1], values[1:]
     rising = after > before
@@ -61,9 +60,9 @@ def share_of_time_at_level(signal: ArrayLike, edges: ArrayLike) -> NDArray[np.fl
     Raises
     ------
     ValueError
-        No signal, a value that is not finite, or edges that do not rise.
+        No signal, several channels, a value that is not finite, or edges that do not rise.
     """
-    values = as_record(np.atleast_2d(np.asarray(signal)), name="signal")[0]
+    values = as_signal(signal)
     bounds = np.asarray(edges, dtype=np.float64)
     if bounds.ndim != 1 or bounds.size < 2 or not np.all(np.diff(bounds) > 0.0):
         raise ValueError("The edges of the levels do not rise; give two or more, each above the one before.")

@@ -38,6 +38,30 @@ class LoadCycles:
     ends: NDArray[np.intp]
 
 
+def as_signal(signal: ArrayLike) -> NDArray[np.float64]:
+    """Check one channel's signal and return it as float64.
+
+    Parameters
+    ----------
+    signal : array_like, shape (samples,)
+        Finite, not empty.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        The same memory where nothing had to be converted.
+
+    Raises
+    ------
+    ValueError
+        The shape is not (samples,), or a value is not finite.
+    """
+    values = np.asarray(signal)
+    if values.ndim != 1:
+        raise ValueError(f"signal has shape {values.shape}; a signal has shape (samples,): give one channel at a time.")
+    return as_record(values[np.newaxis], name="signal")[0]
+
+
 def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     """Count the cycles of a signal.
 
@@ -56,7 +80,7 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     Raises
     ------
     ValueError
-        No signal, or a value that is not finite.
+        No signal, several channels, or a value that is not finite.
 
     Notes
     -----
@@ -66,7 +90,7 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     # pylife brings pandas along, which takes a second: only those who count cycles wait for it.
     from pylife.stress.rainflow import FourPointDetector, FullRecorder
 
-    values = as_record(np.atleast_2d(np.asarray(signal)), name="signal")[0]
+    values = as_signal(signal)
     recorder = FullRecorder()
     detector = FourPointDetector(recorder=recorder).process(values)
     residual = np.asarray(detector.residuals, dtype=np.float64)

@@ -30,6 +30,21 @@ def test_time_at_level_of_a_triangle_is_even_and_adds_up():
         share_of_time_at_level(triangle, [0.0, 0.0, 1.0])
 
 
+@pytest.mark.parametrize("shape", [(2, 100), (1, 100), (100, 1), ()])
+@pytest.mark.parametrize(
+    "count",
+    [
+        count_load_cycles,
+        lambda signal: count_level_crossings(signal, [0.5]),
+        lambda signal: share_of_time_at_level(signal, [0.0, 1.0]),
+    ],
+    ids=["cycles", "crossings", "time"],
+)
+def test_only_one_channel_is_counted_at_a_time(count, shape):
+    with pytest.raises(ValueError, match=r"a signal has shape \(samples,\): give one channel at a time"):
+        count(np.full(shape, 0.25))
+
+
 def test_exceeded_ranges_are_those_of_the_standards_example():
     # ASTM E1049-85, figure 6: ranges 3, 4, 4, 6, 8, 8, 9 as 0.5, 0.5, 1, 0.5, 0.5 + 0.5, 0.5.
     cycles = count_load_cycles([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0])

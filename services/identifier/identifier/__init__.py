@@ -15,7 +15,6 @@ from identifier.estimators import (
     SpectralSums,
     WarningCode,
     estimate,
-    require_same_rate,
 )
 from identifier.excitation import (
     ExcitationKind,
@@ -109,7 +108,6 @@ __all__ = [
     "predict_response",
     "pure_random",
     "relative_magnitude_variance",
-    "require_same_rate",
     "row_covariance",
     "schedule_experiment",
     "separate_distortion",

@@ -76,12 +76,16 @@ def converge(
     Raises
     ------
     SettingError
-        Where gains or band are not allowed, or the two models do not belong together.
+        Where gains or band are not allowed, one of the models is not valid in the whole band, or the two do not belong
+        together.
     """
     gain = _array(request.iteration_gain, field="iteration_gain", shape=(len(model.responses),))
     if rig is not None:
         _check_pair(model, rig, field="rig_model_id")
     lines = _band(model, request.lowest_frequency, request.highest_frequency).lines
+    if rig is not None:
+        # Outside its own band a model is 0, and a rig that does not answer would seem never to converge.
+        _band(rig, request.lowest_frequency, request.highest_frequency, whose=f"that of rig model {rig.id[:12]}")
     if int(lines.sum()) > LARGEST_CONVERGENCE_LINES:
         raise SettingError(
             f"The band holds {int(lines.sum())} lines; at most {LARGEST_CONVERGENCE_LINES} are judged: narrow it.",
@@ -110,7 +114,37 @@ def converge(
     )
 
 
-def advise(model: IdentifiedModel, request: identifier_pb2.AdviceRequest) -> identifier_pb2.LevelAdvice:
+def drive_room(model: IdentifiedModel) -> NDArray[np.float64]:
+    """Return how far each drive may go to both sides of 0.
+
+    Parameters
+    ----------
+    model
+        Of the rig.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (drives), each in its drive's unit, greater than 0.
+
+    Raises
+    ------
+    ValueError
+        Where the limits of a drive leave no room on one side.
+    """
+    room = np.array([min(-channel.minimum, channel.maximum) for channel in model.drives])
+    for channel, free in zip(model.drives, room, strict=True):
+        if not free > 0.0:
+            raise ValueError(
+                f"Drive {channel.name} of rig {model.rig!r} goes from {channel.minimum:g} to {channel.maximum:g} "
+                f"{channel.unit}; levels need room on both sides of 0, so identify a rig with such limits."
+            )
+    return room
+
+
+def advise(
+    model: IdentifiedModel, request: identifier_pb2.AdviceRequest, *, room: NDArray[np.float64]
+) -> identifier_pb2.LevelAdvice:
     """Answer which drive levels give responses like a target's.
 
     Parameters
@@ -119,6 +153,8 @@ def advise(model: IdentifiedModel, request: identifier_pb2.AdviceRequest) -> ide
         Of the rig.
     request
         As received; nothing in it is trusted.
+    room
+        Shape (drives), greater than 0: see `drive_room`.
 
     Returns
     -------
@@ -132,14 +168,7 @@ def advise(model: IdentifiedModel, request: identifier_pb2.AdviceRequest) -> ide
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
     band = _band(model, request.lowest_frequency, request.highest_frequency)
-    room = np.array([min(-channel.minimum, channel.maximum) for channel in model.drives])
-    try:
-        advice = advise_levels(
-            target, model.frf, band=band, room=room, crest_factor=request.crest_factor or CREST_FACTOR
-        )
-    except ValueError as error:
-        field = "crest_factor" if "crest factor" in str(error) else "target"
-        raise SettingError(str(error), field=field) from error
+    advice = advise_levels(target, model.frf, band=band, room=room, crest_factor=request.crest_factor or CREST_FACTOR)
     spacing = model.frequency[1] - model.frequency[0]
     identified = np.sqrt(np.sum(model.drive_psd[band.lines], axis=0) * spacing)
     sentences = [
@@ -206,10 +235,10 @@ def _check_pair(first: IdentifiedModel, second: IdentifiedModel, *, field: str) 
         )
 
 
-def _band(model: IdentifiedModel, lowest: float, highest: float) -> ValidBand:
+def _band(model: IdentifiedModel, lowest: float, highest: float, *, whose: str = "the model's") -> ValidBand:
     if not model.band.lowest <= lowest < highest <= model.band.highest:
         raise SettingError(
-            f"The band is {lowest:g} to {highest:g} Hz; it must rise and lie within the model's, "
+            f"The band is {lowest:g} to {highest:g} Hz; it must rise and lie within {whose}, "
             f"{model.band.lowest:g} to {model.band.highest:g} Hz.",
             field="lowest_frequency",
         )

@@ -16,7 +16,7 @@ from identifier.level_series import level_series
 from identifier.line_filling import valid_band
 from identifier.model import IdentifiedModel, from_message, to_message
 from identifier.model_building import distortion_of, model_of, plan_message
-from identifier.model_queries import advise, converge, difference, predict
+from identifier.model_queries import advise, converge, difference, drive_room, predict
 from identifier.model_shelf import ModelShelf
 from identifier.request import settings_of
 from identifier.rig_playback import describe_rig, play_experiment
@@ -249,7 +249,7 @@ class IdentifierService:
         Raises
         ------
         FaultError
-            Where the model is not held or a value is not allowed.
+            Where the model is not held, its rig's limits leave a drive no room or a value is not allowed.
         """
         if not request.model_id:
             raise FaultError(
@@ -259,8 +259,13 @@ class IdentifierService:
                 field="model_id",
             )
         call.progress("looking for levels", 0.0)
+        model = self._held_model(request.model_id, field="model_id")
+        try:
+            room = drive_room(model)
+        except ValueError as error:
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
         with _invalid():
-            return advise(self._held_model(request.model_id, field="model_id"), request)
+            return advise(model, request, room=room)
 
     def _prepare(self, request: identifier_pb2.IdentifyRequest, call: Call) -> _Prepared:
         with _invalid():

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from known_plants import RATE, error, lightly_damped, noise_layout, periodic_experiment, respond
+from known_plants import error, lightly_damped, noise_layout, periodic_experiment, respond
 
-from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate, require_same_rate
+from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate
 from identifier.estimators.periodicity import SMALLEST_DECAY, PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 
@@ -126,12 +126,6 @@ def test_a_record_that_does_not_fit_its_layout_is_refused(records):
 def test_a_record_shorter_than_a_block_has_no_layout():
     with pytest.raises(ValueError, match="capture"):
         noise_layout(1000, block=1024)
-
-
-def test_records_of_different_rates_are_refused():
-    require_same_rate(RATE, RATE)
-    with pytest.raises(ValueError, match="at 1000 Hz, the response at 999 Hz"):
-        require_same_rate(RATE, 999.0)
 
 
 @pytest.mark.parametrize("periods", [1, 2])

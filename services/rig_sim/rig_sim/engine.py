@@ -16,7 +16,7 @@ from rig_sim.parameters import STRICT, Positive
 class Engine(StrEnum):
     """A program that integrates a rig."""
 
-    #: Generated code, the integrator and substeps of the specimen; about 100 times faster than real time.
+    #: Generated code, the integrator and substeps of the specimen; some hundred times faster than real time.
     COMPILED = "compiled"
     #: Drake's plant and integrator, Runge-Kutta 3; slower than real time, the judge of the other.
     DRAKE = "drake"

@@ -7,7 +7,6 @@ from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import LARGEST_CONDITION
 from identifier.estimators.estimation import Estimation, EstimatorOptions, estimate
 from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning, WarningCode
-from identifier.estimators.record_checks import require_same_rate
 from identifier.estimators.spectral import estimate_from_spectra
 
 __all__ = [
@@ -22,5 +21,4 @@ __all__ = [
     "WarningCode",
     "estimate",
     "estimate_from_spectra",
-    "require_same_rate",
 ]

@@ -143,23 +143,3 @@ class _FlatTops:
         self.flat_samples[row] += int(np.sum(lengths[lengths >= SHORTEST_FLAT_TOP]))
         reaches_end = at_extreme[-1] == size - 1
         self._run[row] = 0 if not reaches_end else int(lengths[-1]) if lengths.size else int(run_before)
-
-
-def require_same_rate(drive_rate: float, response_rate: float) -> None:
-    """Refuse records of different sample rates.
-
-    Parameters
-    ----------
-    drive_rate, response_rate
-        In hertz.
-
-    Raises
-    ------
-    ValueError
-        Where they differ: one FRF has one time base, and nothing is resampled unasked.
-    """
-    if drive_rate != response_rate:
-        raise ValueError(
-            f"The drive is sampled at {drive_rate:g} Hz, the response at {response_rate:g} Hz; "
-            "both must have one rate: resample one of them."
-        )

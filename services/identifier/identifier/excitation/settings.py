@@ -13,9 +13,10 @@ SMALLEST_BLOCK_SAMPLES = 256
 """Fewer samples leave too few lines for an impulse response that dies out."""
 
 LARGEST_DETECTION_SHARE = 0.5
-# In whatever unit a drive has, far beyond any actuator: what is made of it, peaks and slopes, stays a number.
-LARGEST_LEVEL = 1e12
 """Above this fewer lines would be excited than watched."""
+
+LARGEST_LEVEL = 1e12
+"""In whatever unit a drive has, far beyond any actuator: what is made of it, peaks and slopes, stays a number."""
 
 
 class ExcitationKind(Enum):

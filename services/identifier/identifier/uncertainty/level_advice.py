@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identifier.setting_error import SettingError
 from identifier.uncertainty.valid_band import ValidBand
 from spectra import as_record
 
@@ -73,16 +74,21 @@ def advise_levels(
 
     Raises
     ------
+    SettingError
+        Where the target has other channels than the model or does not move in the band, or the crest factor is below 1.
     ValueError
-        Where the target has other channels than the model, does not move in the band, a drive has no room, or the crest
-        factor is below 1.
+        Where a drive has no room.
     """
     record = as_record(target, name="target")
     responses, drives = frf.shape[1], frf.shape[2]
     if record.shape[0] != responses:
-        raise ValueError(f"The target has {record.shape[0]} channels; the model has {responses} responses.")
+        raise SettingError(
+            f"The target has {record.shape[0]} channels; the model has {responses} responses.", field="target"
+        )
     if not 1.0 <= crest_factor < np.inf:
-        raise ValueError(f"The crest factor is {crest_factor}; it must be 1 or more and finite.")
+        raise SettingError(
+            f"The crest factor is {crest_factor}; it must be 1 or more and finite.", field="crest_factor"
+        )
     if room.shape != (drives,) or not np.all(room > 0.0):
         raise ValueError(f"The limits leave room for {room.tolist()}; every one of {drives} drives needs some.")
     spectrum = np.fft.rfft(record - np.mean(record, axis=1, keepdims=True), axis=1)
@@ -91,9 +97,10 @@ def advise_levels(
     wished = spectrum[:, inside].T
     target_rms = _rms(wished, record.shape[1])
     if not np.all(target_rms > 0.0):
-        raise ValueError(
+        raise SettingError(
             f"The target of response {int(np.argmin(target_rms))} does not move from {band.lowest:g} to "
-            f"{band.highest:g} Hz; every response needs a target there."
+            f"{band.highest:g} Hz; every response needs a target there.",
+            field="target",
         )
     # Each response counts by its own size, so that one in newtons does not outweigh one in newton metres.
     weight = 1.0 / target_rms

@@ -21,9 +21,8 @@ from rig_sim.compile.numeric import (
     sqrt,
     tanh,
 )
-from rig_sim.compile.python_backend import interpret
 from rig_sim.compile.runge_kutta import Method
-from rig_sim.compile.tracing import Expression, Graph, Scalar, constant_value
+from rig_sim.compile.tracing import Expression, Graph, Scalar
 
 __all__ = [
     "CompiledModel",
@@ -40,10 +39,8 @@ __all__ = [
     "atan2",
     "clamp",
     "compile_model",
-    "constant_value",
     "cos",
     "exp",
-    "interpret",
     "maximum",
     "minimum",
     "select_positive",

@@ -1,6 +1,6 @@
 """The operations that a traced model may consist of, and what each computes on plain numbers.
 
-One table for Python floats (constant folding and the plain evaluation) and one for numpy arrays (the interpreter).
+One table for Python floats (constant folding and the plain evaluation) and one for numpy arrays (many points at once).
 """
 
 import math

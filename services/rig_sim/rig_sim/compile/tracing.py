@@ -221,22 +221,6 @@ class Graph:
         return self.constant(value)
 
 
-def constant_value(value: Scalar) -> float | None:
-    """Return the number that a traced or plain scalar always has, None when it depends on inputs.
-
-    Parameters
-    ----------
-    value : Scalar
-        An expression or a number.
-
-    Returns
-    -------
-    float or None
-        The number.
-    """
-    return value.value if isinstance(value, Expression) else float(value)
-
-
 def _integer_power(base: Expression, exponent: int) -> Expression:
     power = base.graph.constant(1.0)
     square = base

@@ -51,14 +51,6 @@ def find_modes(specimen: StructureSpecimen) -> ModalModel:
     )
 
 
-def total_mass(specimen: StructureSpecimen) -> float:
-    """Return the mass of a structure in kg."""
-    _, mass, _ = _assemble(specimen)
-    every = np.zeros(len(mass))
-    every[::6] = 1.0
-    return float(every @ mass @ every)
-
-
 def _assemble(specimen: StructureSpecimen) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
     """Return stiffness and mass (freedoms, freedoms), and each point's first freedom: x of x, y, z and rotations."""
     first: dict[str, int] = {}

@@ -1,11 +1,15 @@
 """Models with known properties, written once for traced and plain scalars."""
 
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rig_sim.compile import compile_model, cos, sin
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 GRAVITY = 9.81
 MASSES = (1.3, 0.7)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from graph_interpreter import interpret
 
 from rig_sim.compile import (
     absolute,
@@ -13,7 +14,6 @@ from rig_sim.compile import (
     compile_model,
     cos,
     exp,
-    interpret,
     maximum,
     minimum,
     select_positive,

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graph_interpreter import interpret
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from rig_sim.compile import Interpolation, Method, compile_model, interpret, trace_model
+from rig_sim.compile import Interpolation, Method, compile_model, trace_model
 from rig_sim.compile.runge_kutta import amplification
 
 INTERVAL = 1e-3
