@@ -203,4 +203,6 @@ def fetch_result(
         # A recorder that is told to write no live file has none; a later one can be made of the recording.
         if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:
             raise
+        # Of another recording that was there before: it would be shown as this one's.
+        result.live_path.unlink(missing_ok=True)
     return result

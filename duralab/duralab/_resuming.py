@@ -88,7 +88,18 @@ def resume_campaign(
         Whether outputs that are there are overwritten.
     tell : callable
         Told how far it is.
+
+    Raises
+    ------
+    LabError
+        See `Lab.resume`.
     """
+    if not 0 <= from_iteration < 2**32:
+        raise InputError(
+            f"from_iteration is {from_iteration}; give the number of a playback from 1 to 2^32 - 1, or 0 for the last "
+            "there is.",
+            field="from_iteration",
+        )
     try:
         parent = _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
     except FaultError as fault:

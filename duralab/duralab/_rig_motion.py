@@ -14,6 +14,7 @@ from duralab._asking import Asking
 from duralab._drive_signals import drive_signals
 from duralab._following import RunProgress, Stage
 from duralab._patience import Patience
+from duralab.campaign_values import require_seed
 from duralab.errors import LabError, LabTimeoutError, StoppedError
 from duralab.played import Played
 from duralab.recording_content import actuator_use
@@ -54,6 +55,7 @@ def play_drive(
     LabError
         See `Lab.play`.
     """
+    require_seed(seed)
     signals = drive_signals(drive, rig)
     name = run or f"script-{uuid.uuid4().hex[:12]}"
     request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=real_time)

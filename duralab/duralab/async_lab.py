@@ -297,13 +297,17 @@ async def async_start(
 
 @asynccontextmanager
 async def async_connect(
-    endpoint: str | None = None, *, out: str | Path | None = None, timeout_seconds: float = FIND_SECONDS
+    endpoint: str | None = None,
+    *,
+    out: str | Path | None = None,
+    timeout_seconds: float = FIND_SECONDS,
+    identity: str | Path | None = None,
 ) -> AsyncIterator[AsyncLab]:
     """Join a lab that runs already, `async with async_connect() as lab`; see `connect`.
 
     Parameters
     ----------
-    endpoint, out, timeout_seconds
+    endpoint, out, timeout_seconds, identity
         As in `connect`.
 
     Yields
@@ -316,7 +320,7 @@ async def async_connect(
     InputError, UnavailableError
         As in `connect`.
     """
-    async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds)) as opened:
+    async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds, identity=identity)) as opened:
         yield opened
 
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
+from duralab.errors import InputError
+
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
@@ -21,6 +23,23 @@ PositivePerChannel = Annotated[
     Annotated[Positive, Tag(ONE_NUMBER)] | Annotated[dict[str, Positive], Tag(PER_CHANNEL)], _how_given
 ]
 GainPerChannel = Annotated[Annotated[Gain, Tag(ONE_NUMBER)] | Annotated[dict[str, Gain], Tag(PER_CHANNEL)], _how_given]
+
+
+def require_seed(seed: int) -> None:
+    """Check a seed that comes from a script or an option, as `Seed` does one of a file.
+
+    Parameters
+    ----------
+    seed : int
+        0 to 2^63 - 1.
+
+    Raises
+    ------
+    InputError
+        It is another number.
+    """
+    if not 0 <= seed < 2**63:
+        raise InputError(f"The seed is {seed}; it must be from 0 to 2^63 - 1.", field="seed")
 
 
 class Section(BaseModel):

@@ -8,12 +8,14 @@ from datetime import UTC, datetime
 from typing import Final
 
 from duralab._asking import Asking
+from duralab.errors import InputError
 from duralab.recorded_result import Result
 from duralab.signals import Signals
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
 _NANOSECONDS: Final = 10**9
-
+_FIRST_YEAR, _LAST_YEAR = 1970, 2553
+"""Nanoseconds since the first fit 64 bits up to the last."""
 
 _OUTCOMES: Final = {
     iterator_pb2.OUTCOME_REACHED: Result.REACHED,
@@ -104,8 +106,18 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
     )
 
 
-def _nanoseconds(moment: datetime | None) -> int:
-    return 0 if moment is None else int(moment.timestamp() * _NANOSECONDS)
+def _nanoseconds(moment: datetime | None, *, field: str) -> int:
+    if moment is None:
+        return 0
+    # The year is looked at first: a moment at either end of the calendar has no time in seconds everywhere.
+    nanoseconds = int(moment.timestamp() * _NANOSECONDS) if _FIRST_YEAR <= moment.year <= _LAST_YEAR else 0
+    if nanoseconds <= 0:
+        raise InputError(
+            f"{field} is {moment.isoformat()}; it must be after the beginning of {_FIRST_YEAR}, UTC, and no later than "
+            f"{_LAST_YEAR}, or left out.",
+            field=field,
+        )
+    return nanoseconds
 
 
 class Catalogue:
@@ -132,7 +144,7 @@ class Catalogue:
         target : str
             Where the target's source holds these characters, whatever their case.
         begun_from, begun_before : datetime, optional
-            Begun then or later; before then.
+            Begun then or later; before then. From 1970 to 2553; one without a time zone is local.
         result : Result, optional
             Ended so only.
 
@@ -140,12 +152,17 @@ class Catalogue:
         -------
         CatalogueEntries
             A sequence; printed, it is a table.
+
+        Raises
+        ------
+        InputError
+            `begun_from` or `begun_before` is outside those years.
         """
         request = recorder_pb2.ListRecordingsRequest(
             rig=rig,
             target=target,
-            begun_from=_nanoseconds(begun_from),
-            begun_before=_nanoseconds(begun_before),
+            begun_from=_nanoseconds(begun_from, field="begun_from"),
+            begun_before=_nanoseconds(begun_before, field="begun_before"),
         )
         answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
         entries = [_entry(information) for information in answer.recordings]

@@ -30,6 +30,7 @@ from duralab.certificate_files import (
 )
 from duralab.errors import InputError
 from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
+from duralab_proto.keys import KeyNameError, Keys
 from labbus import DEFAULT_PORT, router_configuration
 
 AUTHORITY_DAYS: Final = 3650
@@ -37,6 +38,9 @@ DEFAULT_DAYS: Final = 365
 DEFAULT_HOSTS: Final = ("localhost", "127.0.0.1")
 """Names of the router where none are given: clients of the same machine only."""
 
+_AUTHORITY_OF: Final = "Duralab "
+# X.509 allows a common name 64 characters.
+_LONGEST_LAB: Final = 64 - len(_AUTHORITY_OF)
 # Clocks of a lab differ a little: a certificate is valid on all its machines at once.
 _CLOCK_SKEW: Final = timedelta(minutes=5)
 _HOST = re.compile(r"(?!-)[a-z0-9-]{1,63}(?<!-)(\.(?!-)[a-z0-9-]{1,63}(?<!-))*", re.IGNORECASE)
@@ -50,17 +54,18 @@ def init_authority(folder: Path, *, lab: str = "local", days: int = AUTHORITY_DA
     folder : Path
         Made where it is not there, for its owner only.
     lab : str
-        Name of the lab, kept in the authority's own name.
+        Name of the lab, kept in the authority's own name: lower case letters, digits, '-' and '_', at most 56.
     days : int
         How long it is valid.
 
     Raises
     ------
     InputError
-        There is one already, or the folder cannot be written.
+        There is one already, the folder cannot be written, or no lab can have this name.
     """
+    _check_lab(lab)
     expect_free(folder, AUTHORITY)
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"Duralab {lab}")])
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"{_AUTHORITY_OF}{lab}")])
     return _write_authority(folder, _new_key(), subject, days=days)
 
 
@@ -147,8 +152,9 @@ def configure_router(folder: Path, *, lab: str = "local", certificates: str, por
     Raises
     ------
     InputError
-        There is not exactly one router's certificate, or a file names no holder.
+        There is not exactly one router's certificate, a file names no holder, or no lab can have this name.
     """
+    _check_lab(lab)
     try:
         holders = [Holder.parse(file.name) for file in read_certificates(folder) if file.name != AUTHORITY]
     except HolderNameError as error:
@@ -164,6 +170,17 @@ def configure_router(folder: Path, *, lab: str = "local", certificates: str, por
         router=routers[0],
         port=port,
     )
+
+
+def _check_lab(lab: str) -> None:
+    try:
+        Keys(lab)
+    except KeyNameError as error:
+        raise InputError(str(error), field="lab") from error
+    if len(lab) > _LONGEST_LAB:
+        raise InputError(
+            f"The lab {lab!r} has {len(lab)} characters; at most {_LONGEST_LAB} fit into a certificate.", field="lab"
+        )
 
 
 def _new_key() -> ec.EllipticCurvePrivateKey:

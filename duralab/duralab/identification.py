@@ -13,7 +13,7 @@ import numpy as np
 from duralab._following import RunProgress, Stage
 from duralab._patience import Patience, patience
 from duralab._specification import estimator_message, excitation_message
-from duralab.errors import InputError
+from duralab.campaign_values import require_seed
 from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
 from duralab.recording_content import Model
@@ -282,8 +282,7 @@ class Identifier:
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int
     ) -> identifier_pb2.IdentifyRequest:
         described = self._describe(rig)
-        if not 0 <= seed < 2**63:
-            raise InputError(f"The seed is {seed}; it must be from 0 to 2^63 - 1.", field="seed")
+        require_seed(seed)
         return identifier_pb2.IdentifyRequest(
             rig=rig,
             excitation=excitation_message(excitation, rig=described, seed=seed),

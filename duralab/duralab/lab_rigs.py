@@ -148,7 +148,7 @@ class LabRigs:
         run : str, optional
             Name of the playback, unique on the rig; a new one where not given.
         seed : int
-            Of what is random in a simulated rig.
+            Of what is random in a simulated rig, 0 to 2^63 - 1.
         real_time : bool
             Play no faster than real time.
         on_progress : callable, optional

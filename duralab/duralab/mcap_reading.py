@@ -20,6 +20,9 @@ from duralab.errors import InputError
 
 MessageT = TypeVar("MessageT", bound=Message)
 
+EPOCH: Final = "epoch"
+"""Entry of a stream channel's metadata: the epoch of its publisher."""
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 
 DAMAGE: Final = (McapError, DecodeError, struct.error, ValueError, LookupError, RuntimeError, ZstdError)
@@ -32,6 +35,11 @@ def files_from(path: Path) -> list[Path]:
     while (following := path.with_name(f"{path.stem}.part{len(files) + 1:02d}{path.suffix}")).is_file():
         files.append(following)
     return files
+
+
+def epoch_of(channel: Channel) -> int:
+    """Return the epoch of a stream's publisher; 0 of a channel that is no stream's."""
+    return int(channel.metadata.get(EPOCH, "0"))
 
 
 class McapFile:
@@ -70,8 +78,13 @@ class McapFile:
         InputError
             A file is damaged at a message that is read.
         """
+        for _, message in self.with_epochs(kind):
+            yield message
+
+    def with_epochs(self, kind: type[MessageT]) -> Iterator[tuple[int, MessageT]]:
+        """Yield each message as `messages` does, after the epoch of its stream: a repeated run has several."""
         for file in self._files:
-            yield from file.messages(kind)
+            yield from file.with_epochs(kind)
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Return the named sets of texts in the files, the last of each name; those of an unfinished one too."""
@@ -109,18 +122,19 @@ class _OneFile:
         with stream:
             yield stream
 
-    def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield the messages of one type; see `McapFile.messages`."""
+    def with_epochs(self, kind: type[MessageT]) -> Iterator[tuple[int, MessageT]]:
+        """Yield the messages of one type; see `McapFile.with_epochs`."""
         name = kind.DESCRIPTOR.full_name
         with self._opened() as stream:
             try:
-                for schema, data in self._indexed(stream, name) if self.whole else self._streamed(stream):
+                found = self._indexed(stream, name) if self.whole else self._streamed(stream)
+                for schema, channel, data in found:
                     if schema == name:
-                        yield cast("MessageT", kind.FromString(data))
+                        yield epoch_of(channel), cast("MessageT", kind.FromString(data))
             except DAMAGE as error:
                 raise self._damaged(error) from error
 
-    def _indexed(self, stream: IO[bytes], schema_name: str) -> Iterator[tuple[str, bytes]]:
+    def _indexed(self, stream: IO[bytes], schema_name: str) -> Iterator[tuple[str, Channel, bytes]]:
         reader: McapReader = SeekingReader(stream, validate_crcs=True)
         summary = reader.get_summary()
         if summary is None:
@@ -129,23 +143,24 @@ class _OneFile:
         topics = sorted({channel.topic for channel in summary.channels.values() if channel.schema_id in wanted})
         if not topics:
             return
-        for schema, _, message in reader.iter_messages(topics=topics, log_time_order=False):
+        for schema, channel, message in reader.iter_messages(topics=topics, log_time_order=False):
             if schema is not None:
-                yield schema.name, message.data
+                yield schema.name, channel, message.data
 
     @staticmethod
-    def _streamed(stream: IO[bytes]) -> Iterator[tuple[str, bytes]]:
+    def _streamed(stream: IO[bytes]) -> Iterator[tuple[str, Channel, bytes]]:
         schemas: dict[int, str] = {}
-        channels: dict[int, int] = {}
+        channels: dict[int, Channel] = {}
         try:
             for record in StreamReader(stream, validate_crcs=True).records:
                 match record:
                     case Schema():
                         schemas[record.id] = record.name
                     case Channel():
-                        channels[record.id] = record.schema_id
-                    case McapMessage():
-                        yield schemas.get(channels.get(record.channel_id, 0), ""), record.data
+                        channels[record.id] = record
+                    case McapMessage() if record.channel_id in channels:
+                        channel = channels[record.channel_id]
+                        yield schemas.get(channel.schema_id, ""), channel, record.data
         except EndOfFile:
             # The chunk being written when its writer was killed; all before it is whole.
             return

@@ -182,28 +182,40 @@ class Recording:
         InputError
             No block of that run was recorded, or a block is missing.
         """
-        drives: list[np.ndarray] = []
-        responses: list[np.ndarray] = []
-        samples, sample_rate = 0, 0.0
-        for block in self.messages(rig_pb2.SignalBlock):
-            if block.run != run:
+        epoch, sample_rate = -1, 0.0
+        blocks: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for number, block in self._file.with_epochs(rig_pb2.SignalBlock):
+            if block.run != run or number < epoch:
                 continue
-            if block.first_sample != samples:
-                raise InputError(
-                    f"{self.path} lacks the samples {samples} to {block.first_sample - 1} of the run {run!r}."
-                )
+            if number > epoch:
+                # The run was repeated: the newest counts, as for `responses`.
+                epoch, blocks = number, {}
             with self._decoding():
-                drives.append(from_array(block.drive, field="drive", shape=(len(self.rig.drives), None)))
-                responses.append(from_array(block.response, field="response", shape=(len(self.rig.responses), None)))
-            samples, sample_rate = samples + drives[-1].shape[1], block.sample_rate
-        if not drives:
+                drive = from_array(block.drive, field="drive", shape=(len(self.rig.drives), None))
+                response = from_array(block.response, field="response", shape=(len(self.rig.responses), None))
+            blocks[block.first_sample], sample_rate = (drive, response), block.sample_rate
+        if not blocks:
             raise InputError(
                 f"{self.path} holds no signals of a run {run!r}; it holds {', '.join(self.runs) or 'none'}."
             )
+        drives, responses = zip(*self._in_order(blocks, run), strict=True)
         return (
             Signals(channels_of(self.rig.drives), sample_rate, np.concatenate(drives, axis=1)),
             Signals(channels_of(self.rig.responses), sample_rate, np.concatenate(responses, axis=1)),
         )
+
+    def _in_order(
+        self, blocks: dict[int, tuple[np.ndarray, np.ndarray]], run: str
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield blocks by their first sample: one that was lost on the way and fetched later is written late."""
+        reached = 0
+        for first in sorted(blocks):
+            if first > reached:
+                raise InputError(f"{self.path} lacks the samples {reached} to {first - 1} of the run {run!r}.")
+            if first < reached:
+                raise InputError(f"{self.path} holds the samples {first} to {reached - 1} of the run {run!r} twice.")
+            yield blocks[first]
+            reached += blocks[first][0].shape[1]
 
     def drives(self, *runs: str) -> xarray.Dataset:
         """Return what was commanded in runs; see `responses`."""

@@ -6,26 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from duralab.errors import InputError
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """YAML in which a key stands once: the second of two equal keys would silently win."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return the mapping of a node, refusing a key that stands twice."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            name = str(key.value)
-            if name in seen:
-                line = key.start_mark.line + 1
-                raise yaml.MarkedYAMLError(
-                    problem=f"the key {name!r} of line {line} stands there already", problem_mark=key.start_mark
-                )
-            seen.add(name)
-        return super().construct_mapping(node, deep=deep)
+from labbus import YamlError, parse_yaml
 
 
 def read_text(path: Path, *, what: str) -> str:
@@ -71,13 +53,9 @@ def parse_mapping(text: str, *, name: str, what: str, keys: Iterable[str]) -> di
         It is no YAML, holds a key twice, or no mapping.
     """
     try:
-        content = yaml.load(text, Loader=_StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise InputError(f"{name} is not valid YAML{place}: {error.problem}.") from error
-    except yaml.YAMLError as error:
-        raise InputError(f"{name} is not valid YAML: {' '.join(str(error).split())}.") from error
+        content = parse_yaml(text)
+    except YamlError as error:
+        raise InputError(f"{name} is not YAML: {error}.") from error
     if not isinstance(content, dict):
         found = "is empty" if content is None else f"holds a {type(content).__name__}"
         raise InputError(f"{name} {found}; {what} holds the keys {', '.join(keys)}.")

@@ -18,7 +18,7 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
 from duralab.errors import InputError
-from duralab.mcap_reading import DAMAGE
+from duralab.mcap_reading import DAMAGE, epoch_of
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 
@@ -154,8 +154,11 @@ def _places_in(path: Path, stream: IO[bytes]) -> Iterator[tuple[str, int, _Place
             stream.seek(chunk.message_index_offsets[number])
             _, _, _, length = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
             channel = channels[number]
-            epoch = int(channel.metadata.get("epoch", "0"))
-            yield channel.topic.rsplit("/", 1)[-1], epoch, _Place(path, chunk, number, length // _ENTRY_BYTES)
+            yield (
+                channel.topic.rsplit("/", 1)[-1],
+                epoch_of(channel),
+                _Place(path, chunk, number, length // _ENTRY_BYTES),
+            )
 
 
 def _likely(places: list[_Place], size: int, first: int, last: int) -> list[_Place]:

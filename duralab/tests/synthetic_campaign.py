@@ -286,22 +286,33 @@ def signal_blocks(drive: np.ndarray, response: np.ndarray, *, run: str, size: in
 SIGNALS = "duralab/v1/local/rig/front_axle/signal"
 
 
-def write(path: Path, messages: list[Message], *, finish: bool = True, chunk_size: int = 1 << 20) -> Path:
-    """Write messages on the topics of the recorder, with the standard MCAP writer."""
+def write(
+    path: Path,
+    messages: list[Message],
+    *,
+    finish: bool = True,
+    chunk_size: int = 1 << 20,
+    epochs: dict[int, list[rig_pb2.SignalBlock]] | None = None,
+) -> Path:
+    """Write messages on the topics of the recorder, with the standard MCAP writer; those of epochs after the others."""
+    told = [(message, "") for message in messages]
+    told += [(block, str(epoch)) for epoch, blocks in (epochs or {}).items() for block in blocks]
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=chunk_size)
         writer.start(profile="duralab")
-        channels: dict[str, int] = {}
-        for number, message in enumerate(messages):
+        channels: dict[tuple[str, str], int] = {}
+        for number, (message, epoch) in enumerate(told):
             descriptor = message.DESCRIPTOR
             is_signal = isinstance(message, rig_pb2.SignalBlock)
             topic = f"{SIGNALS}/{message.run}" if is_signal else f"step/{descriptor.name}"
-            if topic not in channels:
+            if (topic, epoch) not in channels:
                 files = FileDescriptorSet()
                 descriptor.file.CopyToProto(files.file.add())
                 schema = writer.register_schema(descriptor.full_name, "protobuf", files.SerializeToString())
-                channels[topic] = writer.register_channel(topic, "protobuf", schema)
-            writer.add_message(channels[topic], log_time=number, publish_time=number, data=message.SerializeToString())
+                metadata = {"epoch": epoch} if epoch else {}
+                channels[topic, epoch] = writer.register_channel(topic, "protobuf", schema, metadata)
+            channel = channels[topic, epoch]
+            writer.add_message(channel, log_time=number, publish_time=number, data=message.SerializeToString())
         if finish:
             writer.finish()
         else:

@@ -175,9 +175,11 @@ def test_misspelt_key_is_not_reported_as_missing_too():
     [
         ("", "is empty"),
         ("- 1", "holds a list"),
-        ("a: [1", "is not valid YAML at line 1"),
-        ("name: a\nname: b", "'name' of line 2 stands there already"),
-        ("a: !!python/object/apply:os.system [ls]", "is not valid YAML"),
+        ("a: [1", "is not YAML: did not find"),
+        ("name: a\nname: b", "the key 'name' is given twice (line 2, column 1)"),
+        ("seed: 2024-02-30", "'2024-02-30' cannot be read as timestamp"),
+        ("a: " + "[" * 3_000, "lists and mappings stand 101 deep"),
+        ("a: !!python/object/apply:os.system [ls]", "is not YAML"),
     ],
 )
 def test_what_is_no_campaign_is_refused(text, part):

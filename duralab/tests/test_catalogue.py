@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from duralab.catalogue import Catalogue
 from duralab.cli import app
+from duralab.errors import InputError
 from duralab.recorded_result import Result
 from duralab_proto.arrays import to_record
 from duralab_proto.keys import Keys
@@ -74,6 +75,17 @@ def test_a_search_is_asked_of_the_recorder_and_its_result_chosen_here(ask):
     _, request = ask.asked[0]
     assert (request.rig, request.target, request.begun_before) == ("front_axle", "ROAD", 0)
     assert request.begun_from == int(DAY.timestamp()) * 10**9
+
+
+@pytest.mark.parametrize("field", ["begun_from", "begun_before"])
+@pytest.mark.parametrize(
+    "moment", [datetime(1969, 12, 31, 23, 59, tzinfo=UTC), datetime(1970, 1, 1, tzinfo=UTC), datetime.min, datetime.max]
+)
+def test_a_moment_that_the_contract_cannot_hold_is_refused_before_anybody_is_asked(ask, field, moment):
+    with pytest.raises(InputError, match=f"{field} is {moment.isoformat()[:10]}.*; it must be after") as caught:
+        Catalogue(ask).search(**{field: moment})
+    assert caught.value.field == field
+    assert ask.asked == []
 
 
 def test_a_window_of_signals_is_decoded():

@@ -125,6 +125,27 @@ def test_a_wrong_value_is_refused_and_leaves_nothing(folder, role, name, more, s
     assert sorted(path.name for path in folder.iterdir()) == ["ca.crt", "ca.key"]
 
 
+@pytest.mark.parametrize(
+    ("lab", "said"),
+    [
+        ("My Lab", "The lab 'My Lab' is not a name of lower case letters"),
+        ("", "is not a name"),
+        ("a" * 57, "at most 56"),
+    ],
+)
+def test_a_lab_that_no_key_or_certificate_can_name_is_refused(folder, tmp_path, lab, said):
+    for act in (
+        lambda: init_authority(tmp_path / "other", lab=lab),
+        lambda: configure_router(folder, lab=lab, certificates="/etc/duralab"),
+    ):
+        with pytest.raises(InputError) as caught:
+            act()
+        assert said in caught.value.message
+        assert caught.value.field == "lab"
+    assert not (tmp_path / "other").exists()
+    assert init_authority(tmp_path / "other", lab="a" * 56).path.exists()
+
+
 def test_without_an_authority_nothing_is_issued(tmp_path):
     assert "cannot be read" in refused(lambda: issue(tmp_path, "operator", "anna"))
     assert "duralab certs init" in refused(lambda: read_certificates(tmp_path / "none"))

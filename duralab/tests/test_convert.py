@@ -110,6 +110,10 @@ def test_drive_response_target_and_frequency_responses_come_out_of_a_recording(t
         (("a.csv", "--what", "road"), "target, drive"),
         (("a.csv", "--what", "frf"), ".uff"),
         (("a.csv", "--what", "target", "--playback", "1"), "leave it out"),
+        (("h.uff", "--what", "frf", "--playback", "2"), "--playback is 2; the frequency responses are the model's"),
+        (("h.uff", "--what", "frf", "--unit", "SI"), "--unit is SI; "),
+        (("h.uff", "--what", "frf", "--format", "csv"), "--format is csv; "),
+        (("h.uff", "--what", "frf", "--data-type", "int16"), "--data-type is int16; "),
         (("a.csv", "--playback", "99"), "no playback 99"),
     ],
 )

@@ -6,10 +6,10 @@ import threading
 import pytest
 
 from duralab import _fetching
-from duralab._fetching import Part, fetch
+from duralab._fetching import Part, fetch, fetch_result
 from duralab.errors import LabError
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import recorder_pb2
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import FaultError
 
 CONTENT = bytes(range(256)) * 40
@@ -78,3 +78,19 @@ def test_a_recorder_that_dies_on_the_way_leaves_nothing(tmp_path):
     with pytest.raises(FaultError, match="is gone"):
         fetched(Dying(), tmp_path / "a.mcap")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_live_file_of_before_does_not_stay_beside_a_recording_that_has_none(tmp_path):
+    class WithoutLiveFile(Recorder):
+        def query(self, key, request, kind):
+            if kind is recorder_pb2.RecordingInfo:
+                return recorder_pb2.RecordingInfo(recording="demo", closed=True)
+            if request.part == Part.LIVE.value:
+                raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, "There is no live file.")
+            return super().query(key, request, kind)
+
+    (tmp_path / "live.rrd").write_bytes(b"of another campaign")
+    specification = iterator_pb2.CampaignSpec(id="demo")
+    result = fetch_result(WithoutLiveFile(), specification, iterator_pb2.CampaignStatus(), folder=tmp_path)
+    assert result.recording_path.read_bytes() == CONTENT
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]

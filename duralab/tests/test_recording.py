@@ -60,6 +60,43 @@ def test_missing_block_is_reported_not_closed_up(tmp_path, campaign):
         open_recording(path).signal("demo.i01")
 
 
+@pytest.mark.parametrize("finish", [True, False])
+def test_a_block_that_came_late_is_put_where_it_belongs(tmp_path, campaign, finish):
+    blocks = synthetic_campaign.signal_blocks(campaign.drives[0], campaign.responses[0], run="demo.i01")
+    late = [*synthetic_campaign.steps(campaign), *blocks[:3], *blocks[4:], blocks[3]]
+    recording = open_recording(synthetic_campaign.write(tmp_path / "r.mcap", late, finish=finish))
+    played, measured = recording.signal("demo.i01")
+    np.testing.assert_array_equal(played.samples, campaign.drives[0])
+    np.testing.assert_array_equal(measured.samples, campaign.responses[0])
+
+
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize("order", [(7, 9), (9, 7)])
+def test_of_a_repeated_run_the_newest_epoch_counts(tmp_path, campaign, order, finish):
+    """The first was broken off after five blocks; which of the two stands first in the file does not matter."""
+    first, second = (
+        synthetic_campaign.signal_blocks(campaign.drives[i], campaign.responses[i], run="demo.i01") for i in (0, 1)
+    )
+    epochs = {7: first[:5], 9: second}
+    path = synthetic_campaign.write(
+        tmp_path / "r.mcap", synthetic_campaign.steps(campaign), finish=finish, epochs={n: epochs[n] for n in order}
+    )
+    _, measured = open_recording(path).signal("demo.i01")
+    np.testing.assert_array_equal(measured.samples, campaign.responses[1])
+
+
+def test_blocks_that_overlap_are_reported(tmp_path, campaign):
+    drive, response = campaign.drives[0], campaign.responses[0]
+    blocks = [
+        *synthetic_campaign.signal_blocks(drive[:, :200], response[:, :200], run="demo.i01"),
+        *synthetic_campaign.signal_blocks(drive[:, :100], response[:, :100], run="demo.i01"),
+    ]
+    blocks[-1].first_sample = 150
+    path = synthetic_campaign.write(tmp_path / "r.mcap", [*synthetic_campaign.steps(campaign), *blocks])
+    with pytest.raises(InputError, match=r"holds the samples 150 to 199 of the run 'demo.i01' twice"):
+        open_recording(path).signal("demo.i01")
+
+
 def test_unknown_playback_and_run_name_what_there_is(recording_path):
     recording = open_recording(recording_path)
     with pytest.raises(InputError, match=r"no playback 9; it holds 1, 2, 3, 4"):

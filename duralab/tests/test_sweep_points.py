@@ -119,6 +119,13 @@ def test_a_wrong_sweep_file_is_one_sentence(sweep, sections, told):
     assert told in caught.value.message
 
 
+def test_an_axis_that_is_given_twice_is_refused(tmp_path):
+    path = tmp_path / "twice.yaml"
+    path.write_text("campaign: front_axle_demo\naxes:\n  update.gain: [0.5]\n  update.gain: [0.7]\n")
+    with pytest.raises(InputError, match=r"the key 'update\.gain' is given twice \(line 4, column 3\)"):
+        load_sweep(path)
+
+
 def test_too_many_points_are_refused(sweep):
     plan = sweep(axes={"seed": {"from": 1, "count": 1000}, "target.speed": [float(i) for i in range(1, 102)]})
     with pytest.raises(InputError, match="101000 points"):

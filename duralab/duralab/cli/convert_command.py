@@ -80,6 +80,7 @@ def export(
         raise InputError(f"--what is {what!r}; {', '.join(Exported)} are known.", field="what") from None
     opened = open_recording(recording)
     if chosen is Exported.FRF:
+        _refuse_for_frf(playback=playback, unit=units, format=to_format, data_type=data_type)
         _export_frf(opened, out, replace=replace)
         _say_frf(out, as_json=as_json)
         return
@@ -104,6 +105,18 @@ def _recorded(recording: Recording, what: Exported, playback: int | None) -> Sig
         Exported.RESPONSE: taken.response,
         Exported.RESPONSE_IN_BAND: taken.response_in_band,
     }[what]
+
+
+def _refuse_for_frf(**options: object) -> None:
+    """Refuse options that say how signals are written: nothing of the kind is done to frequency responses."""
+    for name, value in options.items():
+        if value not in (None, []):
+            told = " ".join(map(str, value)) if isinstance(value, list) else value
+            raise InputError(
+                f"--{name.replace('_', '-')} is {told}; the frequency responses are the model's and are written as "
+                "they are, so leave it out.",
+                field=name,
+            )
 
 
 def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:

@@ -17,6 +17,7 @@ import yaml
 from duralab.errors import InputError, LabError
 from duralab.sweeps.dotted_keys import change
 from duralab.sweeps.sweep_file import Sweep
+from labbus import parse_yaml
 
 SPECIMEN: Final = "specimen"
 """What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""
@@ -94,8 +95,8 @@ class Specimens:
     def _read(self, rig: str) -> dict[str, Any]:
         if rig in self._own:
             try:
-                document = yaml.safe_load(self._own[rig].read_text(encoding="utf-8"))
-            except (OSError, ValueError, yaml.YAMLError) as error:
+                document = parse_yaml(self._own[rig].read_text(encoding="utf-8"))
+            except (OSError, ValueError) as error:
                 raise InputError(f"specimens.{rig} cannot be read: {' '.join(str(error).split())}.") from error
             if not isinstance(document, dict):
                 raise InputError(f"specimens.{rig} holds no keys; give the rig's YAML.")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel, ValidationError
+
+from labbus._strict_yaml import YamlError, parse_yaml
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
@@ -33,7 +34,8 @@ def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
     Raises
     ------
     ConfigError
-        The file cannot be read, is not YAML, or does not fit; all that does not fit is named at once.
+        The file cannot be read, is not YAML, holds a key twice, or does not fit; all that does not fit is named at
+        once.
     """
     content = read_mapping(path)
     try:
@@ -51,10 +53,9 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(f"Cannot read the configuration {path}: {reason}.") from error
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{path} is not YAML: {reason}.") from error
+        content = parse_yaml(text)
+    except YamlError as error:
+        raise ConfigError(f"{path} is not YAML: {error}.") from error
     if content is not None and not isinstance(content, dict):
         raise ConfigError(f"{path} holds a {type(content).__name__}; it must hold a mapping of fields to values.")
     return content or {}
