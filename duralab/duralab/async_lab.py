@@ -239,8 +239,7 @@ class AsyncWatch(AsyncIterator[LabEvent]):
     async def __anext__(self) -> LabEvent:
         """Wait for the next event."""
         try:
-            loop = asyncio.get_running_loop()
-            event = await loop.run_in_executor(self._threads, lambda: next(self._watch, None))
+            event = await asyncio.get_running_loop().run_in_executor(self._threads, lambda: next(self._watch, None))
         except asyncio.CancelledError:
             # The thread that waits is let go of; closing takes a moment, which is not the event loop's.
             self._threads.submit(self._watch.close)
@@ -297,13 +296,17 @@ async def async_start(
 
 @asynccontextmanager
 async def async_connect(
-    endpoint: str | None = None, *, out: str | Path | None = None, timeout_seconds: float = FIND_SECONDS
+    endpoint: str | None = None,
+    *,
+    out: str | Path | None = None,
+    timeout_seconds: float = FIND_SECONDS,
+    identity: str | Path | None = None,
 ) -> AsyncIterator[AsyncLab]:
     """Join a lab that runs already, `async with async_connect() as lab`; see `connect`.
 
     Parameters
     ----------
-    endpoint, out, timeout_seconds
+    endpoint, out, timeout_seconds, identity
         As in `connect`.
 
     Yields
@@ -316,7 +319,7 @@ async def async_connect(
     InputError, UnavailableError
         As in `connect`.
     """
-    async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds)) as opened:
+    async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds, identity=identity)) as opened:
         yield opened
 
 
