@@ -50,7 +50,7 @@ class ExcitationSettings(Section):
     kind: ExcitationKind = Field(
         default=ExcitationKind.RANDOM_ORTHOGONAL,
         strict=False,
-        description="How the drives are made; random_orthogonal gives the best model for the time.",
+        description="How the drives are made; random_orthogonal tells noise, distortion and FRF apart.",
     )
     lowest_frequency: Positive = Field(description="Lower edge of the excited band, in hertz.")
     highest_frequency: Positive = Field(description="Upper edge of the excited band, in hertz.")
