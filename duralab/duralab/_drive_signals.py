@@ -37,7 +37,7 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
         The shape does not fit, or a value is not finite.
     """
     if isinstance(drive, Signals):
-        return _in_order(drive, rig)
+        return _checked(_in_order(drive, rig))
     # Not an import of xarray for who has none: only a dataset, or an array with names, is told by name.
     if hasattr(drive, "data_vars") or "channel" in getattr(drive, "coords", ()):
         return _checked(_in_order(Signals.from_xarray(drive), rig))  # type: ignore[arg-type]
@@ -53,11 +53,14 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
 
 def _in_order(signals: Signals, rig: Rig) -> Signals:
     wanted = [channel.name for channel in rig.drives]
-    if sorted(signals.names) != sorted(wanted):
+    if sorted(signals.names) != sorted(wanted) or len(signals.samples) != len(wanted):
         return signals
     rows = [signals.names.index(name) for name in wanted]
     channels = tuple(_described(signals.channels[row], drive) for row, drive in zip(rows, rig.drives, strict=True))
-    return replace(signals, channels=channels, samples=np.ascontiguousarray(signals.samples[rows]))
+    # Numbers of other kinds become float64, as those of a plain array do; what would lose a part is left to be refused.
+    kind = np.result_type(signals.samples, np.float64)
+    samples = np.ascontiguousarray(signals.samples[rows], dtype=kind)
+    return replace(signals, channels=channels, samples=samples)
 
 
 def _described(channel: Channel, drive: Channel) -> Channel:

@@ -86,6 +86,16 @@ def test_another_unit_and_other_names_are_left_for_the_rig_to_refuse():
     assert drive_signals(other, RIG) is other
 
 
+def test_a_drive_as_signals_is_checked_as_others_are():
+    single = drive_signals(Signals(CHANNELS, 500.0, SIGNALS.samples.astype(np.float32)), RIG)
+    np.testing.assert_array_equal(single.samples, SIGNALS.samples.astype(np.float32).astype(np.float64))
+    assert single.samples.dtype == np.float64
+    for samples in (SIGNALS.samples * 1j, SIGNALS.samples[:1], SIGNALS.samples[0]):
+        with pytest.raises(InputError) as caught:
+            drive_signals(Signals(CHANNELS, 500.0, samples), RIG)
+        assert caught.value.field.startswith("record")
+
+
 def test_an_array_without_names_is_taken_in_the_order_of_the_rig():
     unnamed = xarray.DataArray(SIGNALS.samples, dims=("channel", "time"))
     np.testing.assert_array_equal(drive_signals(unnamed, RIG).samples, SIGNALS.samples)
