@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 import pytest
 import yaml
 
@@ -96,6 +98,13 @@ def test_with_axes_each_trial_runs_at_every_point(plan, tmp_path):
 def test_a_budget_below_one_trial_is_refused(plan, tmp_path):
     with pytest.raises(InputError, match=r"search\.budget is 24"):
         run(plan(axes={"seed": {"from": 1, "count": 25}}), tmp_path / "a", FakeRunner())
+
+
+def test_axes_with_too_many_points_are_refused_before_they_are_made(plan, tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.import_module("duralab.sweeps.search"), "grid", lambda _: pytest.fail("It is made."))
+    both = plan(axes={key: {"from": 1, "count": 100_000} for key in ("seed", "excitation.repeats")})
+    with pytest.raises(InputError, match=r"10000000000 points; 100000 are allowed"):
+        run(both, tmp_path / "a", FakeRunner())
 
 
 def test_a_bound_that_the_campaign_does_not_allow_is_found_first(plan, tmp_path):

@@ -48,8 +48,9 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
     plan = sweep.search
     if plan is None:
         raise ValueError("The sweep has no section search.")
-    beside = list(grid(sweep))
+    # The size first: it refuses a grid that would fill the memory.
     trials = plan.budget // grid_size(sweep)
+    beside = list(grid(sweep))
     if trials < 1:
         raise InputError(
             f"search.budget is {plan.budget} campaigns and one trial takes {len(beside)}, one for each point of the "
