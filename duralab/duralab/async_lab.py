@@ -239,8 +239,7 @@ class AsyncWatch(AsyncIterator[LabEvent]):
     async def __anext__(self) -> LabEvent:
         """Wait for the next event."""
         try:
-            loop = asyncio.get_running_loop()
-            event = await loop.run_in_executor(self._threads, lambda: next(self._watch, None))
+            event = await asyncio.get_running_loop().run_in_executor(self._threads, lambda: next(self._watch, None))
         except asyncio.CancelledError:
             # The thread that waits is let go of; closing takes a moment, which is not the event loop's.
             self._threads.submit(self._watch.close)
