@@ -1,10 +1,14 @@
 """The shipped rigs, loaded once: as they are, and with sensors that do not hiss."""
 
 import dataclasses
+import sys
+from pathlib import Path
 
 import pytest
 
 from rig_sim import Engine, EngineChoice, load_rig, shipped_specimens
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 def without_noise(rig):

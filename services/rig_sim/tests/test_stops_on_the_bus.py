@@ -1,0 +1,169 @@
+"""Stops, resets and states on a real bus: what moves the rig, what latches it, and what clears the latch."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from served_rig import WAIT, served, wave
+
+import labbus
+import rig_sim.performance
+from duralab_proto.v1 import rig_pb2
+from rig_sim.interlock import Interlock
+from rig_sim.player import Playback, RigFaultError
+
+
+@pytest.fixture(scope="module")
+def client(front_axle):
+    with served(front_axle) as client:
+        yield client
+
+
+def in_background(client, run, drive, *, real_time):
+    thread = threading.Thread(target=lambda: client.fault(run, drive, real_time=real_time))
+    thread.start()
+    client.wait_for(lambda: sum(block.run == run for block in client.blocks) >= 5)
+    return thread
+
+
+@pytest.mark.parametrize("real_time", [True, False])
+def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_time, monkeypatch):
+    """Whatever this machine does meanwhile: counted in samples played after the stop was heard."""
+    looked = []
+    watched = rig_sim.performance.first_trip
+
+    def watching(*arguments, **options):
+        looked.append((options["first_sample"], options["response"].shape[1]))
+        if len(looked) == 8:
+            # On the playback's own thread, while it is within a block.
+            client.server.stop("enough")
+        return watched(*arguments, **options)
+
+    monkeypatch.setattr(rig_sim.performance, "first_trip", watching)
+    drive = wave(20.0)
+    run = f"stopped-{real_time}".lower()
+    assert client.fault(run, drive, real_time=real_time).code_name == "CANCELLED"
+    whole = client.drive_of(run)
+    heard = looked[7][0] + looked[7][1]
+    left = int(np.argmax((whole != drive[:, : whole.shape[1]]).any(axis=0)))
+    # The block in which it came, and the one that was being played: paced, they are 20 ms long, and no block begins
+    # before its time has come. At full speed a block of 100 samples takes a few ms.
+    block = 20 if real_time else 100
+    assert {size for _, size in looked} == {block}
+    assert 0 <= left - heard <= block + 1
+    assert not real_time or 2 * block / 1000.0 < 0.05
+    client.reset()
+
+
+def test_a_paced_playback_waits_for_its_time_before_every_slice(client, monkeypatch):
+    """What makes samples milliseconds: after each slice it waits until the clock has come to its end."""
+    waits = []
+    real = rig_sim.performance._Clock.ahead
+
+    def ahead(clock, block):
+        seconds = real(clock, block)
+        waits.append((block.end, time.monotonic() - clock._started + seconds))
+        return seconds
+
+    monkeypatch.setattr(rig_sim.performance._Clock, "ahead", ahead)
+    client.play("waits", wave(0.5), real_time=True)
+    # Those of the drive; the way back to zero keeps to the same clock.
+    assert [end for end, _ in waits][:25] == list(range(20, 501, 20))
+    assert all(until >= end / 1000.0 - 1e-3 for end, until in waits)
+
+
+def test_a_stop_while_it_settles_ramps_down_from_there_and_publishes_nothing_of_the_run(client):
+    stopping = threading.Thread(target=client.stop, args=("not yet",))
+
+    def on_progress(progress):
+        if progress.phase == "settling" and not stopping.ident:
+            stopping.start()
+
+    fault = client.fault("settles", wave(1.0) + 0.01, real_time=True, on_progress=on_progress)
+    stopping.join(WAIT)
+    assert (fault.code_name, "run 'settles' was stopped: not yet" in fault.message) == ("CANCELLED", True)
+    assert not [block for block in client.blocks if block.run == "settles"]
+    modes = [state.mode for state in client.states if state.run == "settles"]
+    assert rig_pb2.RIG_MODE_PLAYING not in modes
+    client.wait_for(lambda: client.states[-1].mode == rig_pb2.RIG_MODE_INTERLOCKED and not client.states[-1].run)
+    client.reset()
+
+
+def test_the_state_says_settling_playing_ramping_down_and_idle(client):
+    before = len(client.states)
+    drive = wave(0.3) + 0.01
+    result = client.play("offset", drive)
+    client.wait_for(lambda: len(client.states) > before and client.states[-1].mode == rig_pb2.RIG_MODE_IDLE)
+    told = [(state.mode, state.run) for state in client.states[before:]]
+    # A rig at rest says so again every second: that may come between the count above and the playback.
+    beginning = next(place for place, (_, run) in enumerate(told) if run)
+    assert list(dict.fromkeys(told[beginning:])) == [
+        (rig_pb2.RIG_MODE_SETTLING, "offset"),
+        (rig_pb2.RIG_MODE_PLAYING, "offset"),
+        (rig_pb2.RIG_MODE_RAMPING_DOWN, "offset"),
+        (rig_pb2.RIG_MODE_IDLE, ""),
+    ]
+    # The stream is the drive's own samples, no ramp.
+    np.testing.assert_array_equal(client.drive_of("offset"), drive)
+    assert result.response.samples.shape == [6, 300]
+
+
+def test_a_rig_that_fails_on_its_way_to_rest_latches_and_answers_with_all_that_was_measured(client, monkeypatch):
+    def ramp_down(_playback):
+        yield from ()
+        raise RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+
+    monkeypatch.setattr(Playback, "ramp_down", ramp_down)
+    result = client.play("fails_late", wave(0.3) + 0.01)
+    assert (result.blocks, result.response.samples.shape) == (3, [6, 300])
+    state = client.state()
+    assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert state.reason == "the piston of left_vertical met its end stop; lower the drive"
+    client.reset()
+
+
+def test_until_it_rests_an_interlocked_rig_has_a_run(client):
+    thread = in_background(client, "goes_down", wave(60.0), real_time=True)
+    state = client.stop()
+    thread.join(WAIT)
+    # Answered when it rests; on the way down everybody was told that it is latched, with the run that moves it.
+    assert (state.mode, state.run) == (rig_pb2.RIG_MODE_INTERLOCKED, "")
+    client.wait_for(lambda: client.states[-1].mode == rig_pb2.RIG_MODE_INTERLOCKED and not client.states[-1].run)
+    latched = [
+        state.run for state in client.states if state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.reason == "enough"
+    ]
+    assert latched[-2:] == ["goes_down", ""]
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_stop_while_a_reset_waits_for_the_rest_keeps_the_rig_latched(client, monkeypatch):
+    client.stop("first")
+    rest = Interlock.wait_for_rest
+
+    def meanwhile(interlock):
+        monkeypatch.undo()
+        client.server.stop("somebody is in the cell")
+        return rest(interlock)
+
+    monkeypatch.setattr(Interlock, "wait_for_rest", meanwhile)
+    with pytest.raises(labbus.FaultError, match=r"again while its reset waited \(somebody is in the cell\)") as caught:
+        client.reset()
+    assert caught.value.code_name == "FAILED_PRECONDITION"
+    assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_reset_on_the_way_down_clears_the_stop_it_was_asked_for(client):
+    thread = in_background(client, "reset_early", wave(60.0), real_time=True)
+    client.server.stop("enough")
+    assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+    thread.join(WAIT)
+
+
+def test_a_paced_playback_has_the_same_bytes_and_blocks(client):
+    drive = wave(0.75)
+    first, second = client.play("fast", drive), client.play("paced", drive, real_time=True)
+    assert first.response.samples.data == second.response.samples.data
+    assert first.blocks == second.blocks == 8
+    assert [b.response.shape[1] for b in client.blocks if b.run == "paced"] == [100] * 7 + [50]
