@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from duralab.errors import InputError
-from labbus import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml
 
 
 def read_text(path: Path, *, what: str) -> str:

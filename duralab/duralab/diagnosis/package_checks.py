@@ -15,6 +15,7 @@ OWN: Final = (
     "duralab-spectra",
     "duralab-roads",
     "duralab-loads",
+    "duralab-strict-yaml",
     "duralab-rig-sim",
     "duralab-identifier",
     "duralab-iterator",

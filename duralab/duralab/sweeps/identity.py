@@ -21,6 +21,7 @@ _DISTRIBUTIONS: Final = (
     "duralab-rig-sim",
     "duralab-roads",
     "duralab-spectra",
+    "duralab-strict-yaml",
     "drake",
     "llvmlite",
     "numpy",

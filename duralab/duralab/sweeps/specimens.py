@@ -17,7 +17,7 @@ import yaml
 from duralab.errors import InputError, LabError
 from duralab.sweeps.dotted_keys import change
 from duralab.sweeps.sweep_file import Sweep
-from labbus import parse_yaml
+from strict_yaml import parse_yaml
 
 SPECIMEN: Final = "specimen"
 """What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""

@@ -24,7 +24,6 @@ from labbus._spool_space import SpoolSpace
 from labbus._stream_item import StreamItem
 from labbus._stream_order import StreamProof
 from labbus._streams import StreamPublisher
-from labbus._strict_yaml import YamlError, parse_yaml
 from labbus._subscription import Subscription
 from labbus._yaml import ConfigError, explain_validation, load_config
 
@@ -58,7 +57,6 @@ __all__ = [
     "Subscription",
     "Tally",
     "TlsConfig",
-    "YamlError",
     "configure_logs",
     "encoding_of",
     "explain_validation",
@@ -67,7 +65,6 @@ __all__ = [
     "keep_few_arenas",
     "load_config",
     "open_bus",
-    "parse_yaml",
     "router_configuration",
     "run_service",
     "service_main",

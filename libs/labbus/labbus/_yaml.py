@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from labbus._strict_yaml import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from labbus import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml
 
 _VARIANT_OF = "variant_of"
 _BESIDE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.yaml")

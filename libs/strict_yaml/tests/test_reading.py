@@ -4,7 +4,7 @@ import datetime
 
 import pytest
 
-from labbus import ConfigError, ServiceConfig, YamlError, load_config, parse_yaml
+from strict_yaml import YamlError, parse_yaml
 
 
 def test_what_is_yaml_is_what_it_says():
@@ -44,11 +44,3 @@ def test_what_is_none_is_one_clause_with_its_place(text, said):
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
-
-
-@pytest.mark.parametrize("text", ["workers: 2\nworkers: 3", "workers: 2024-02-30", "bus: " + "[" * 3_000])
-def test_a_configuration_that_is_none_is_a_configuration_error(tmp_path, text):
-    path = tmp_path / "lab.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=r"lab\.yaml is not YAML: .* \(line \d, column \d+\)\.$"):
-        load_config(ServiceConfig, path)
