@@ -13,6 +13,7 @@ from duralab_proto.arrays import ArrayError, from_record, to_array, to_record
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import Bus, FaultError
+from labbus._encoding import encoding_of
 
 BLOCK = 20
 RATE = 200.0
@@ -47,6 +48,7 @@ class Defect(StrEnum):
     NAN_RESPONSE = "nan_response"
     HURRIES = "hurries"
     LOSES_BLOCK = "loses_block"
+    FORGETS_BLOCK = "forgets_block"
     NUMBERS_BLOCKS = "numbers_blocks"
     GAP_IN_SAMPLES = "gap_in_samples"
     NO_LAST = "no_last"
@@ -191,6 +193,11 @@ class Gateway:
                 response=to_array(answer + (1.0 if self.has(Defect.OTHER_STREAM) else 0.0)),
                 last=last and not self.has(Defect.NO_LAST),
             )
+            if self.has(Defect.FORGETS_BLOCK) and sent == 3:
+                # As one that is lost on the way while a recorder is given it and marks it.
+                spool = stream._spool
+                spool.mark(spool.append(block.SerializeToString(), encoding_of(block)) + 1)
+                return
             stream.put(block)
             if self.has(Defect.NUMBERS_BLOCKS):
                 stream.put(block)

@@ -44,6 +44,7 @@ EXPECTED = {
     Defect.NAN_RESPONSE: ("play", "nan"),
     Defect.HURRIES: ("play", "although real time was asked for"),
     Defect.LOSES_BLOCK: ("play.stream", "signal blocks came"),
+    Defect.FORGETS_BLOCK: ("play.stream", "were lost that the rig keeps no longer"),
     Defect.NUMBERS_BLOCKS: ("play.stream", "signal blocks came"),
     Defect.GAP_IN_SAMPLES: ("play.stream", "begins at sample 21; 20 is due"),
     Defect.NO_LAST: ("play.stream", "`last` is not set"),

@@ -128,7 +128,7 @@ VALUES = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=max(60, EXAMPLES), deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=max(60, EXAMPLES), suppress_health_check=list(HealthCheck))
 @given(st.dictionaries(RECORDS, VALUES, min_size=1, max_size=3))
 def test_any_value_in_an_rpc3_header_is_read_or_refused_in_one_sentence(tmp_path, changes):
     path = tmp_path / "a.rsp"

@@ -40,11 +40,12 @@ class Bench:
         self._prefix = f"check-{uuid.uuid4().hex[:12]}"
         self._count = 0
         keys = bus.keys
+        self._signal = bus.subscribe(
+            keys.rig_signal(rig, "*"), rig_pb2.SignalBlock, self._keep(self.blocks), self._on_problem, repair=True
+        )
         self._subscriptions = [
+            self._signal,
             bus.subscribe(keys.rig_state(rig), rig_pb2.RigState, self._keep(self.states), self._on_problem),
-            bus.subscribe(
-                keys.rig_signal(rig, "*"), rig_pb2.SignalBlock, self._keep(self.blocks), self._on_problem, repair=True
-            ),
             bus.subscribe(keys.rig_pose(rig), rig_pb2.PoseBlock, self._keep(self.poses), self._on_problem),
         ]
 
@@ -101,6 +102,11 @@ class Bench:
         """Return what came on the signal stream of a run, in order."""
         with self._changed:
             return [item for item in self.blocks if item.key.rpartition("/")[2] == run]
+
+    @property
+    def lost_blocks(self) -> int:
+        """How many signal blocks were lost on the way here, and let go of by the rig because a recorder has them."""
+        return self._signal.lost
 
     def modes(self) -> list[tuple[rig_pb2.RigMode, str]]:
         """Return modes and runs that were published so far."""

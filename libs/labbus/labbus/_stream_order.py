@@ -107,8 +107,8 @@ class StreamOrder(Generic[T]):
         self._count = next if done else max(self._count, next)
         self._done = self._done or done
         if self._begin is None:
-            # What was stored before this receiver was there is no loss of its own.
-            self._begin = marked
+            # What was stored before this receiver was there is no loss of its own; who has the first was there.
+            self._begin = 0 if self._delivered.contiguous else marked
         gone = [part for gap in self._delivered.missing(first) for part in self._not_held(gap)]
         for gap in gone:
             self._delivered.fill(gap)

@@ -57,6 +57,14 @@ def test_lost_is_what_its_publisher_lets_go_of_after_the_receiver_began(seqs, ma
     assert lost == {seq for seq in range(first) if seq >= marked} - seqs
 
 
+def test_who_had_the_first_message_was_there_before_anything_was_stored():
+    order = StreamOrder()
+    for seq in (0, 2):
+        order.accept(seq, seq)
+    order.learn(first=3, next=4, marked=3, done=False)
+    assert order.proof().lost == (range(1, 2),)
+
+
 @given(st.sets(st.integers(0, COUNT - 1), min_size=1))
 def test_gap_given_up_is_passed_over_and_filled_late(seqs):
     order, delivered = StreamOrder(), []

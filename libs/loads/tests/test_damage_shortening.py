@@ -61,7 +61,7 @@ def test_a_tie_between_windows_ends_alike_in_any_order_of_the_channels():
     assert _windows_to_keep(shares, keep=0.34) == _windows_to_keep(shares[::-1], keep=0.34) == [0, 1]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     keep=st.sampled_from([0.5, 0.9, 0.99, 1.0]),
     exponent=st.sampled_from([3.0, 5.0, 8.0]),

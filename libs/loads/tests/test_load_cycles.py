@@ -22,7 +22,7 @@ def test_the_standards_example_is_counted_as_printed():
     assert counted == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.integers(-6, 6), min_size=2, max_size=60))
 def test_plateaus_and_ties_are_counted_as_the_peer_counts_them(values):
     expected = {range_: count for range_, count in rainflow.count_cycles(values) if range_ > 0}

@@ -122,7 +122,7 @@ def test_a_large_grid_is_refused_before_it_is_read(read):
         read(_file().replace(b"REFERENCE_LINE_END_U = 7.5\n", b""), maximum_cells=50)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     data_format=st.sampled_from([*TEXT, *BINARY]),
     cut=st.integers(0, 1400),

@@ -16,7 +16,7 @@ def test_half_overlapped_hann_windows_add_up_to_a_constant():
     np.testing.assert_allclose(window[:256] + window[256:], 1.0, rtol=1e-15)
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 3000), st.integers(1, 150), st.sampled_from([0.0, 0.25, 0.5, 0.6, 2.0 / 3.0, 0.75, 0.9]))
 def test_eq_10_counts_the_blocks_that_are_actually_cut(samples, half_block, overlap):
     block = 2 * half_block

@@ -105,7 +105,7 @@ def test_what_no_change_in_the_band_can_mend_is_clipped_and_said():
     assert {passing.quantity for passing in projection.passings} == {LimitQuantity.PEAK, LimitQuantity.SLEW}
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40),
     st.floats(0.01, 100.0),
