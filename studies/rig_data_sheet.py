@@ -140,7 +140,7 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
         if not c.name.startswith("right_")
     ]
     responses = [
-        [c.name, c.unit, f"±{c.range:g}", f"{c.noise_rms:g}", f"{value:.{DIGITS[c.unit]}f}"]
+        [c.name, c.unit, f"±{c.range:g}", f"{c.noise_rms:g}", f"{value:z.{DIGITS[c.unit]}f}"]
         for c, value in zip(rig.specimen.responses, rig.static_response, strict=True)
         if not c.name.startswith("right_")
     ]
