@@ -40,7 +40,10 @@ class Core:
 
 
 CORES = {
-    **{name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",)) for name in ("spectra", "roads", "loads")},
+    **{
+        name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",))
+        for name in ("spectra", "roads", "loads", "strict_yaml")
+    },
     **{
         name: Core(name, f"services/{name}/{name}", (f"services/{name}/tests",))
         for name in ("identifier", "iterator", "rig_sim")

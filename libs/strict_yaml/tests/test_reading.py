@@ -35,6 +35,7 @@ def test_what_is_yaml_is_what_it_says():
         ("a: [1", "did not find expected ',' or ']' (line "),
         ("a: 1\n--- b", "but found another document"),
         ("a: !!python/object/apply:os.system [ls]", "could not determine a constructor for the tag"),
+        ("? [1]\n: 2", "found unhashable key"),
         ("a: \x01", "control characters are not allowed"),
     ],
 )
