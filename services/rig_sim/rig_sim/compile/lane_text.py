@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rig_sim.compile.lanes import PLUS, SUMS, Form, Key, LanePlan, Signs, Vector, stripped
+from rig_sim.compile.lanes import PLUS, PRODUCTS, SUMS, Form, Key, LanePlan, Signs, Vector, stripped
 from rig_sim.compile.llvm_text import PAIR, SCALAR, literal, operation_lines
 from rig_sim.compile.operations import Operation
 from rig_sim.compile.packing import times
@@ -132,7 +132,7 @@ class _Writer:
         if operation in SUMS:
             self._sum(key, vector)
             return
-        bare = operation in {Operation.MULTIPLY, Operation.DIVIDE, Operation.ABS}
+        bare = operation in PRODUCTS or operation is Operation.ABS
         operands = [
             self._bare(operand) if bare else self._signed(operand, factor)
             for operand, factor in zip(vector.operands, vector.factors, strict=True)

@@ -22,6 +22,8 @@ Key = tuple[int, int]
 Signs = tuple[float, float]
 PLUS: Signs = (1.0, 1.0)
 SUMS = frozenset({Operation.ADD, Operation.SUBTRACT})
+#: The signs of their operands multiply to the sign of their result.
+PRODUCTS = frozenset({Operation.MULTIPLY, Operation.DIVIDE})
 
 #: Lanes are taken when they save at least this share of the operations.
 _WORTHWHILE = 0.1
@@ -117,9 +119,9 @@ class LanePlan:
             raise ValueError(f"{len(needs) - done} vectors of the lanes need each other; compute the model unpaired.")
 
     def _vector_needs(self, vector: Vector) -> list[Key | int]:
-        if vector.form in {Form.OPERATION, Form.SWAP}:
+        if vector.form is Form.OPERATION or vector.form is Form.SWAP:
             return [key for key in vector.operands if self.vectors[key].form is not Form.CONSTANTS]
-        if vector.form in {Form.SPLAT, Form.GATHER}:
+        if vector.form is Form.SPLAT or vector.form is Form.GATHER:
             return self._scalar_needs(vector.expressions)
         return []
 

@@ -39,6 +39,10 @@ class Operation(Enum):
     FUSED = "fused"
     POWER_OF_TWO = "power_of_two"
 
+    # By identity, as members compare: a model is traced with hundreds of thousands of look-ups, and an enumeration's
+    # own hash is a call in Python.
+    __hash__ = object.__hash__
+
 
 LEAVES = frozenset({Operation.CONSTANT, Operation.INPUT})
 COMMUTATIVE = frozenset({Operation.ADD, Operation.MULTIPLY, Operation.MINIMUM, Operation.MAXIMUM})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -78,9 +79,15 @@ def amplification(z: np.ndarray, method: Method) -> np.ndarray:
         Magnitudes, in the shape of `z`; up to 1 is stable.
     """
     total: np.ndarray[Any, Any] = np.zeros_like(z)
-    for coefficient in reversed(method.tableau.growth()):
-        total = total * z + float(coefficient)
+    for coefficient in reversed(_growth(method)):
+        total = total * z + coefficient
     return np.abs(total)
+
+
+@cache
+def _growth(method: Method) -> tuple[float, ...]:
+    """Return the polynomial of a method in doubles: exact fractions are dear, and a search asks a hundred times."""
+    return tuple(float(coefficient) for coefficient in method.tableau.growth())
 
 
 _F = Fraction

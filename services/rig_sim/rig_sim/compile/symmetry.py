@@ -65,6 +65,13 @@ class _Structure:
             if node.value is not None
         }
         self._users = _users(nodes, {leaf.index for leaf in self.leaves})
+        # Coloured again and again: what stays the same is looked up once.
+        leaves = {leaf.index for leaf in self.leaves}
+        self._inner = [
+            (node.index, node.operation, tuple(operand.index for operand in node.operands))
+            for node in nodes
+            if node.index not in leaves
+        ]
 
     def colour(self, leaves: Mapping[int, int], table: dict[object, int] | None = None) -> Colours:
         """Colour all expressions, given colours of the leaves."""
@@ -72,22 +79,18 @@ class _Structure:
         colours: Colours = {}
         for leaf, colour in leaves.items():
             colours[leaf] = _scatter(table.setdefault(("leaf", colour), len(table)))
-        for node in self._nodes:
-            if node.index in colours:
-                continue
-            operation = node.operation
-            operands = tuple(colours[operand.index] for operand in node.operands)
+        for index, operation, places in self._inner:
+            operands = [colours[place] for place in places]
             if operation is Operation.NEGATE:
-                colours[node.index] = operands[0]
+                colours[index] = operands[0]
             elif operation in _SUMS:
                 # A sum of three is the same in whichever order: the colour of a sum is a sum over its terms.
-                colours[node.index] = sum(operands) & _MASK
+                colours[index] = sum(operands) & _MASK
             else:
-                key = self._kinds.get(node.index) or (
-                    operation,
-                    *(sorted(operands) if operation in COMMUTATIVE else operands),
-                )
-                colours[node.index] = _scatter(table.setdefault(key, len(table)))
+                if operation in COMMUTATIVE:
+                    operands.sort()
+                key = self._kinds.get(index) or (operation, *operands)
+                colours[index] = _scatter(table.setdefault(key, len(table)))
         return colours
 
     def refined(self, leaves: dict[int, int]) -> dict[int, int]:
