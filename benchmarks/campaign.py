@@ -53,6 +53,8 @@ class Shares:
         What is neither, over the wall time.
     bus_and_disk_share_at_real_time : float
         The same seconds over those that the campaign would take on a rig that plays in real time.
+    megabytes : float
+        Of the recording and what lies beside it, copied to where it was asked for.
     """
 
     rig_seconds: float
@@ -61,6 +63,7 @@ class Shares:
     compute_seconds: float
     bus_and_disk_share: float
     bus_and_disk_share_at_real_time: float
+    megabytes: float
 
 
 def measure_campaign() -> dict[str, object]:
@@ -81,11 +84,21 @@ def measure_campaign() -> dict[str, object]:
             target = Target(file=folder / "target.parquet")
             turns = [shipped.model_copy(update={"name": f"turn{turn}", "target": target}) for turn in range(TURNS)]
             wall = min(_timed(lambda turn=turn: lab.run(turn, out=folder / turn.name)) for turn in turns)
+        copied = sum(path.stat().st_size for path in (folder / turns[0].name).rglob("*") if path.is_file())
         rig_seconds, simulation = _simulation(recording)
         compute = min(_timed(lambda: _compute(recording)) for _ in range(TURNS))
     rest = wall - simulation - compute
-    shares = Shares(rig_seconds, wall, simulation, compute, rest / wall, rest / (rig_seconds + compute + rest))
-    return asdict(shares)
+    return asdict(
+        Shares(
+            rig_seconds=rig_seconds,
+            wall_seconds=wall,
+            simulation_seconds=simulation,
+            compute_seconds=compute,
+            bus_and_disk_share=rest / wall,
+            bus_and_disk_share_at_real_time=rest / (rig_seconds + compute + rest),
+            megabytes=copied / 1e6,
+        )
+    )
 
 
 def _simulation(recording: duralab.Recording) -> tuple[float, float]:

@@ -134,7 +134,7 @@ GOALS: dict[str, tuple[Goal, ...]] = {
         _most("report of ten playbacks, s", "report", "seconds", bound=10.0),
         _most("the same, MB", "report", "megabytes", bound=15.0),
     ),
-    "Whole campaign and sweeps": (
+    "Whole campaign": (
         _most(
             "share of bus and disk in a campaign's time, %", "campaign", "bus_and_disk_share", bound=10.0, scale=100.0
         ),
@@ -145,8 +145,8 @@ GOALS: dict[str, tuple[Goal, ...]] = {
             bound=10.0,
             scale=100.0,
         ),
-        _least("two cores over twice one core, a sweep", "sweep", "efficiency_steady", bound=0.85),
     ),
+    "Sweeps": (_least("two cores over twice one core, a sweep", "sweep", "efficiency_steady", bound=0.85),),
 }
 
 _IDENTIFICATION_NOTE = """
@@ -155,13 +155,15 @@ is there, which is how the spectra are made; the rest is the products of 16 chan
 checks of every sample, coherence and uncertainty.
 """
 _CAMPAIGN_NOTE = """
-The simulated rig plays a campaign of six minutes in two seconds. Beside that the lab sends, stores and verifies every
-sample, draws it for the live view and copies 150 MB of recordings to where they were asked for. The share in real time
-is that of a rig of steel.
+The simulated rig plays {campaign[rig_seconds]:.0f} s in {campaign[simulation_seconds]:.1f} s, the mathematics takes
+{campaign[compute_seconds]:.1f} s, and the campaign {campaign[wall_seconds]:.1f} s: beside them the lab sends, stores
+and verifies every sample, draws it for the live view and copies {campaign[megabytes]:.0f} MB to where the recording was
+asked for. The share in real time is that of a rig of steel.
 """
 
+#: Below the tables; what stands in braces is looked up in the document.
 NOTES: dict[str, str] = {
     "Identification: 8 × 8, 600 s at 1 kHz, block 2048, one core": _IDENTIFICATION_NOTE,
-    "Whole campaign and sweeps": _CAMPAIGN_NOTE,
+    "Whole campaign": _CAMPAIGN_NOTE,
 }
 """What a reader of a table should know, by its title."""

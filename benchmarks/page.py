@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 from goals import GOALS, NOTES
@@ -71,7 +72,8 @@ def _goal_tables(document: dict[str, Any]) -> list[str]:
             sign = "≥" if goal.at_least else "≤"
             verdict = "met" if goal.met(value) else "**missed**"
             lines.append(f"| {goal.what} | {number(value)} | {sign} {number(goal.bound)} | {verdict} |")
-        tables.append("\n".join(lines) + f"\n{NOTES.get(title, '')}")
+        lines += ["", *textwrap.wrap(NOTES.get(title, "").format_map(document).strip(), 120)]
+        tables.append("\n".join(lines).rstrip() + "\n")
     return tables
 
 

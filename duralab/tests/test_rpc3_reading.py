@@ -177,6 +177,7 @@ def test_a_file_of_a_commercial_tool_agrees_with_the_statistics_that_it_wrote_in
         ("PTS_PER_GROUP", "2047", "multiple of PTS_PER_FRAME = 256"),
         ("FRAMES", "0", "1 frame or more"),
         ("FRAMES", "7.5", "whole number"),
+        ("FRAMES", "2147483649", "from 0 to 2147483648"),
         ("HALF_FRAMES", "2", "from 0 to 1"),
         ("SCALE.CHAN_2", "inf", "one integer"),
         ("SCALE.CHAN_2", "1e305", "full scale"),
