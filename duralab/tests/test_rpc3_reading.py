@@ -120,6 +120,17 @@ def test_what_real_writers_do_is_read(tmp_path):
     assert "512 bytes" in signals.attributes["duralab.trailing_bytes"]
 
 
+def test_records_may_be_empty_and_of_a_keyword_that_comes_twice_the_first_counts(tmp_path):
+    path = plain(tmp_path)
+    content = path.read_bytes()
+    for before, after in ((("HALF_FRAMES", 0), ("", "")), (("REPEATS", 1), ("DELTA_T", 1))):
+        assert rpc3_files.record(*before) in content
+        content = content.replace(rpc3_files.record(*before), rpc3_files.record(*after))
+    signals = read_rpc3(write(tmp_path, content))
+    assert signals.sample_rate == 250.0
+    np.testing.assert_array_equal(signals.samples, read_rpc3(plain(tmp_path)).samples)
+
+
 def test_what_follows_the_first_nul_of_a_record_is_not_read(tmp_path):
     path = plain(tmp_path)
     content = bytearray(path.read_bytes())

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from iterator import apply_inverse, control_band, predict, rig_model
+from iterator import IterationHistory, apply_inverse, control_band, predict, rig_model
+from iterator.basic_twr import response_scale
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 
@@ -89,3 +90,21 @@ def test_a_control_band_of_another_sample_rate_is_refused():
     band = control_band(2.0, 60.0, sample_rate=2.5 * SAMPLE_RATE)
     with pytest.raises(ValueError, match="one sample rate"):
         predict(model_of(impulse_responses()), np.zeros((2, 100)), band=band)
+
+
+@pytest.mark.parametrize("weight", [[1.0, -1.0], [1.0, np.inf], [np.nan, 1.0], [1.0]])
+def test_a_weight_is_one_finite_number_of_0_or_more_for_each_response(weight):
+    frequency, frf = frequency_response(impulse_responses())
+    with pytest.raises(ValueError, match="they must be 2 finite values of 0 or more"):
+        rig_model(frequency, frf, identified_band=(1.0, 70.0), response_weight=np.array(weight))
+
+
+@pytest.mark.parametrize("weight", [None, [1.0, 0.5]])
+def test_a_controlled_response_whose_target_does_not_move_is_named(weight):
+    frequency, frf = frequency_response(impulse_responses())
+    given = None if weight is None else np.array(weight)
+    model = rig_model(frequency, frf, identified_band=(1.0, 70.0), response_weight=given)
+    target = noise_target(4001)
+    target[1] = 0.0
+    with pytest.raises(ValueError, match="The target of response 1 does not move"):
+        response_scale(IterationHistory(target, ()), model)

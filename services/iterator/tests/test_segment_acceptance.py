@@ -145,3 +145,12 @@ def test_drives_are_blended_by_the_average_of_what_is_worse_over_a_hann_window()
     assert 0.2 < np.mean(found.rolled_back) < 0.8
     np.testing.assert_allclose(found.drive[0], 2.0 - expected, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found.step_gain, 1.0 - 0.5 * expected, rtol=0.0, atol=1e-12)
+
+
+def test_a_window_narrower_than_a_sample_judges_every_sample_by_itself():
+    worse = np.random.default_rng(6).random(SAMPLES) < 0.5
+    found = accept(
+        history_of(np.full((1, SAMPLES), 0.5), np.where(worse, 1.0, 0.2)[None, :]),
+        AcceptanceSettings(judged_seconds=1e-3),
+    )
+    np.testing.assert_array_equal(found.rolled_back, worse)
