@@ -108,3 +108,11 @@ def test_a_controlled_response_whose_target_does_not_move_is_named(weight):
     target[1] = 0.0
     with pytest.raises(ValueError, match="The target of response 1 does not move"):
         response_scale(IterationHistory(target, ()), model)
+
+
+def test_a_response_that_no_drive_reaches_is_refused_as_singular():
+    frequency, frf = frequency_response(impulse_responses())
+    frf = frf.copy()
+    frf[:, 1] = 0.0
+    with pytest.raises(ValueError, match="The FRF is singular at"):
+        rig_model(frequency, frf, identified_band=(1.0, 70.0))
