@@ -161,9 +161,8 @@ and verifies every sample, draws it for the live view and copies {campaign[megab
 asked for. The share in real time is that of a rig of steel.
 """
 
-#: Below the tables; what stands in braces is looked up in the document.
 NOTES: dict[str, str] = {
     "Identification: 8 × 8, 600 s at 1 kHz, block 2048, one core": _IDENTIFICATION_NOTE,
     "Whole campaign": _CAMPAIGN_NOTE,
 }
-"""What a reader of a table should know, by its title."""
+"""What a reader of a table should know, by its title; what stands in braces is looked up in the document."""

@@ -103,10 +103,10 @@ class Bench:
         with self._changed:
             return [item for item in self.blocks if item.key.rpartition("/")[2] == run]
 
-    @property
-    def lost_blocks(self) -> int:
-        """How many signal blocks were lost on the way here, and let go of by the rig because a recorder has them."""
-        return self._signal.lost
+    def lost_blocks(self, run: str, epoch: int) -> int:
+        """Return how many signal blocks of a run were lost on the way here and are kept by the rig no longer."""
+        proof = self._signal.proof(self.bus.keys.rig_signal(self.rig, run), epoch)
+        return sum(gap.stop - gap.start for gap in proof.lost)
 
     def modes(self) -> list[tuple[rig_pb2.RigMode, str]]:
         """Return modes and runs that were published so far."""

@@ -72,14 +72,16 @@ class PlayChecks:
         """Check that its signal blocks are whole, and equal the drive and the result."""
         self._need()
         bench, result = self._bench, self._result
-        bench.wait(
-            lambda: bool(bench.lost_blocks) or len(bench.blocks_of(self._run)) >= max(result.blocks, 1), REPAIR_SECONDS
-        )
+
+        def lost() -> int:
+            return bench.lost_blocks(self._run, result.epoch)
+
+        bench.wait(lambda: lost() > 0 or len(bench.blocks_of(self._run)) >= max(result.blocks, 1), REPAIR_SECONDS)
         items = bench.blocks_of(self._run)
         gone = (
-            f" On the way here {bench.lost_blocks} were lost that the rig keeps no longer, as it may once a recorder "
-            "has them; where one runs, check again without it."
-            if bench.lost_blocks
+            f" On the way here {count} were lost that the rig keeps no longer, as it may once a recorder has them; "
+            "where one runs, check again without it."
+            if (count := lost())
             else ""
         )
         expect(

@@ -64,9 +64,9 @@ class _Structure:
             for node in nodes
             if node.value is not None
         }
-        self._users = _users(nodes, {leaf.index for leaf in self.leaves})
-        # Coloured again and again: what stays the same is looked up once.
         leaves = {leaf.index for leaf in self.leaves}
+        self._users = _users(nodes, leaves)
+        # Coloured again and again: what stays the same is looked up once.
         self._inner = [
             (node.index, node.operation, tuple(operand.index for operand in node.operands))
             for node in nodes
