@@ -252,6 +252,18 @@ def run_of(key: str) -> str:
     return rest[3]
 
 
+def stream_family(key: str) -> str:
+    """Return the expression of the streams that follow one another on keys like this one.
+
+    A service publishes a stream for each run or campaign, without end: "*" stands for it. Any other key stays as it is.
+    """
+    family = key.rpartition("/")[0]
+    match family.removeprefix(f"{PREFIX}/").split("/"):
+        case [_, "rig", _, "signal"] | [_, "iterator", "event"]:
+            return f"{family}/{ANY}"
+    return key
+
+
 _NAMED_BY_ID: Final = frozenset(
     {
         ("identifier", "model"),

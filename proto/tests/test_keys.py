@@ -102,6 +102,14 @@ def test_key_of_nobody_is_refused(key):
         keys.serving(key)
 
 
+def test_streams_without_end_are_one_family():
+    lab = keys.Keys("lab-1")
+    assert keys.stream_family(lab.rig_signal("front_axle", "demo.i01")) == lab.rig_signal("front_axle", keys.ANY)
+    assert keys.stream_family(lab.campaign_event("demo")) == lab.campaign_event(keys.ANY)
+    for key in (lab.rig_pose("front_axle"), lab.rig_state("signal"), lab.commit(), lab.campaign("event"), "any/other"):
+        assert keys.stream_family(key) == key
+
+
 @pytest.mark.parametrize("parse", [keys.rig_of, keys.run_of, keys.id_of, keys.parse_live])
 def test_key_without_the_name_asked_for_is_refused(parse):
     with pytest.raises(ValueError, match="names no"):

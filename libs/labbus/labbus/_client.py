@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
@@ -13,6 +12,7 @@ from google.protobuf.message import Message
 
 from duralab_proto.keys import Keys, parse_live, serving
 from duralab_proto.v1 import query_pb2
+from labbus._asking_tokens import AskingToken, AskingTokens
 from labbus._encoding import MessageT, decode, encode, encoding_of
 from labbus._faults import FaultError
 from labbus._liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker
@@ -53,6 +53,7 @@ class QueryClient:
         self._session = session
         self._keys = keys
         self._tracker = tracker
+        self._tokens = AskingTokens(keys)
         self._largest_bytes = largest_bytes
 
     def query(
@@ -78,10 +79,9 @@ class QueryClient:
             if not alive and (service, name) == instance:
                 events.put(_Gone())
 
-        asker = secrets.token_hex(16)
         stop = zenoh.CancellationToken()
         session = self._session.current
-        with session.liveliness().declare_token(self._keys.asking(asker)):
+        with self._tokens.held(session) as token:
             self._tracker.subscribe(on_live)
             try:
                 # Not through a declared querier: of four declared at once on one key, three ended without an answer.
@@ -90,7 +90,7 @@ class QueryClient:
                     zenoh.handlers.Callback(events.put, drop=lambda: events.put(_Ended()), indirect=False),
                     payload=payload,
                     encoding=encoding_of(request),
-                    attachment=asker,
+                    attachment=token.asker,
                     source_info=self._tracker.source,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
@@ -100,6 +100,7 @@ class QueryClient:
                 )
                 return self._follow(
                     events,
+                    token,
                     key=key,
                     instance=instance,
                     response_type=response_type,
@@ -122,6 +123,7 @@ class QueryClient:
     def _follow(
         self,
         events: SimpleQueue[_Event],
+        token: AskingToken,
         *,
         key: str,
         instance: Instance,
@@ -151,6 +153,7 @@ class QueryClient:
                 case _Ended():
                     raise self._ended(key, instance)
                 case _:
+                    token.answered = not _is_progress(event)
                     result = self._read(event, response_type, on_progress)
                     if result is not None:
                         return result
@@ -173,7 +176,7 @@ class QueryClient:
         sample = reply.ok
         if sample is None:
             return None
-        if str(sample.encoding) != encoding_of(query_pb2.Progress):
+        if not _is_progress(reply):
             return decode(sample.payload, sample.encoding, response_type, largest_bytes=limit, code=code)
         progress = decode(sample.payload, sample.encoding, query_pb2.Progress, largest_bytes=limit, code=code)
         if on_progress is not None:
@@ -217,6 +220,11 @@ class QueryClient:
         return _unavailable(
             f"{_named(instance)} left the bus before it answered {key}; it ended, crashed or is frozen: see its log."
         )
+
+
+def _is_progress(reply: zenoh.Reply) -> bool:
+    sample = reply.ok
+    return sample is not None and str(sample.encoding) == encoding_of(query_pb2.Progress)
 
 
 def _named(instance: Instance) -> str:

@@ -17,6 +17,7 @@ from typing import Any, Final
 import structlog
 import zenoh
 
+from duralab_proto.keys import stream_family
 from duralab_proto.v1 import query_pb2, stream_pb2
 from labbus._delivery import Delivery
 from labbus._encoding import decode, encoding_of
@@ -61,75 +62,49 @@ def mark_key(key: str) -> str:
 class SpoolOffer:
     """The spool of one epoch as it is offered on the bus."""
 
-    def __init__(self, server: ReplayServer, session: BusSession, *, key: str, epoch: int, spool: Spool) -> None:
+    def __init__(self, server: ReplayServer, *, key: str, epoch: int, spool: Spool) -> None:
         self.spool = spool
+        self.epoch = epoch
         self.done = False
         self._server = server
         self._key = key
-        self._epoch = epoch
-        replays, heads = self._callback(self._answer_replay, bulk=True), self._callback(self._answer_head, bulk=False)
-        marks = zenoh.handlers.Callback(self._take_mark, indirect=False)
-        self._declared: tuple[Declaration[Any], ...] = (
-            session.declare(lambda joined: joined.declare_queryable(replay_key(key), replays)),
-            session.declare(lambda joined: joined.declare_queryable(head_key(key), heads)),
-            session.declare(lambda joined: joined.declare_subscriber(mark_key(key), marks)),
-        )
+        self._expression = zenoh.KeyExpr(key)
+
+    def is_on(self, stream: zenoh.KeyExpr) -> bool:
+        """Whether a key, or an expression, is that of its stream."""
+        return stream.intersects(self._expression)
 
     def retire(self) -> None:
         """Nothing more will be published: offer it until it is marked, or for a while where nobody marks."""
         self.done = True
         self._server.retire(self)
 
-    def withdraw(self) -> None:
-        """Offer it no more."""
-        for declared in self._declared:
-            declared.undeclare()
-
-    def _callback(self, answer: Callable[[zenoh.Query], None], *, bulk: bool) -> zenoh.handlers.Callback[zenoh.Query]:
-        def take(query: zenoh.Query) -> None:
-            # On Zenoh's thread: nothing here may block.
-            self._server.do(lambda: _answered(query, answer), bulk=bulk)
-
-        return zenoh.handlers.Callback(take, indirect=False)
-
-    def _answer_replay(self, query: zenoh.Query) -> None:
-        try:
-            epoch, first, stop = (_number(query, name) for name in ("epoch", "first", "stop"))
-        except FaultError as fault:
-            message = fault.to_message()
-            query.reply_err(message.SerializeToString(), encoding=encoding_of(message))
-            return
-        if epoch != self._epoch:
-            return
+    def replay(self, query: zenoh.Query, *, first: int, stop: int) -> None:
+        """Send what is kept from number `first` on and before `stop`."""
         for spooled in self.spool.read(first, stop, most=MOST_REPLAYED):
             query.reply(
                 replay_key(self._key),
                 spooled.payload,
                 encoding=spooled.encoding,
-                attachment=POSITION.pack(epoch, spooled.seq),
+                attachment=POSITION.pack(self.epoch, spooled.seq),
             )
 
-    def _answer_head(self, query: zenoh.Query) -> None:
+    def tell_head(self, query: zenoh.Query) -> None:
+        """Say how far it reaches."""
         # Before the extent: what is done grows no more.
         done, extent = self.done, self.spool.extent
         head = stream_pb2.StreamHead(
-            epoch=self._epoch, first=extent.first, next=extent.next, marked=extent.marked, done=done
+            epoch=self.epoch, first=extent.first, next=extent.next, marked=extent.marked, done=done
         )
         query.reply(head_key(self._key), head.SerializeToString(), encoding=encoding_of(head))
 
-    def _take_mark(self, sample: zenoh.Sample) -> None:
-        try:
-            mark = decode(sample.payload, sample.encoding, stream_pb2.StreamMark, largest_bytes=_LARGEST_MARK)
-        except FaultError as fault:
-            structlog.get_logger("labbus").warning("A mark is refused.", key=self._key, reason=fault.message)
-            return
-        if mark.epoch != self._epoch:
-            return
-        if mark.next > self.spool.extent.next:
+    def take_mark(self, marked: int) -> None:
+        """Heed that all below a number are stored; on Zenoh's thread."""
+        if marked > self.spool.extent.next:
             # Nobody stores what was never published: this is not the recorder.
-            structlog.get_logger("labbus").warning("A mark is refused.", key=self._key, next=mark.next)
+            structlog.get_logger("labbus").warning("A mark is refused.", key=self._key, next=marked)
         else:
-            self._server.do(lambda: self._mark(mark.next), bulk=False)
+            self._server.do(lambda: self._mark(marked), bulk=False)
 
     def _mark(self, marked: int) -> None:
         self.spool.mark(marked)
@@ -158,12 +133,19 @@ def _number(query: zenoh.Query, name: str) -> int:
 
 
 class ReplayServer:
-    """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another."""
+    """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another.
+
+    It asks to be asked for a whole family of streams, such as all runs of a rig, and once: Zenoh 1.10.2 forgets nothing
+    that was ever declared on a key of its own, and every declaration takes longer for it (see `_asking_tokens`).
+    """
 
     def __init__(self, session: BusSession) -> None:
         self._session = session
         self._lock = threading.Lock()
         self._offers: set[SpoolOffer] = set()
+        # Not the lock of the offers: what comes on Zenoh's threads must not wait for a declaration.
+        self._declaring = threading.Lock()
+        self._families: dict[str, tuple[Declaration[Any], ...]] = {}
         self._retired: deque[SpoolOffer] = deque()
         self._threads: dict[bool, Delivery[Callable[[], None]]] = {}
         self._later = Later("labbus-expiry")
@@ -184,13 +166,66 @@ class ReplayServer:
             if not self._threads:
                 for bulk, name in ((True, "labbus-replay"), (False, "labbus-heads")):
                     self._threads[bulk] = Delivery(lambda job: job(), name=name)
-        try:
-            offer = SpoolOffer(self, self._session, key=key, epoch=epoch, spool=spool)
-        except zenoh.ZError as error:
-            raise BusError(f"Nothing can be published on {key}: {error}.") from error
+        offer = SpoolOffer(self, key=key, epoch=epoch, spool=spool)
         with self._lock:
             self._offers.add(offer)
+        try:
+            self._answer_for(stream_family(key))
+        except zenoh.ZError as error:
+            self.withdraw(offer)
+            raise BusError(f"Nothing can be published on {key}: {error}.") from error
         return offer
+
+    def _answer_for(self, family: str) -> None:
+        with self._declaring:
+            if family in self._families:
+                return
+            replays, heads = self._callback(self._replay, bulk=True), self._callback(self._tell_heads, bulk=False)
+            marks = zenoh.handlers.Callback(self._take_mark, indirect=False)
+            self._families[family] = (
+                self._session.declare(lambda joined: joined.declare_queryable(replay_key(family), replays)),
+                self._session.declare(lambda joined: joined.declare_queryable(head_key(family), heads)),
+                self._session.declare(lambda joined: joined.declare_subscriber(mark_key(family), marks)),
+            )
+
+    def _callback(self, answer: Callable[[zenoh.Query], None], *, bulk: bool) -> zenoh.handlers.Callback[zenoh.Query]:
+        def take(query: zenoh.Query) -> None:
+            # On Zenoh's thread: nothing here may block.
+            self.do(lambda: _answered(query, answer), bulk=bulk)
+
+        return zenoh.handlers.Callback(take, indirect=False)
+
+    def _replay(self, query: zenoh.Query) -> None:
+        try:
+            epoch, first, stop = (_number(query, name) for name in ("epoch", "first", "stop"))
+        except FaultError as fault:
+            message = fault.to_message()
+            query.reply_err(message.SerializeToString(), encoding=encoding_of(message))
+            return
+        for offer in self._offered(query.key_expr):
+            if offer.epoch == epoch:
+                offer.replay(query, first=first, stop=stop)
+
+    def _tell_heads(self, query: zenoh.Query) -> None:
+        for offer in self._offered(query.key_expr):
+            offer.tell_head(query)
+
+    def _take_mark(self, sample: zenoh.Sample) -> None:
+        try:
+            mark = decode(sample.payload, sample.encoding, stream_pb2.StreamMark, largest_bytes=_LARGEST_MARK)
+        except FaultError as fault:
+            key = str(sample.key_expr).rpartition("/")[0]
+            structlog.get_logger("labbus").warning("A mark is refused.", key=key, reason=fault.message)
+            return
+        for offer in self._offered(sample.key_expr):
+            if offer.epoch == mark.epoch:
+                offer.take_mark(mark.next)
+
+    def _offered(self, asked: zenoh.KeyExpr) -> list[SpoolOffer]:
+        """Return what is offered of the streams whose `@replay`, `@head` or `@mark` a key is."""
+        stream = zenoh.KeyExpr(str(asked).rpartition("/")[0])
+        with self._lock:
+            return [offer for offer in self._offers if offer.is_on(stream)]
 
     def do(self, job: Callable[[], None], *, bulk: bool) -> None:
         """Have something done on a thread of this server; never blocks."""
@@ -225,6 +260,10 @@ class ReplayServer:
         self._later.close()
         for offer in offers:
             self.withdraw(offer)
+        with self._declaring:
+            for declared in (one for family in self._families.values() for one in family):
+                declared.undeclare()
+            self._families.clear()
         for thread in self._threads.values():
             thread.close()
 
@@ -245,5 +284,4 @@ class ReplayServer:
             self._offers.remove(offer)
             if offer in self._retired:
                 self._retired.remove(offer)
-        offer.withdraw()
         offer.spool.close(delete=False)

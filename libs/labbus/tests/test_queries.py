@@ -165,7 +165,7 @@ def test_cancelled_query_ends_at_once_and_the_handler_is_told(lab):
 def test_handler_is_told_when_its_client_is_killed(lab, processes):
     states = queue.SimpleQueue()
     subscription = lab.subscribe(lab.keys.rig_state("bench"), rig_pb2.RigState, lambda item: states.put(item.message))
-    client = processes.run("asking_process.py", lab.listening[0], "wait.killed")
+    client = processes.run("asking_process.py", "peer", lab.listening[0], "wait.killed")
     assert states.get(timeout=WAIT).mode == rig_pb2.RIG_MODE_PLAYING
     client.kill()
     assert states.get(timeout=WAIT).mode == rig_pb2.RIG_MODE_IDLE
