@@ -1,6 +1,7 @@
 """Tokens of askers: used again while all is well, gone for ever with a query that was given up."""
 
 import queue
+import signal
 import subprocess
 import threading
 
@@ -118,29 +119,62 @@ def test_token_of_a_query_that_is_given_up_goes_and_its_handler_alone_is_told(hu
     assert second != first
 
 
-@pytest.mark.parametrize("mode", ["peer", "client"])
-def test_service_that_came_after_the_token_is_told_when_the_asker_is_killed(hub, processes, until, mode):
-    if mode == "client":
-        router = processes.run("routing_process.py", "tcp/127.0.0.1:0", text=True, **PIPES)
-        endpoint = router.stdout.readline().strip()
-    else:
-        endpoint = hub.listening[0]
-    config = labbus.BusConfig(mode=mode, connect=(endpoint,))
-    service = {"bus": {"mode": mode, "connect": [endpoint]}}
+@pytest.fixture(params=["peer", "client"])
+def config(request, hub, processes):
+    """How to join a lab of peers, and one with a router."""
+    if request.param == "peer":
+        return labbus.BusConfig(connect=(hub.listening[0],))
+    router = processes.run("routing_process.py", "tcp/127.0.0.1:0", text=True, **PIPES)
+    return labbus.BusConfig(mode="client", connect=(router.stdout.readline().strip(),))
+
+
+def tell(process):
+    process.stdin.write(b"\n")
+    process.stdin.flush()
+
+
+def test_service_that_came_after_the_token_is_told_when_the_asker_is_killed(config, processes, until):
+    service = {"bus": {"mode": config.mode.value, "connect": list(config.connect)}}
     states = queue.SimpleQueue()
     with labbus.open_bus(config, service="watching") as bus:
         bus.subscribe(bus.keys.rig_state("bench"), rig_pb2.RigState, lambda item: states.put(item.message.mode))
         first = processes.start(service)
         bus.wait_for_live({("rig_sim", "bench")}, WAIT)
-        asker = processes.run("asking_process.py", mode, endpoint, "steps.1", "wait.killed", **PIPES)
+        asker = processes.run(
+            "asking_process.py", config.mode.value, *config.connect, "steps.1", "wait.killed", **PIPES
+        )
         assert asker.stdout.readline() == b"answered\n"
         first.terminate()
         assert first.wait(WAIT) == 0
         until(lambda: not bus.live("rig_sim"))
         processes.start(service)
         bus.wait_for_live({("rig_sim", "bench")}, WAIT)
-        asker.stdin.write(b"\n")
-        asker.stdin.flush()
+        tell(asker)
         assert states.get(timeout=WAIT) == rig_pb2.RIG_MODE_PLAYING
         asker.kill()
         assert states.get(timeout=10.0) == rig_pb2.RIG_MODE_IDLE
+
+
+def test_asker_that_was_frozen_until_its_token_was_gone_is_answered_again(config, processes, until):
+    processes.start({"bus": {"mode": config.mode.value, "connect": list(config.connect)}})
+    with labbus.open_bus(config, service="watching") as bus:
+        bus.wait_for_live({("rig_sim", "bench")}, WAIT)
+        runs = ["steps.1", "steps.2", "steps.3"]
+        asker = processes.run("asking_process.py", config.mode.value, *config.connect, *runs, **PIPES)
+        gone = threading.Event()
+        token = bus._session.current.liveliness().declare_subscriber(
+            bus.keys.asking("*"),
+            zenoh.handlers.Callback(
+                lambda sample: gone.set() if sample.kind == zenoh.SampleKind.DELETE else None, indirect=False
+            ),
+            history=True,
+        )
+        for _ in runs[1:]:
+            assert asker.stdout.readline() == b"answered\n"
+            gone.clear()
+            asker.send_signal(signal.SIGSTOP)
+            assert gone.wait(WAIT)
+            asker.send_signal(signal.SIGCONT)
+            tell(asker)
+        assert asker.wait(WAIT) == 0
+        token.undeclare()

@@ -25,6 +25,8 @@ from spectra import count_blocks, rms
 
 # What rounding leaves of a constant target in the control band, relative to the constant.
 _ROUNDING: Final = 1e-9
+# In whatever unit a response has, far beyond any load: what is made of it, transforms and squares, stays a number.
+_LARGEST_TARGET: Final = 1e12
 # A smaller share of the target's energy outside the control band is no news.
 _TOLD_SHARE: Final = 0.01
 # Zeros behind a record that is shorter than they are: 134 MB a channel.
@@ -218,6 +220,13 @@ def _checked_target(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDes
         raise invalid(
             f"The target lasts {seconds:g} s; rig {spec.rig!r} plays at most {description.longest_drive_seconds:g} s: "
             "cut it into parts.",
+            field="target.samples",
+        )
+    channel, sample = np.unravel_index(np.argmax(np.abs(samples)), samples.shape)
+    if not abs(samples[channel, sample]) <= _LARGEST_TARGET:
+        raise invalid(
+            f"The target of {wanted[channel][0]} is {samples[channel, sample]:g} at sample {sample}; at most "
+            f"{_LARGEST_TARGET:g} is allowed, which no load comes near: see what wrote it.",
             field="target.samples",
         )
     return samples

@@ -63,6 +63,8 @@ MISTAKES = {
         lambda s: with_target(s, lambda t: t[:, : BLOCK + 10]),
         lambda s: with_target(s, silenced),
         lambda s: with_target(s, poisoned),
+        # Finite, but neither its transform nor its square is.
+        lambda s: with_target(s, lambda t: np.where(t == t.max(), -1e308, t)),
         lambda s: with_target(s, lambda t: t.astype(np.float32)),
     ],
     "excitation.seed": [lambda s: setattr(s.excitation, "seed", 5)],
