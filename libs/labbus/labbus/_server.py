@@ -28,6 +28,8 @@ from labbus._workers import PATIENCE_SECONDS, WorkerPool
 _TICK_SECONDS: Final = 0.1
 _DRAIN_SECONDS: Final = 1.5
 _REMEMBERED_DEPARTURES: Final = 256
+# A peer that is frozen says nothing of its tokens; who can answer does so within milliseconds.
+_TOKEN_SECONDS: Final = 0.5
 # Queries of one key that wait in Zenoh's own memory. Its threads never wait for Python's lock: a key that is flooded
 # keeps nobody from the others. When there are more, the oldest end without an answer.
 _MOST_UNTAKEN: Final = 1024
@@ -109,7 +111,10 @@ class QueryServer:
         if self._askers is None:
             self._askers = self._session.declare(
                 lambda joined: joined.liveliness().declare_subscriber(
-                    self._keys.asking(ANY), zenoh.handlers.Callback(self._on_asker, indirect=False)
+                    # Those that are there already are told as well: a link that is made anew brings them back.
+                    self._keys.asking(ANY),
+                    zenoh.handlers.Callback(self._on_asker, indirect=False),
+                    history=True,
                 )
             )
             threading.Thread(target=self._tick, name="labbus-keep-alive", daemon=True).start()
@@ -208,11 +213,33 @@ class QueryServer:
         )
         with self._changed:
             self._jobs[job] = route
-            if job.asker in self._departed:
-                job.cancel()
+            departed = job.asker in self._departed
             self._changed.notify_all()
+        if departed and not self._is_back(job.asker):
+            job.cancel()
         if not route.pool.submit(job):
             job.refuse(self._ended(job.key))
+
+    def _is_back(self, asker: str) -> bool:
+        """Return whether an asker that left is there: its token serves query after query, also over links that broke.
+
+        Asked, because its return may be told after its query has come.
+        """
+        token = self._keys.asking(ANY).removesuffix(ANY) + asker
+        try:
+            found = self._session.current.liveliness().get(token, timeout=_TOKEN_SECONDS)
+            back = any(reply.ok is not None for reply in found)
+        except zenoh.ZError:
+            return False  # The session is closed: there is nobody to answer.
+        if back:
+            self._note_back(asker)
+        return back
+
+    def _note_back(self, asker: str) -> None:
+        with self._changed:
+            self._departures.pop(asker, None)
+            if asker in self._departed:
+                self._departed.remove(asker)
 
     def _outranked(self, route: _Route, key: zenoh.KeyExpr) -> bool:
         """Return whether a more specific expression is served for this key: `campaign/start` before `campaign/*`."""
@@ -240,13 +267,12 @@ class QueryServer:
 
     def _on_asker(self, sample: zenoh.Sample) -> None:
         asker = str(sample.key_expr).rpartition("/")[2]
+        if sample.kind == zenoh.SampleKind.PUT:
+            # Where it flapped before its query arrived, this one must not be cancelled.
+            self._note_back(asker)
+            return
         with self._changed:
-            if sample.kind == zenoh.SampleKind.PUT:
-                self._departures.pop(asker, None)
-                # It flapped before its query arrived: it is here, and its query must not be cancelled then.
-                if asker in self._departed:
-                    self._departed.remove(asker)
-            elif any(job.asker == asker for job in self._jobs):
+            if any(job.asker == asker for job in self._jobs):
                 # Links flap: not cancelled before the token stayed away for a moment.
                 self._departures[asker] = time.monotonic() + DEBOUNCE_SECONDS
             else:

@@ -3,6 +3,7 @@
 import threading
 import time
 
+import pytest
 import zenoh
 
 import labbus
@@ -63,6 +64,27 @@ def test_asker_whose_token_flapped_before_its_query_is_not_cancelled(hub):
         assert [reply.ok is not None for reply in replies] == [True]
         token.undeclare()
     assert cancelled == [False]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_asker_that_left_once_is_looked_for_before_its_query_is_cancelled(hub, there):
+    key = hub.keys.rig_stop("r")
+    hub.serve(key, rig_pb2.StopRequest, lambda *_: rig_pb2.RigState(rig="r"))
+    with labbus.open_bus(labbus.BusConfig(connect=hub.listening), service="asker") as asker:
+        asker.discover()
+        session = asker._session.current
+        if there:
+            token = session.liveliness().declare_token(hub.keys.asking("back"))
+        # As after a link that broke: that the token is back has not been told yet.
+        hub._server._departed.append("back")
+        encoding = labbus.encoding_of(rig_pb2.StopRequest)
+        replies = session.get(
+            key, encoding=encoding, attachment="back", consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0
+        )
+        assert [reply.ok is not None for reply in replies] == [there]
+        assert ("back" in hub._server._departed) is not there
+        if there:
+            token.undeclare()
 
 
 def test_closed_subscriptions_watches_tokens_and_keys_are_let_go(hub):
