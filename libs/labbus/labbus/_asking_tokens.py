@@ -28,6 +28,8 @@ class AskingToken:
         Its random id, which goes with the query.
     session : zenoh.Session
         On which it is declared.
+    token : zenoh.LivelinessToken
+        As Zenoh gave it.
     answered : bool
         Set by who asked when the service is done with the query: then another query may take the token.
     """
