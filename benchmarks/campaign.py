@@ -86,7 +86,8 @@ def measure_campaign() -> dict[str, object]:
             wall = min(_timed(lambda turn=turn: lab.run(turn, out=folder / turn.name)) for turn in turns)
         copied = sum(path.stat().st_size for path in (folder / turns[0].name).rglob("*") if path.is_file())
         rig_seconds, simulation = _simulation(recording)
-        compute = min(_timed(lambda: _compute(recording)) for _ in range(TURNS))
+        mathematics = _mathematics(recording)
+        compute = min(_timed(mathematics) for _ in range(TURNS))
     rest = wall - simulation - compute
     return asdict(
         Shares(
@@ -115,26 +116,34 @@ def _simulation(recording: duralab.Recording) -> tuple[float, float]:
     return samples / recording.rig.sample_rate, min(_timed(play) for _ in range(TURNS))
 
 
-def _compute(recording: duralab.Recording) -> None:
-    """Design the experiment, estimate the model and compute every drive, from what was measured then."""
+def _mathematics(recording: duralab.Recording) -> Callable[[], None]:
+    """Return what designs the experiment, estimates the model and computes every drive, from what was measured then.
+
+    All that it needs is read before: reading a log is no part of the mathematics.
+    """
     specification, description = recording.specification, recording.rig
     model = next(recording.messages(identifier_pb2.Model))
     settings = settings_of(identification_request(specification, run=model.run, check_only=False))
-    experiment = design_experiment(
-        settings.excitation, drives=len(description.drives), sample_rate=description.sample_rate
-    )
-    drive, response = recording.signal(model.run)
-    estimate_experiment(settings.estimator, experiment.layout, drive=drive.samples, response=response.samples)
-    plan = plan_campaign(specification, description, model.plan)
-    measured = iter([recording.playback(number).response.samples for number in recording.iterations.numbers])
-    for _ in iterate(
-        lambda _drive: next(measured),
-        plan.target_in_band,
-        model=checked_model(model, plan=plan),
-        settings=plan.settings,
-        limits=plan.limits,
-    ):
-        pass
+    drive, response = (record.samples for record in recording.signal(model.run))
+    playbacks = [recording.playback(number).response.samples for number in recording.iterations.numbers]
+
+    def compute() -> None:
+        experiment = design_experiment(
+            settings.excitation, drives=len(description.drives), sample_rate=description.sample_rate
+        )
+        estimate_experiment(settings.estimator, experiment.layout, drive=drive, response=response)
+        plan = plan_campaign(specification, description, model.plan)
+        measured = iter(playbacks)
+        for _ in iterate(
+            lambda _drive: next(measured),
+            plan.target_in_band,
+            model=checked_model(model, plan=plan),
+            settings=plan.settings,
+            limits=plan.limits,
+        ):
+            pass
+
+    return compute
 
 
 def _timed(work: Callable[[], object]) -> float:

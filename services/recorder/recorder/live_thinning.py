@@ -36,8 +36,9 @@ def keep_extremes(samples: np.ndarray, bucket: int) -> np.ndarray:
     whole = count // bucket * bucket
     table = samples[:whole].reshape(-1, bucket)
     starts = np.arange(0, whole, bucket)
-    extremes = [starts + table.argmin(axis=1), starts + table.argmax(axis=1)]
-    if whole < count:
-        rest = samples[whole:]
-        extremes.append(whole + np.array([rest.argmin(), rest.argmax()]))
-    return np.unique(np.concatenate([*extremes, np.array([0, count - 1])]))
+    pairs = np.sort(np.column_stack([starts + table.argmin(axis=1), starts + table.argmax(axis=1)]), axis=1)
+    rest = samples[whole:]
+    left = np.sort([whole + rest.argmin(), whole + rest.argmax()]) if rest.size else starts[:0]
+    # Ascending already: only neighbours can be the same.
+    indices = np.concatenate([starts[:1], pairs.ravel(), left, np.array([count - 1])])
+    return indices[np.diff(indices, prepend=-1) > 0]

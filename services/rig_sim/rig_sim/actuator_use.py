@@ -43,18 +43,6 @@ class Use:
     lowest_supply_pressure: float = 0.0
 
 
-@dataclass(frozen=True)
-class _Monitor:
-    """Where an actuator's drive and monitored values are in the player's inputs and outputs."""
-
-    drive: int
-    achieved: int
-    valve_command: int
-    load_pressure: int
-    supply_pressure: int
-    largest_opening: float
-
-
 class UseMeter:
     """Counts through a playback, block by block."""
 
@@ -62,17 +50,13 @@ class UseMeter:
         self, actuators: Sequence[HydraulicActuator], *, drives: Sequence[str], outputs: Sequence[str]
     ) -> None:
         self._drives = tuple(drives)
-        self._monitors = [
-            _Monitor(
-                drive=drives.index(actuator.name),
-                achieved=outputs.index(actuator.achieved),
-                valve_command=outputs.index(f"{actuator.name}.valve_command"),
-                load_pressure=outputs.index(f"{actuator.name}.load_pressure"),
-                supply_pressure=outputs.index(f"{actuator.supply}.pressure"),
-                largest_opening=actuator.valve.largest_opening,
-            )
-            for actuator in actuators
-        ]
+        # Rows of the player's inputs and outputs, one for each actuator: all of them are looked at together.
+        self._driven = [drives.index(actuator.name) for actuator in actuators]
+        self._achieved = [outputs.index(actuator.achieved) for actuator in actuators]
+        self._valve = [outputs.index(f"{actuator.name}.valve_command") for actuator in actuators]
+        self._load_pressure = [outputs.index(f"{actuator.name}.load_pressure") for actuator in actuators]
+        self._supply_pressure = [outputs.index(f"{actuator.supply}.pressure") for actuator in actuators]
+        self._largest_opening = np.array([[actuator.valve.largest_opening] for actuator in actuators])
         self._saturated = np.zeros(len(drives))
         self._following = np.zeros(len(drives))
         self._load = np.zeros(len(drives))
@@ -94,8 +78,8 @@ class UseMeter:
             In the drive's unit; zero where no actuator follows.
         """
         error = np.zeros(commands.shape)
-        for monitor in self._monitors:
-            error[monitor.drive] = commands[monitor.drive] - outputs[monitor.achieved]
+        if self._driven:
+            error[self._driven] = commands[self._driven] - outputs[self._achieved]
         return error
 
     def count(self, following_error: np.ndarray, outputs: np.ndarray) -> None:
@@ -108,15 +92,17 @@ class UseMeter:
         outputs : (outputs, samples)
             Of the player.
         """
-        for monitor in self._monitors:
-            index = monitor.drive
-            valve, load = np.abs(outputs[monitor.valve_command]), np.abs(outputs[monitor.load_pressure])
-            self._saturated[index] += np.count_nonzero(
-                (valve >= monitor.largest_opening) | (load >= FULL_LOAD_PRESSURE)
-            )
-            self._following[index] = max(self._following[index], np.max(np.abs(following_error[index])))
-            self._load[index] = max(self._load[index], np.max(load))
-            self._supply[index] = min(self._supply[index], np.min(outputs[monitor.supply_pressure]))
+        driven = self._driven
+        if not driven:
+            return
+        valve, load = np.abs(outputs[self._valve]), np.abs(outputs[self._load_pressure])
+        at_its_end = (valve >= self._largest_opening) | (load >= FULL_LOAD_PRESSURE)
+        self._saturated[driven] += np.count_nonzero(at_its_end, axis=1)
+        largest_error = np.abs(following_error[driven]).max(axis=1)
+        self._following[driven] = np.maximum(self._following[driven], largest_error)
+        self._load[driven] = np.maximum(self._load[driven], load.max(axis=1))
+        lowest = outputs[self._supply_pressure].min(axis=1)
+        self._supply[driven] = np.minimum(self._supply[driven], lowest)
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
         """Return how every drive channel was used.

@@ -16,13 +16,21 @@ from rig_sim.playable import PlayableRig, PlayableRun
 from rig_sim.playback import Block
 from rig_sim.player import Playback, Rig, RigFaultError
 from rig_sim.pose_stream import PoseStream
-from rig_sim.watchdogs import Trip, first_trip
+from rig_sim.watchdogs import Lookout, Trip
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5
 #: Paced in real time, the player is ahead of the clock by a slice; so a stop is heard within one.
 _PACED_SECONDS = 0.02
+#: A simulation that runs ahead of the clock publishes so many blocks as one: each message costs the bus and the
+#: recorder far more than what is in it, and these few milliseconds are not seen. Watched is every block by itself.
+_BLOCKS_TOGETHER = 4
 _ROOM_POLL_SECONDS = 0.01
+
+
+def published_samples(rig: PlayableRig) -> int:
+    """Return how many samples a full block of the signal stream has; paced in real time it is published in parts."""
+    return _BLOCKS_TOGETHER * rig.block_samples
 
 
 class Performance:
@@ -44,6 +52,7 @@ class Performance:
         self._spool_wait_seconds = spool_wait_seconds
         self._rig = rig
         self._interlock = interlock
+        self._lookout = Lookout(rig.watchdogs, sample_rate=rig.specimen.sample_rate)
         self._responses = list(responses)
         self._tell_state = tell_state
         self._poses = PoseStream(bus, rig.specimen.name, rig.poses) if isinstance(rig, Rig) else None
@@ -79,7 +88,8 @@ class Performance:
         publisher = self._bus.publisher(
             self._bus.keys.rig_signal(self._rig.specimen.name, request.run), spools=self._spools, durable=True
         )
-        publish = _Publishing(publisher, request.run, rate, size=self._rig.block_samples)
+        size = self._rig.block_samples if request.real_time else published_samples(self._rig)
+        publish = _Publishing(publisher, request.run, rate, size=size)
         clock = _Clock(rate, real_time=request.real_time)
         if self._poses is not None:
             self._poses.begin(request.run)
@@ -93,6 +103,7 @@ class Performance:
             factor = seconds / (time.monotonic() - began)
             self._come_to_rest(request.run, playback, clock, call)
         except RigFaultError as error:
+            publish.flush(last=False)
             self._latch(str(error).rstrip("."))
             self._log.warning("broken off", run=request.run, reason=str(error))
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="drive.samples") from error
@@ -186,10 +197,8 @@ class Performance:
         return ""
 
     def _watch(self, block: Block) -> Trip | None:
-        return first_trip(
-            self._rig.watchdogs,
+        return self._lookout.first_trip(
             first_sample=block.first_sample,
-            sample_rate=self._rig.specimen.sample_rate,
             response=block.response,
             following_error=block.following_error,
             monitored=block.monitored,

@@ -22,7 +22,7 @@ from rig_sim.faults import Fault
 from rig_sim.frf_query import answer_frf
 from rig_sim.interlock import Interlock
 from rig_sim.loading import load_any_rig, rigs_by_name
-from rig_sim.performance import Performance
+from rig_sim.performance import Performance, published_samples
 from rig_sim.playable import PlayableRig, Response
 from rig_sim.player import Rig
 from rig_sim.refused import serve_refusal
@@ -139,7 +139,7 @@ class RigServer:
             responses=[_response_channel(channel) for channel in specimen.responses],
             longest_drive_seconds=specimen.longest_drive,
             static_response=to_array(self._rig.static_response),
-            block_samples=self._rig.block_samples,
+            block_samples=published_samples(self._rig),
             content_hash=self._rig.content_hash,
         )
         if isinstance(self._rig, Rig):

@@ -148,54 +148,72 @@ def set_up_watchdogs(
     return tuple(dogs)
 
 
-def first_trip(
-    watchdogs: Sequence[Watchdog],
-    *,
-    first_sample: int,
-    sample_rate: float,
-    response: np.ndarray,
-    following_error: np.ndarray,
-    monitored: np.ndarray,
-) -> Trip | None:
-    """Look at a block.
+class Lookout:
+    """Looks at a playback with all watchdogs of a rig, block by block.
 
     Parameters
     ----------
     watchdogs : sequence of Watchdog
         Of the rig that plays.
-    first_sample : int
-        Index of the block's first sample within the run.
     sample_rate : float
         In Hz.
-    response : (responses, samples)
-        As measured, each row in its channel's unit.
-    following_error : (drives, samples)
-        Command less achieved value, each row in its drive's unit; zero where no actuator follows.
-    monitored : (monitored values, samples)
-        In their own units.
-
-    Returns
-    -------
-    Trip or None
-        The earliest violation; of several at one sample, the first in the order of the watchdogs.
     """
-    values = {Source.RESPONSE: response, Source.FOLLOWING_ERROR: following_error, Source.MONITORED: monitored}
-    earliest: Trip | None = None
-    for source, block in values.items():
-        dogs = [dog for dog in watchdogs if dog.source is source]
-        if not dogs or block.shape[1] == 0:
-            continue
-        rows = block[[dog.row for dog in dogs]]
+
+    def __init__(self, watchdogs: Sequence[Watchdog], *, sample_rate: float) -> None:
+        self._sample_rate = sample_rate
+        by_source = {source: tuple(dog for dog in watchdogs if dog.source is source) for source in Source}
+        self._sides = {source: _Side(dogs) for source, dogs in by_source.items() if dogs}
+
+    def first_trip(
+        self, *, first_sample: int, response: np.ndarray, following_error: np.ndarray, monitored: np.ndarray
+    ) -> Trip | None:
+        """Look at a block.
+
+        Parameters
+        ----------
+        first_sample : int
+            Index of the block's first sample within the run.
+        response : (responses, samples)
+            As measured, each row in its channel's unit.
+        following_error : (drives, samples)
+            Command less achieved value, each row in its drive's unit; zero where no actuator follows.
+        monitored : (monitored values, samples)
+            In their own units.
+
+        Returns
+        -------
+        Trip or None
+            The earliest violation; of several at one sample, the first in the order of the watchdogs.
+        """
+        values = {Source.RESPONSE: response, Source.FOLLOWING_ERROR: following_error, Source.MONITORED: monitored}
+        earliest: Trip | None = None
+        for source, side in self._sides.items():
+            found = side.first_outside(values[source])
+            if found is None:
+                continue
+            dog, value, sample = found
+            seconds = (first_sample + sample) / self._sample_rate
+            if earliest is None or seconds < earliest.seconds:
+                earliest = Trip(dog, value, dog.minimum if value < dog.minimum else dog.maximum, seconds)
+        return earliest
+
+
+class _Side:
+    """The watchdogs of one source, at least one, side by side."""
+
+    def __init__(self, dogs: Sequence[Watchdog]) -> None:
+        self._dogs = dogs
+        self._rows = [dog.row for dog in dogs]
+        self._minimum = np.array([[dog.minimum] for dog in dogs])
+        self._maximum = np.array([[dog.maximum] for dog in dogs])
+
+    def first_outside(self, block: np.ndarray) -> tuple[Watchdog, float, int] | None:
+        """Return the first value outside, whose it is and its sample in the block."""
+        rows = block[self._rows]
         # Written so that a value that is not a number is outside.
-        outside = ~(
-            (rows >= np.array([[dog.minimum] for dog in dogs])) & (rows <= np.array([[dog.maximum] for dog in dogs]))
-        )
-        if not outside.any():
-            continue
-        sample = int(np.argmax(outside.any(axis=0)))
-        which = int(np.argmax(outside[:, sample]))
-        dog, value = dogs[which], float(rows[which, sample])
-        seconds = (first_sample + sample) / sample_rate
-        if earliest is None or seconds < earliest.seconds:
-            earliest = Trip(dog, value, dog.minimum if value < dog.minimum else dog.maximum, seconds)
-    return earliest
+        inside = (rows >= self._minimum) & (rows <= self._maximum)
+        if inside.all():
+            return None
+        sample = int(np.argmin(inside.all(axis=0)))
+        which = int(np.argmin(inside[:, sample]))
+        return self._dogs[which], float(rows[which, sample]), sample

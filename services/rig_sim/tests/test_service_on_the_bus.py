@@ -117,7 +117,7 @@ def test_description_tells_channels_limits_and_static_forces(lab, front_axle):
     assert [channel.name for channel in told.responses] == list(front_axle.model.response_names)
     assert {(channel.unit, channel.minimum < 0 < channel.maximum) for channel in told.drives} == {("m", True)}
     assert {channel.unit for channel in told.responses} == {"N"}
-    assert (told.rig, told.engine, told.sample_rate, told.block_samples) == (RIG, "compiled", 1000.0, 100)
+    assert (told.rig, told.engine, told.sample_rate, told.block_samples) == (RIG, "compiled", 1000.0, 400)
     np.testing.assert_array_equal(from_array(told.static_response), front_axle.static_response)
     assert told.content_hash == front_axle.content_hash
 
@@ -127,11 +127,11 @@ def test_stream_blocks_are_contiguous_and_equal_the_result(lab, front_axle):
     result = lab.play("blocks", drive, seed=7)
     lab.wait_for(lambda: len(lab.blocks_of("blocks")) == result.blocks)
     items = lab.blocks_of("blocks")
-    assert result.blocks == 24
+    assert result.blocks == 6
     assert {item.epoch for item in items} == {result.epoch}
-    assert [item.seq for item in items] == list(range(24))
-    assert [item.message.first_sample for item in items] == list(range(0, 2345, 100))
-    assert [item.message.last for item in items] == [False] * 23 + [True]
+    assert [item.seq for item in items] == list(range(6))
+    assert [item.message.first_sample for item in items] == list(range(0, 2345, 400))
+    assert [item.message.last for item in items] == [False] * 5 + [True]
     _, rate, response = from_record(result.response)
     assert rate == 1000.0
     np.testing.assert_array_equal(np.hstack([from_array(item.message.response) for item in items]), response)

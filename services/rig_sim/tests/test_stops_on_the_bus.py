@@ -9,6 +9,7 @@ from served_rig import WAIT, served, wave
 
 import labbus
 import rig_sim.performance
+from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim.interlock import Interlock
 from rig_sim.player import Playback, RigFaultError
@@ -31,7 +32,7 @@ def in_background(client, run, drive, *, real_time):
 def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_time, monkeypatch):
     """Whatever this machine does meanwhile: counted in samples played after the stop was heard."""
     looked = []
-    watched = rig_sim.performance.first_trip
+    watched = rig_sim.performance.Lookout.first_trip
 
     def watching(*arguments, **options):
         looked.append((options["first_sample"], options["response"].shape[1]))
@@ -40,7 +41,7 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_tim
             client.server.stop("enough")
         return watched(*arguments, **options)
 
-    monkeypatch.setattr(rig_sim.performance, "first_trip", watching)
+    monkeypatch.setattr(rig_sim.performance.Lookout, "first_trip", watching)
     drive = wave(20.0)
     run = f"stopped-{real_time}".lower()
     assert client.fault(run, drive, real_time=real_time).code_name == "CANCELLED"
@@ -116,10 +117,27 @@ def test_a_rig_that_fails_on_its_way_to_rest_latches_and_answers_with_all_that_w
 
     monkeypatch.setattr(Playback, "ramp_down", ramp_down)
     result = client.play("fails_late", wave(0.3) + 0.01)
-    assert (result.blocks, result.response.samples.shape) == (3, [6, 300])
+    assert (result.blocks, result.response.samples.shape) == (1, [6, 300])
     state = client.state()
     assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
     assert state.reason == "the piston of left_vertical met its end stop; lower the drive"
+    client.reset()
+
+
+def test_a_rig_that_fails_within_its_drive_has_published_all_that_it_measured(client, monkeypatch):
+    advance = Playback._advance
+
+    def failing(playback, commands, first, *, counted):
+        if first >= 500:
+            raise RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+        return advance(playback, commands, first, counted=counted)
+
+    monkeypatch.setattr(Playback, "_advance", failing)
+    drive = wave(1.0)
+    assert client.fault("fails_within", drive).code_name == "FAILED_PRECONDITION"
+    client.wait_for(lambda: sum(block.drive.shape[1] for block in client.blocks if block.run == "fails_within") == 500)
+    played = [from_array(block.drive) for block in client.blocks if block.run == "fails_within"]
+    np.testing.assert_array_equal(np.hstack(played), drive[:, :500])
     client.reset()
 
 
@@ -161,9 +179,11 @@ def test_a_reset_on_the_way_down_clears_the_stop_it_was_asked_for(client):
     thread.join(WAIT)
 
 
-def test_a_paced_playback_has_the_same_bytes_and_blocks(client):
+def test_a_paced_playback_has_the_same_bytes_in_blocks_of_a_tenth_of_a_second(client):
     drive = wave(0.75)
     first, second = client.play("fast", drive), client.play("paced", drive, real_time=True)
     assert first.response.samples.data == second.response.samples.data
-    assert first.blocks == second.blocks == 8
-    assert [b.response.shape[1] for b in client.blocks if b.run == "paced"] == [100] * 7 + [50]
+    for told, run, sizes in ((first, "fast", [400, 350]), (second, "paced", [100] * 7 + [50])):
+        np.testing.assert_array_equal(client.drive_of(run), drive)
+        assert [block.response.shape[1] for block in client.blocks if block.run == run] == sizes
+        assert told.blocks == len(sizes)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig_sim.watchdogs import Range, Source, WatchdogLimits, first_trip, set_up_watchdogs
+from rig_sim.watchdogs import Lookout, Range, Source, WatchdogLimits, set_up_watchdogs
 
 
 def dogs(**limits):
@@ -18,10 +18,8 @@ def dogs(**limits):
 
 
 def look(watchdogs, *, response=None, following=None, monitored=None, first_sample=0):
-    return first_trip(
-        watchdogs,
+    return Lookout(watchdogs, sample_rate=1000.0).first_trip(
         first_sample=first_sample,
-        sample_rate=1000.0,
         response=np.zeros((2, 100)) if response is None else response,
         following_error=np.zeros((2, 100)) if following is None else following,
         monitored=np.zeros((3, 100)) if monitored is None else monitored,

@@ -195,9 +195,11 @@ class CompiledModel:
         if bounds is None:
             return np.full(len(self.state_names), largest)
         limits = self._vector(bounds, self.state_names, "bounds")
-        for name, limit in zip(self.state_names, limits, strict=True):
-            if not limit > 0.0:
-                raise ValueError(f"The bound of the state {name!r} is {limit}; give a magnitude above 0.")
+        if not (limits > 0.0).all():
+            index = int(np.argmin(limits > 0.0))
+            raise ValueError(
+                f"The bound of the state {self.state_names[index]!r} is {limits[index]}; give a magnitude above 0."
+            )
         return np.minimum(limits, largest)
 
     @staticmethod

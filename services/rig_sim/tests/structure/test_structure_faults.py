@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from rig_sim import SpecimenError, load_any_rig, shipped_specimens
 from rig_sim.faults import Fault
 from rig_sim.specimen import Specimen, read_specimen
-from rig_sim.watchdogs import first_trip
+from rig_sim.watchdogs import Lookout
 
 PATH = shipped_specimens()["aerospace"]
 
@@ -37,11 +37,10 @@ def played(rig, given):
 
 
 def tripped(rig, given):
+    lookout = Lookout(rig.watchdogs, sample_rate=512.0)
     return [
-        first_trip(
-            rig.watchdogs,
+        lookout.first_trip(
             first_sample=block.first_sample,
-            sample_rate=512.0,
             response=block.response,
             following_error=block.following_error,
             monitored=block.monitored,
