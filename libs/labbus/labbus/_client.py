@@ -21,6 +21,10 @@ from labbus._rejoining import BusSession
 DISCOVERY_SECONDS: Final = 1.5
 """A session this young may not have met everyone; it waits so long before it says that somebody is not there."""
 
+INTRODUCTION_SECONDS: Final = 0.5
+"""Who was never met may be on the way: two that a third has met are introduced to each other a moment later, up to
+some tenths of a second on a busy machine. So long a query waits for a stranger, however old its session is."""
+
 # Zenoh ends a query by itself after 10 s otherwise. A durability test in real time takes days; the silence timeout and
 # the liveliness token end a query that leads nowhere long before.
 _ZENOH_TIMEOUT_SECONDS: Final = 30 * 24 * 3600.0
@@ -184,7 +188,9 @@ class QueryClient:
         return None
 
     def _expect_live(self, instance: Instance) -> None:
-        if not self._tracker.wait_for({instance}, timeout_seconds=self._undiscovered_seconds):
+        # Who was met and is gone is gone.
+        patience = 0.0 if self._tracker.met(instance) else INTRODUCTION_SECONDS
+        if not self._tracker.wait_for({instance}, timeout_seconds=max(patience, self._undiscovered_seconds)):
             return
         service = instance[0]
         if service == "rig_sim":

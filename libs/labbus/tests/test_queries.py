@@ -4,6 +4,7 @@ import queue
 import signal
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -145,6 +146,24 @@ def test_unknown_rig_and_missing_service_are_named(lab):
     assert fault.code == query_pb2.FAULT_CODE_UNAVAILABLE
     assert "No iterator is on the bus" in fault.message
     assert "rig_sim/bench" in fault.message
+
+
+def test_a_service_that_the_asker_meets_a_moment_later_is_waited_for_and_one_that_left_is_not(lab, monkeypatch):
+    """What a peer is that joined last: a third one has met it already, the asker has not."""
+    monkeypatch.setattr(labbus._client, "INTRODUCTION_SECONDS", 10 * WAIT)
+    lab.discover()
+    served = lab.serve(lab.keys.rig_state("late"), rig_pb2.StateRequest, lambda *_: rig_pb2.RigState(rig="late"))
+    tokens = queue.SimpleQueue()
+    threading.Timer(0.2, lambda: tokens.put(lab.declare_live("rig_sim", "late"))).start()
+    ask = partial(lab.query, lab.keys.rig_state("late"), rig_pb2.StateRequest(), rig_pb2.RigState)
+    assert ask().rig == "late"
+    gone = threading.Event()
+    watch = lab.watch_live(lambda _service, name, alive: gone.set() if name == "late" and not alive else None)
+    tokens.get().close()
+    assert gone.wait(WAIT)
+    assert fault_of(ask).code == query_pb2.FAULT_CODE_UNAVAILABLE
+    watch.close()
+    served.close()
 
 
 def test_key_that_a_live_service_does_not_serve_is_unimplemented(lab):
