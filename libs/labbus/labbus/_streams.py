@@ -59,6 +59,8 @@ class StreamPublisher:
         self._largest_bytes = largest_bytes
         self._lock = threading.Lock()
         self._closed = False
+        # Zenoh would read the text again for each message.
+        self._encodings: dict[str, zenoh.Encoding] = {}
         self._session = session
         self._publisher = session.declare(
             lambda joined: joined.declare_publisher(
@@ -126,8 +128,11 @@ class StreamPublisher:
         publisher = self._publisher.current
         if publisher is None:
             return
+        known = self._encodings.get(encoding)
+        if known is None:
+            known = self._encodings[encoding] = zenoh.Encoding(encoding)
         try:
-            publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
+            publisher.put(payload, encoding=known, attachment=POSITION.pack(self.epoch, seq))
         except zenoh.ZError as error:
             # While the router is away nobody receives it: it is asked for afterwards.
             if self._session.closed:

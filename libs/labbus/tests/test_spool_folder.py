@@ -150,7 +150,7 @@ def test_damaged_message_ends_what_is_taken_over(killed):
 
 def test_strange_files_are_left_alone(tmp_path):
     (tmp_path / "old").mkdir()
-    for name, content in (("1-0.spool", b""), ("2-x.spool", b"DURASPL2"), ("readme.txt", b"text")):
+    for name, content in (("1-0.spool", b""), ("2-x.spool", b"DURASPL3"), ("readme.txt", b"text")):
         (tmp_path / "old" / name).write_bytes(content)
     spools = labbus.SpoolFolder(tmp_path)
     assert spools.take_over() == []
