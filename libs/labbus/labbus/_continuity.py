@@ -54,15 +54,17 @@ class Continuity:
             The numbers found missing by this message: those it jumped over. Empty for the next in order, for one that
             fills a gap, and for a double.
         """
+        if seq == self._next:
+            # The rule, of which there are thousands a second.
+            self._next = seq + 1
+            return []
         if seq < 0:
             raise ValueError(f"The sequence number {seq} is negative; numbers count from 0.")
-        if seq >= self._next:
+        if seq > self._next:
             jumped = range(self._next, seq)
             self._next = seq + 1
-            if jumped:
-                self._gaps.append(jumped)
-                return [jumped]
-            return []
+            self._gaps.append(jumped)
+            return [jumped]
         position = self._gap_around(seq)
         if position is None:
             self._doubled += 1

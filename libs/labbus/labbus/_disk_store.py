@@ -114,15 +114,13 @@ class DiskStore:
         """How many bytes its segments take."""
         return sum(segment.size for segment in self._segments)
 
-    def append(self, message: Spooled) -> None:
+    def append(self, seq: int, payload: bytes, encoding: str) -> None:
         """Write the next message; OSError where the disk refuses it."""
-        encoding = message.encoding.encode()
-        payload = message.payload
-        checksum = _checksum(self._epoch, message.seq, encoding, payload)
-        head = _RECORD.pack(len(payload) + 1, len(encoding), checksum) + encoding
+        kind = encoding.encode()
+        head = _RECORD.pack(len(payload) + 1, len(kind), _checksum(self._epoch, seq, kind, payload)) + kind
         size = len(head) + len(payload)
         if not self._segments or self._segments[-1].end + size > self._segments[-1].size:
-            self._begin(message.seq, least=size)
+            self._begin(seq, least=size)
         segment = self._segments[-1]
         if os.pwritev(segment.descriptor, [head, payload], segment.end) != size:
             raise OSError(0, "only a part was written, the disk is full")

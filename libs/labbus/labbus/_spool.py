@@ -17,7 +17,6 @@ class SpoolFullError(RuntimeError):
     """A message could not be kept and was not published; one sentence that says why."""
 
 
-# A tuple: one is made for every message that is published.
 class Spooled(NamedTuple):
     """A message as it was published."""
 
@@ -44,7 +43,7 @@ class Store(Protocol):
         """How many bytes it takes."""
         ...
 
-    def append(self, message: Spooled) -> None:
+    def append(self, seq: int, payload: bytes, encoding: str) -> None:
         """Keep the next message; OSError where it cannot be."""
         ...
 
@@ -88,10 +87,10 @@ class MemoryStore:
         """How many bytes it takes."""
         return self._bytes
 
-    def append(self, message: Spooled) -> None:
+    def append(self, seq: int, payload: bytes, encoding: str) -> None:
         """Keep the next message."""
-        self._messages.append(message)
-        self._take(len(message.payload) + OVERHEAD_BYTES)
+        self._messages.append(Spooled(seq, payload, encoding))
+        self._take(len(payload) + OVERHEAD_BYTES)
 
     def read(self, seqs: range) -> list[Spooled]:
         """Return messages that are kept."""
@@ -153,13 +152,20 @@ class Spool:
         self._lock = threading.Lock()
         self._held = held
         self._unheld_bytes = unheld_bytes
-        self._extent = extent or Extent(first=0, next=0, marked=0)
+        # Numbers of their own: to make a tuple of them for every message took as long as to look up its checksum.
+        self._first, self._next, self._marked = extent or Extent(first=0, next=0, marked=0)
 
     @property
     def extent(self) -> Extent:
         """How far it reaches now."""
         with self._lock:
-            return self._extent
+            return Extent(self._first, self._next, self._marked)
+
+    @property
+    def unmarked(self) -> int:
+        """How many messages are not marked."""
+        with self._lock:
+            return self._next - self._marked
 
     @property
     def held(self) -> bool:
@@ -169,7 +175,7 @@ class Spool:
     @property
     def settled(self) -> bool:
         """Whether nobody needs it any more: all of it is marked."""
-        return self._held and self._extent.marked >= self._extent.next
+        return self._held and self._marked >= self._next
 
     @property
     def shortage(self) -> str:
@@ -186,18 +192,17 @@ class Spool:
             It cannot be kept without giving up another one that is not marked, or the disk refuses it.
         """
         with self._lock:
-            extent = self._extent
+            seq = self._next
             if self._held and self._store.full:
-                raise SpoolFullError(f"{self._store.shortage}, with {extent.next - extent.marked} messages not stored.")
+                raise SpoolFullError(f"{self._store.shortage}, with {seq - self._marked} messages not stored.")
             try:
-                self._store.append(Spooled(extent.next, payload, encoding))
+                self._store.append(seq, payload, encoding)
             except OSError as error:
                 raise SpoolFullError(f"the spool cannot be written: {error.strerror or error}.") from error
-            first = extent.first
+            self._next = seq + 1
             while self._too_much and (lowest := self._store.drop_oldest()) is not None:
-                first = lowest
-            self._extent = Extent(first=first, next=extent.next + 1, marked=extent.marked)
-            return extent.next
+                self._first = lowest
+            return seq
 
     @property
     def _too_much(self) -> bool:
@@ -206,22 +211,19 @@ class Spool:
     def read(self, first: int, stop: int, *, most: int) -> list[Spooled]:
         """Return the first `most` messages it has from number `first` on and before `stop`, ascending."""
         with self._lock:
-            first = max(first, self._extent.first)
-            return self._store.read(range(first, min(stop, self._extent.next, first + most)))
+            first = max(first, self._first)
+            return self._store.read(range(first, min(stop, self._next, first + most)))
 
     def mark(self, marked: int) -> None:
         """Note that all below a number are stored elsewhere; let go of them. From now on somebody is waited for."""
         with self._lock:
-            extent = self._extent
             self._held = True
-            marked = min(max(marked, extent.marked), extent.next)
-            first = max(extent.first, marked)
-            self._store.drop_before(first)
-            self._extent = Extent(first=first, next=extent.next, marked=marked)
+            self._marked = min(max(marked, self._marked), self._next)
+            self._first = max(self._first, self._marked)
+            self._store.drop_before(self._first)
 
     def close(self, *, delete: bool) -> None:
         """Keep nothing more in this process; what is on disk and not marked stays there unless it is to be deleted."""
         with self._lock:
-            delete = delete or not self._held or self._extent.marked >= self._extent.next
-            self._store.close(delete=delete)
-            self._extent = Extent(first=self._extent.next, next=self._extent.next, marked=self._extent.marked)
+            self._store.close(delete=delete or not self._held or self._marked >= self._next)
+            self._first = self._next

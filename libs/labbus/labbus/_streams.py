@@ -92,8 +92,7 @@ class StreamPublisher:
         A publisher that could outrun its receiver waits while these are more than a few thousand: what a receiver has
         no room for must be replayed, which costs both more than waiting.
         """
-        extent = self._spool.extent
-        return extent.next - extent.marked
+        return self._spool.unmarked
 
     def put(self, message: Message) -> int:
         """Publish a message; waits for no receiver.
