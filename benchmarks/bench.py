@@ -7,6 +7,7 @@ Writes out/bench.json, the page and the same as text: goals, met or missed, with
 
 import argparse
 import json
+import subprocess
 import sys
 import tempfile
 import time
@@ -15,7 +16,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from bus import measure_bus
 from campaign import measure_campaign
 from drives import noise_drive, playable_share
 from formats import measure_formats
@@ -101,7 +101,9 @@ def _others(scratch: Path) -> dict[str, Callable[[], object]]:
         "report": measure_report,
         "live_view": measure_live_view,
         "recorder": lambda: _in_folder(scratch, measure_recorder),
-        "bus": measure_bus,
+        # As a lab's script asks: this process holds all that the parts before it imported and left, and a query took
+        # twice as long from here.
+        "bus": lambda: _in_a_process_of_its_own("bus.py"),
         "campaign": measure_campaign,
         "sweep": measure_sweep,
     }
@@ -110,6 +112,13 @@ def _others(scratch: Path) -> dict[str, Callable[[], object]]:
 def _in_folder(scratch: Path, measure: Callable[[Path], object]) -> object:
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         return measure(Path(folder))
+
+
+def _in_a_process_of_its_own(script: str) -> object:
+    ran = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name(script))], stdout=subprocess.PIPE, check=True, text=True
+    )
+    return json.loads(ran.stdout)
 
 
 def main() -> None:

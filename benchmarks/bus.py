@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import structlog
 from bus_peers import Peer, peers
 from google.protobuf.message import Message as ProtobufMessage
 from mcap.exceptions import McapError
@@ -318,6 +319,8 @@ def _timed(work: Callable[[], object]) -> float:
 
 
 if __name__ == "__main__":
+    # Standard output is for the figures.
+    structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))
     parser = argparse.ArgumentParser(description="Measure streams, queries and liveliness on loopback.")
     parser.add_argument("--seconds", type=float, default=60.0, help="of the sustained stream")
     sys.stdout.write(json.dumps(measure_bus(seconds=parser.parse_args().seconds), indent=2) + "\n")
