@@ -12,14 +12,9 @@ import numpy as np
 from duralab.recording import Recording
 from duralab.recording_content import Playback
 from duralab.report.identification_words import identification_in_words
+from duralab.report.update_words import iteration_in_words
 from duralab.target_step_record import StepRecord
 from duralab_proto.v1 import iterator_pb2
-
-_ALGORITHMS: Final = {
-    iterator_pb2.UPDATE_KIND_BASIC_TWR: "basic Time Waveform Replication",
-    iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING: "Adaptive Modelling",
-    iterator_pb2.UPDATE_KIND_SECANT: "secant update",
-}
 
 
 def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
@@ -27,12 +22,11 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
     samples = specification.target.samples.shape
     seconds = samples[1] / specification.target.sample_rate if len(samples) == 2 else 0.0
     stop = specification.stop
-    gains = sorted({f"{gain:g}" for gain in np.frombuffer(specification.update.iteration_gain.data, dtype="<f8")})
     return [
         ("Target", f"{specification.target_source}; {seconds:g} s at {specification.target.sample_rate:g} Hz"),
         ("Control band", f"{specification.lowest_frequency:g} to {specification.highest_frequency:g} Hz"),
         ("Identification", identification_in_words(specification.excitation, specification.estimator)),
-        ("Update", f"{_ALGORITHMS.get(specification.update.kind, 'unknown')}, gain {', '.join(gains)}"),
+        *iteration_in_words(specification),
         (
             "End",
             f"after {stop.largest_iterations} playbacks"

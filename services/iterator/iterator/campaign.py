@@ -19,7 +19,6 @@ from iterator.campaign_messages import (
     checked_model,
     metrics_message,
     recorded_playback,
-    remarks_of,
     run_played,
     step_message,
 )
@@ -31,6 +30,7 @@ from iterator.identification import identification_request, identification_run
 from iterator.iteration_loop import Iteration, iterate
 from iterator.iteration_metrics import IterationMetrics
 from iterator.playback_levels import best_at_full_level
+from iterator.playback_remarks import remarks_of
 from iterator.progress_estimate import ProgressEstimate
 from iterator.recording_log import RecordingLog
 from iterator.rig_halt import bring_to_rest

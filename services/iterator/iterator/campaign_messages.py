@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,9 +10,9 @@ from numpy.typing import NDArray
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign_plan import CampaignPlan
-from iterator.convergence_prediction import predict_convergence
 from iterator.iteration_loop import Iteration, RecordedPlayback
 from iterator.iteration_metrics import IterationMetrics
+from iterator.playback_remarks import remarks_of
 from iterator.rig_model import ModelUncertainty, RigModel, rig_model
 from iterator.stop_criteria import Outcome
 from labbus import FaultError
@@ -112,56 +111,6 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
         signal_blocks=played.blocks,
         remarks=remarks_of(iteration, plan=plan),
     )
-
-
-def remarks_of(
-    iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
-) -> list[str]:
-    """Return what a person should know of a playback, one sentence each.
-
-    Parameters
-    ----------
-    iteration : Iteration
-        What was made of it.
-    plan : CampaignPlan
-        Names the channels.
-    recorded : sequence of IterationStep
-        The first playbacks, where they were not made again: what their drives met is told in these steps alone.
-
-    Returns
-    -------
-    list of str
-        Limits that its drive would have passed, where the target was out of the rig's reach, and whether the next
-        playback is predicted to diverge.
-    """
-    if iteration.number < len(recorded):
-        return list(recorded[iteration.number - 1].remarks)
-    passings = iteration.projection.passings if iteration.projection is not None else ()
-    of_it = f"Playback {iteration.number}: "
-    return [
-        # What is predicted of the next playback is told anew: it may be made with other settings.
-        *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
-        *(f"{of_it}{passing}" for passing in passings),
-        *(
-            f"{of_it}the target of {plan.description.responses[found.response].name} from "
-            f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
-            f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
-            for found in iteration.unreachable
-        ),
-        *(_growth(iteration, plan) if iteration.outcome is None else ()),
-    ]
-
-
-def _growth(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Say where the error is predicted to grow in the next playback."""
-    found = predict_convergence(iteration.model, plan.settings.update, playbacks=iteration.number)
-    where = found.diverging()
-    if not where.size:
-        return []
-    return [
-        f"Before playback {iteration.number + 1}: by the model and its uncertainty the error may grow at {where.size} "
-        f"of {found.frequency.size} lines, from {where[0]:.1f} to {where[-1]:.1f} Hz."
-    ]
 
 
 def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import rerun as rr
 
@@ -91,13 +91,18 @@ class Curve:
         """Return how it is drawn: name, colour, width, and whether before a click in the legend."""
         match look:
             case Look.TARGET:
-                return rr.SeriesLines(names="target", colors=TARGET_COLOUR, widths=4.0)
+                return _line(names="target", colors=TARGET_COLOUR, widths=4.0)
             case Look.LATEST:
-                return rr.SeriesLines(names=f"{self.playback} (latest)", colors=LATEST_COLOUR, widths=1.2)
+                return _line(names=f"{self.playback} (latest)", colors=LATEST_COLOUR, widths=1.2)
             case Look.FIRST:
-                return rr.SeriesLines(names=f"{self.playback} (first)", colors=FIRST_COLOUR, widths=0.8)
+                return _line(names=f"{self.playback} (first)", colors=FIRST_COLOUR, widths=0.8)
             case Look.EARLIER:
-                return rr.SeriesLines(names=self.playback, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
+                return _line(names=self.playback, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
+
+
+def _line(**look: Any) -> rr.SeriesLines:
+    # Where a pixel covers several samples the viewer draws their average, unless told: a whole run lost half its peaks.
+    return rr.SeriesLines(aggregation_policy=rr.components.AggregationPolicy.MinMax, **look)
 
 
 def channel_path(group: Group, channel: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from google.protobuf.message import Message
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 from recorder.step_types import Step, decode_step
+
+# What tests of this folder share lies beside them.
+sys.path.insert(0, str(Path(__file__).parent))
 
 SAMPLE_RATE = 100.0
 SAMPLES = 200

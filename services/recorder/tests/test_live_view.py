@@ -6,8 +6,8 @@ import subprocess
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
+from headless_viewer import START_SECONDS, picture_of, pixels, viewer_of
 from mcap.writer import Writer
 
 from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
@@ -18,8 +18,6 @@ from recorder.live_series import CHANNEL_COLOURS, LATEST_COLOUR
 from recorder.live_stream import close_stream, open_stream
 from recorder.live_view import LiveView
 from recorder.live_views import LiveViews
-
-START_SECONDS = 60.0
 
 
 def show_campaign(view: LiveView, campaign) -> None:
@@ -132,42 +130,8 @@ def test_hostile_channel_names_add_no_level_to_the_tree(tmp_path, campaign, reru
 
 @pytest.fixture
 def headless_viewer(live_file, rerun_program, viewer_environment, tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    arguments = [str(live_file), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1600x1000"]
-    with (tmp_path / "viewer.log").open("w") as log:
-        process = subprocess.Popen([rerun_program, *arguments], env=viewer_environment, stdout=log, stderr=log)
-        try:
-            yield process, f"rerun+http://127.0.0.1:{port}/proxy"
-        finally:
-            process.kill()
-            process.wait()
-
-
-def take_picture(process, address, path):
-    """Return whether a picture was taken; a machine without Vulkan ends the viewer instead."""
-    from rerun.experimental import ViewerClient
-
-    deadline = time.monotonic() + START_SECONDS
-    while process.poll() is None and time.monotonic() < deadline:
-        try:
-            client = ViewerClient.connect(address)
-            # The first frames show an empty window while the file loads.
-            time.sleep(2.0)
-            client.save_screenshot(str(path))
-        except ConnectionError:
-            time.sleep(0.2)
-        else:
-            return True
-    return False
-
-
-def pixels(picture, colour, *, within=40):
-    """Return which pixels (height, width) are of a colour, whatever light falls on it."""
-    bright = picture.max(axis=-1, keepdims=True)
-    hue = np.where(bright > 60, picture * (max(colour) / np.maximum(bright, 1)), 0.0)
-    return (np.abs(hue - np.array(colour)) < within).all(axis=-1) & (bright[..., 0] > 60)
+    with viewer_of(live_file, rerun_program, viewer_environment, tmp_path) as viewer:
+        yield viewer
 
 
 def not_drawn(picture):
@@ -190,17 +154,12 @@ def not_drawn(picture):
     return [what for what, there in drawn.items() if not there]
 
 
-def test_the_viewer_draws_curves_and_rig_without_a_click(headless_viewer, tmp_path):
-    from PIL import Image
-
-    path, deadline = tmp_path / "view.png", time.monotonic() + START_SECONDS
+def test_the_viewer_draws_curves_and_rig_without_a_click(headless_viewer):
+    deadline = time.monotonic() + START_SECONDS
     missing = ["a first picture"]
     # On a busy machine the rig comes seconds after the curves.
     while missing and time.monotonic() < deadline:
-        if not take_picture(*headless_viewer, path):
-            log = (tmp_path / "viewer.log").read_text()
-            pytest.skip(f"Rerun cannot draw here (is mesa-vulkan-drivers installed?): {log[-300:]!r}")
-        missing = not_drawn(np.asarray(Image.open(path).convert("RGB")).astype(float))
+        missing = not_drawn(picture_of(headless_viewer))
     assert missing == []
 
 

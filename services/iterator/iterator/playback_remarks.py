@@ -1,0 +1,77 @@
+"""What a person should know of a playback, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from duralab_proto.v1 import iterator_pb2
+from iterator.campaign_plan import CampaignPlan
+from iterator.convergence_prediction import predict_convergence
+from iterator.iteration_loop import Iteration
+
+
+def remarks_of(
+    iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
+) -> list[str]:
+    """Return what a person should know of a playback, one sentence each.
+
+    Parameters
+    ----------
+    iteration : Iteration
+        What was made of it.
+    plan : CampaignPlan
+        Names the channels.
+    recorded : sequence of IterationStep
+        The first playbacks, where they were not made again: what their drives met is told in these steps alone.
+
+    Returns
+    -------
+    list of str
+        Limits that its drive would have passed, how much it was changed to hold them, where the target was out of the
+        rig's reach, and whether the next playback is predicted to diverge.
+    """
+    if iteration.number < len(recorded):
+        return list(recorded[iteration.number - 1].remarks)
+    of_it = f"Playback {iteration.number}: "
+    return [
+        # What is predicted of the next playback is told anew: it may be made with other settings.
+        *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
+        *(f"{of_it}{told}" for told in _projected(iteration, plan)),
+        *(
+            f"{of_it}the target of {plan.description.responses[found.response].name} from "
+            f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
+            f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
+            for found in iteration.unreachable
+        ),
+        *(_growth(iteration, plan) if iteration.outcome is None else ()),
+    ]
+
+
+def _projected(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which limits a drive would have passed, and what was done about it."""
+    projection = iteration.projection
+    if projection is None:
+        return []
+    return [
+        *map(str, projection.passings),
+        *(
+            f"The drive of {channel.name} was changed by {change:.2%} of its RMS to hold its limits"
+            + (f"; {clipped:.2%} had to be clipped and lies outside the control band." if clipped else ".")
+            for channel, change, clipped in zip(
+                plan.description.drives, projection.change, projection.clipped, strict=True
+            )
+            if change
+        ),
+    ]
+
+
+def _growth(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say where the error is predicted to grow in the next playback."""
+    found = predict_convergence(iteration.model, plan.settings.update, playbacks=iteration.number)
+    where = found.diverging()
+    if not where.size:
+        return []
+    return [
+        f"Before playback {iteration.number + 1}: by the model and its uncertainty the error may grow at {where.size} "
+        f"of {found.frequency.size} lines, from {where[0]:.1f} to {where[-1]:.1f} Hz."
+    ]
