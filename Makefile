@@ -16,7 +16,7 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile

@@ -39,7 +39,7 @@ class Watched(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class SignalsEvent:
-    """A piece of what a rig plays, about 100 samples of it.
+    """A piece of what a rig plays, up to its `block_samples`: some tenths of a second.
 
     Parameters
     ----------
@@ -172,7 +172,9 @@ class Watch(Iterator[LabEvent]):
             if item is not None:
                 return self._event(item)
             if time.monotonic() - began >= self._silence_seconds:
-                raise LabTimeoutError(f"The lab was silent for {self._silence_seconds:g} s.")
+                raise LabTimeoutError(
+                    f"The lab was silent for {self._silence_seconds:g} s; `duralab status` tells who is there."
+                )
             if (ended := self._ask.failure()) is not None:
                 raise ended
             if self._polls and (status := self._asked()).phase in ENDED:

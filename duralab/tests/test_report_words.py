@@ -46,8 +46,9 @@ def test_secant_update_is_told_with_schedule_curve_and_acceptance(specification)
     update.secant.CopyFrom(
         iterator_pb2.SecantSettings(forgetting=0.7, prior_strength=1.0, caution=1.0, regularisation=1e-5)
     )
-    assert "secant update, forgetting 0.7, prior strength 1, caution 1, regularisation 1e-05, gain 1" in (
-        told(specification)["Update"]
+    assert (
+        "secant update, forgetting 0.7, prior strength 1, caution 1, regularisation 1e-05, gain 1"
+        in (told(specification)["Update"])
     )
 
 

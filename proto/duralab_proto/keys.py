@@ -219,10 +219,6 @@ class Keys:
         """Return a key of this lab without what all of them begin with, e.g. "rig/front_axle/play"."""
         return key.removeprefix(f"{PREFIX}/{self.lab}/")
 
-    def serving(self, key: str) -> str:
-        """Return the liveliness key of the service that answers `key`; see the function of the same name."""
-        return serving(key)
-
 
 def _chunks(key: str) -> tuple[str, list[str]]:
     """Split a key into its lab and what follows it."""

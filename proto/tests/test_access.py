@@ -9,7 +9,7 @@ from duralab_proto.keys import Keys
 
 KEYS = Keys("lab")
 # Methods of the key space that make no key of the bus.
-NO_KEYS = {"serving", "within"}
+NO_KEYS = {"within"}
 
 
 def test_every_key_of_the_contract_has_a_row():

@@ -19,7 +19,7 @@ from .malformed import TEXTS
 _MODULES = (rig_pb2, identifier_pb2, iterator_pb2, recorder_pb2, query_pb2)
 _QUERY = re.compile(r"Query: (\w+) →")
 _STREAM = re.compile(r"[Ss]tream of (\w+)")
-NO_MESSAGES = frozenset({"live", "asking", "serving", "within"})
+NO_MESSAGES = frozenset({"live", "asking", "within"})
 """Methods of the key space whose keys carry no message."""
 
 

@@ -14,7 +14,6 @@ class Continuity:
     def __init__(self) -> None:
         self._gaps: list[range] = []
         self._next = 0
-        self._doubled = 0
 
     @property
     def next_seq(self) -> int:
@@ -32,11 +31,6 @@ class Continuity:
         # Not len(): a stranger's number may be beyond what it takes.
         return self._next - sum(gap.stop - gap.start for gap in self._gaps)
 
-    @property
-    def doubled(self) -> int:
-        """How many messages came that had been received before."""
-        return self._doubled
-
     def __contains__(self, seq: int) -> bool:
         return 0 <= seq < self._next and self._gap_around(seq) is None
 
@@ -46,7 +40,7 @@ class Continuity:
         Parameters
         ----------
         seq : int
-            Its number, 0 or more; a number that was received before changes nothing but `doubled`.
+            Its number, 0 or more; one that was received before changes nothing.
 
         Returns
         -------
@@ -67,7 +61,6 @@ class Continuity:
             return [jumped]
         position = self._gap_around(seq)
         if position is None:
-            self._doubled += 1
             return []
         gap = self._gaps[position]
         parts = (range(gap.start, seq), range(seq + 1, gap.stop))

@@ -173,8 +173,14 @@ def _correlate(
 
 
 def _check_band(length_m: float, spacing_m: float, shortest_m: float, longest_m: float) -> None:
-    if not all(math.isfinite(value) and value > 0 for value in (length_m, spacing_m, shortest_m, longest_m)):
-        raise ValueError("length_m, spacing_m and both wavelengths must be finite and above 0 m.")
+    for name, value in (
+        ("length", length_m),
+        ("spacing", spacing_m),
+        ("shortest wavelength", shortest_m),
+        ("longest wavelength", longest_m),
+    ):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"The {name} is {value} m; it must be finite and above 0.")
     if shortest_m >= longest_m:
         raise ValueError(f"The shortest wavelength, {shortest_m} m, is not below the longest, {longest_m} m.")
     if spacing_m > shortest_m / 2:

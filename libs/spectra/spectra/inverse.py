@@ -98,7 +98,8 @@ def inverse_frf(
             f"for each of the {lines} lines."
         )
     if not np.all((band >= 0.0) & (band <= 1.0)):
-        raise ValueError("The mask must lie between 0 and 1 at every line.")
+        line = int(np.flatnonzero(~((band >= 0.0) & (band <= 1.0)))[0])
+        raise ValueError(f"The mask is {band[line]} at line {line}; it must lie between 0 and 1 at every line.")
     active = np.flatnonzero(band > 0.0)
     if active.size == 0:
         raise ValueError("The mask is 0 at every line; the band must hold at least one line of the FRF.")

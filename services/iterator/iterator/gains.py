@@ -37,7 +37,10 @@ class GainCurve:
                 "needs (points,) and (points, responses)."
             )
         if not (np.all(np.isfinite(frequency)) and np.all(np.diff(frequency) > 0.0)):
-            raise ValueError("The gain curve's frequencies must be finite and rise from point to point.")
+            raise ValueError(
+                f"The gain curve's frequencies are {', '.join(f'{each:g}' for each in frequency)} Hz; they must be "
+                "finite and rise from point to point."
+            )
         require_shares(share.ravel(), what="share of the gain curve")
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "share", share)

@@ -49,7 +49,7 @@ class StepBlocks:
     first, last : int
         Lines between which, and at which, the rig is fitted.
     squares : bool
-        Whether the squares of the drives are further inputs, see `square_fit`.
+        Whether the squares of the drives are further inputs, see `drive_squares`.
     """
 
     block_samples: int

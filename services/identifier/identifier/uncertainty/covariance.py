@@ -30,7 +30,8 @@ def relative_magnitude_variance(coherence: ArrayLike, independent_averages: floa
     """
     value = np.asarray(coherence, dtype=np.float64)
     if not np.all((value > 0.0) & (value <= 1.0)):
-        raise ValueError("The coherence must lie above 0 and at most at 1 at every line.")
+        worst = value[~((value > 0.0) & (value <= 1.0))].flat[0]
+        raise ValueError(f"A coherence is {worst}; it must lie above 0 and at most at 1 at every line.")
     if not independent_averages > 0.0:
         raise ValueError(f"There are {independent_averages} independent averages; there must be more than 0.")
     return (1.0 - value) / (2.0 * independent_averages * value)
