@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,8 +12,9 @@ import structlog
 from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
+from recorder.free_room import LEAST_FREE_BYTES, MEBIBYTE, FreeRoom
 from recorder.interruptions import Interruptions
-from recorder.recording import DiskError, Recording
+from recorder.recording import DiskError, Recording, as_disk_error
 from recorder.recording_files import recordings_in
 from recorder.recovery import is_ended, reopen
 from recorder.refused import RefusedError
@@ -26,10 +25,8 @@ from recorder.step_order import Placement, StepOrder
 from recorder.step_types import Step
 
 STOPPED: Final = "the recorder was stopped"
-MEBIBYTE: Final = 1024 * 1024
 REMEMBERED: Final = 50
 SPLIT_BYTES: Final = 512 * MEBIBYTE
-LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
 
 
 class Archive:
@@ -50,7 +47,7 @@ class Archive:
     ) -> None:
         self._folder = folder
         self._split_bytes = split_bytes
-        self._least_free_bytes = least_free_bytes
+        self._room = FreeRoom(folder, least_free_bytes)
         self._open: dict[str, Recording] = {}
         # What ended lately: a last step that is sent again is acknowledged without reading the files.
         self._closed: dict[str, StepOrder] = {}
@@ -60,8 +57,6 @@ class Archive:
         # Stream messages that are written and not yet synced, and those that nothing more is to be done about.
         self._unsynced: dict[str, list[StreamItem[Any]]] = {}
         self._settled: list[StreamItem[Any]] = []
-        # Told once each; bounded, because anybody may play by hand for as long as the lab runs.
-        self._foreign_runs: deque[str] = deque(maxlen=100)
         self._log = structlog.get_logger("recorder")
 
     def recover(self) -> None:
@@ -71,7 +66,7 @@ class Archive:
                 if not is_ended(self._folder, name):
                     self._take_up(name)
             except OSError as error:
-                self._interruptions.begin(name, why=error.strerror or str(error), file=None)
+                self._interruptions.begin(name, why=error.strerror or str(error), file=None, unread=True)
                 self._log.error("a recording waits for its repair", recording=name, why=str(error))
             except RefusedError as refusal:
                 self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
@@ -114,9 +109,13 @@ class Archive:
         """
         if name in self._interruptions:
             self._take_up_interrupted(name)
+        if name in self._interruptions:
+            # The disk refused again what had been held back.
+            raise DiskError(name, self._interruptions.why(name))
         recording = self._open.get(name)
         if recording is None and name not in self._closed:
-            recording = self._found_on_disk(name)
+            with as_disk_error(name):
+                recording = self._take_up(name)
         if name in self._closed:
             return self._closed[name].place(step)
         placement = StepOrder(name).place(step) if recording is None else recording.place(step)
@@ -125,7 +124,7 @@ class Archive:
         if isinstance(step.message, recorder_pb2.RunPlanned | recorder_pb2.RunPlayed):
             self._runs.check(step.message, name)
         if recording is None or isinstance(step.message, recorder_pb2.RunPlanned):
-            self._expect_room(name)
+            self._room.expect(name)
         if recording is None:
             # Only now, when nothing but the disk can refuse it: a refused first step leaves no file.
             recording = self._open[name] = Recording(name, self._folder)
@@ -134,20 +133,6 @@ class Archive:
             recording.store(step)
             self._note(recording, step)
         return placement
-
-    def _found_on_disk(self, name: str) -> Recording | None:
-        try:
-            return self._take_up(name)
-        except OSError as error:
-            raise DiskError(name, error.strerror or str(error)) from error
-
-    def _expect_room(self, name: str) -> None:
-        """Refuse while too little is free: a playback that has begun should find its place."""
-        free = shutil.disk_usage(self._folder).free
-        if free < self._least_free_bytes:
-            raise DiskError(
-                name, f"{free // MEBIBYTE} MiB are free, {self._least_free_bytes // MEBIBYTE} MiB are kept free"
-            )
 
     @contextmanager
     def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
@@ -167,29 +152,37 @@ class Archive:
             raise
 
     def _take_up_interrupted(self, name: str) -> None:
-        """Go on with an interrupted recording where the disk takes it again.
-
-        Raises
-        ------
-        RefusedError
-            It does not yet.
-        """
-        why = self._interruptions.why(name)
+        """Go on with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
+        why = "" if self._interruptions.unread(name) else self._interruptions.why(name)
+        self._room.expect(name)
         try:
-            self._expect_room(name)
-            self._interruptions.cut(name)
-            self._take_up(name, reason=why)
-        except OSError as error:
-            raise DiskError(name, error.strerror or str(error)) from error
-        for item in self._interruptions.end(name):
-            self._take(item, name)
+            with as_disk_error(name):
+                self._interruptions.cut(name)
+                self._take_up(name, reason=why)
+        except DiskError:
+            raise
+        except RefusedError:
+            self._take_held(name)
+            raise
+        self._take_held(name)
 
-    def _take(self, item: StreamItem[Any], name: str) -> None:
-        """Take a stream message that was held back."""
-        if isinstance(item.message, rig_pb2.SignalBlock):
-            self.take_block(item)
-        else:
-            self._add_stream(name, item)
+    def _take_held(self, name: str) -> None:
+        """Take what came for a recording while it waited."""
+        held = self._interruptions.end(name)
+        if name not in self._open:
+            # Its last step was on the disk, and with it all that came before it; or it is no recording to go on with.
+            self._forget(name)
+            held, self._settled = [], self._settled + held
+        for item in held:
+            if isinstance(item.message, rig_pb2.SignalBlock):
+                self.take_block(item)
+            else:
+                self._add_stream(name, item)
+        for item in self._interruptions.take_unclaimed():
+            if isinstance(item.message, rig_pb2.SignalBlock):
+                self.take_block(item)
+            else:
+                self.take_state(item)
 
     def _note(self, recording: Recording, step: Step) -> None:
         """Do what follows from a step that is on the disk."""
@@ -202,6 +195,11 @@ class Archive:
             case recorder_pb2.RecordingClosed():
                 self._close(recording, reason=message.reason)
 
+    def _forget(self, name: str) -> None:
+        """Let go of the playbacks and rigs of a recording."""
+        self._runs.forget(name)
+        self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
+
     def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
         """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
         run = self._runs.find(played.rig, played.run)
@@ -212,34 +210,36 @@ class Archive:
         rig, name = rig_of(item.key), run_of(item.key)
         run = self._runs.find(rig, name)
         if run is None:
-            if name not in self._foreign_runs:
-                self._foreign_runs.append(name)
-                self._log.info("a run of no recording is not kept", run=name, rig=rig)
-            self._settled.append(item)
-            return None
-        if run.recording in self._interruptions:
+            self._take_unclaimed(item)
+        elif run.recording in self._interruptions:
             self._interruptions.hold(run.recording, [item])
-            return None
-        if not self._runs.is_new(run, item.epoch, item.seq):
+        elif not self._runs.is_new(run, item.epoch, item.seq):
             # Not settled at once: the first of the two may not be on the disk yet.
             self._unsynced.setdefault(run.recording, []).append(item)
-            return None
-        fault = check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig)))
-        if fault:
+        elif fault := check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig))):
             self._log.warning("a signal block is refused", run=name, rig=rig, seq=item.seq, why=fault)
             self._settled.append(item)
-            return None
-        if not self._add_stream(run.recording, item):
-            return None
-        self._runs.accept(run, item.epoch, item.seq)
-        return run.recording
+        elif self._add_stream(run.recording, item):
+            self._runs.accept(run, item.epoch, item.seq)
+            return run.recording
+        return None
+
+    def _take_unclaimed(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
+        """Let go of a block of no recording, unless one whose files could not be read yet may claim it."""
+        if self._interruptions.hold_unclaimed(item):
+            return
+        if self._runs.is_new_stranger(run_of(item.key)):
+            self._log.info("a run of no recording is not kept", run=run_of(item.key), rig=rig_of(item.key))
+        self._settled.append(item)
 
     def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
         """Write a rig's state to the recordings that have a playback on it and go on; return them."""
         named = self._runs.recordings_of_rig(rig_of(item.key))
+        run = self._runs.find(rig_of(item.key), item.message.run)
+        playing = "" if run is None or run.played is not None else run.recording
         # Not to one that was broken off long ago and is only ready to be gone on with.
-        names = {name for name in named if name not in self._open or self._open[name].written}
-        if not names:
+        names = {name for name in named if name == playing or name not in self._open or self._open[name].written}
+        if not names and not self._interruptions.hold_unclaimed(item):
             self._settled.append(item)
         return {name for name in names if self._add_stream(name, item)}
 
@@ -288,9 +288,11 @@ class Archive:
         for name in self._interruptions.due():
             try:
                 self._take_up_interrupted(name)
-            except RefusedError as refusal:
+            except DiskError as refusal:
                 self._interruptions.postpone(name)
                 self._log.debug("a recording waits", recording=name, why=refusal.message)
+            except RefusedError as refusal:
+                self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
 
     def settle(self, item: StreamItem[Any]) -> None:
         """Take note of a stream message that nothing more is to be done about."""
@@ -304,9 +306,7 @@ class Archive:
     def information(self, name: str) -> recorder_pb2.RecordingInfo | None:
         """Return the description of a recording that is written now or interrupted, or None; without its files."""
         recording = self._open.get(name)
-        if recording is not None and recording.written:
-            return recording.information(self._runs.of_recording(name))
-        return None
+        return recording.information(self._runs.of_recording(name)) if recording and recording.written else None
 
     def waiting(self, name: str) -> str:
         """Return why a recording cannot be written now; empty where it can."""
@@ -343,8 +343,7 @@ class Archive:
         # Not where closing failed: what is on the disk is then read again first.
         self._settled += self._unsynced.pop(name, [])
         del self._open[name]
-        self._runs.forget(name)
-        self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
+        self._forget(name)
         if recording.order.ended:
             self._remember(recording)
         self._log.info("recording closed", recording=name, steps=recording.order.count, reason=reason)

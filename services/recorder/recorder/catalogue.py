@@ -110,7 +110,7 @@ def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListReco
         (not request.rig or information.rig == request.rig)
         and request.target.casefold() in information.target.casefold()
         and information.begun >= request.begun_from
-        and (not request.begun_before or information.begun < request.begun_before)
+        and (not request.begun_before or 0 < information.begun < request.begun_before)
         and (not request.phase or information.phase == request.phase)
         and (not request.outcome or information.outcome == request.outcome)
     )

@@ -19,6 +19,7 @@ RETRY_SECONDS: Final = 1.0
 class _Interruption:
     why: str
     file: tuple[Path, int] | None
+    unread: bool
     held: list[StreamItem[Any]] = field(default_factory=list)
     retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
 
@@ -28,6 +29,7 @@ class Interruptions:
 
     def __init__(self) -> None:
         self._waiting: dict[str, _Interruption] = {}
+        self._unclaimed: list[StreamItem[Any]] = []
 
     def __contains__(self, name: str) -> bool:
         return name in self._waiting
@@ -35,7 +37,7 @@ class Interruptions:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
+    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None, unread: bool = False) -> None:
         """Note that a recording waits.
 
         Parameters
@@ -47,8 +49,10 @@ class Interruptions:
         file : tuple of Path and int, optional
             The file that could not be written, and how many of its bytes are on the disk for certain. What follows
             them may be in memory only, though it reads well: it is cut off, now or when the disk allows.
+        unread : bool
+            Whether its files were left by a killed recorder and could not be taken up: its playbacks are not known.
         """
-        self._waiting[name] = _Interruption(why, file)
+        self._waiting[name] = _Interruption(why, file, unread)
         with contextlib.suppress(OSError):
             self.cut(name)
 
@@ -64,6 +68,17 @@ class Interruptions:
     def hold(self, name: str, items: Iterable[StreamItem[Any]]) -> None:
         """Keep stream messages until the recording is taken up."""
         self._waiting[name].held += items
+
+    def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
+        """Keep a message that no known playback claims, where one of a recording that is unread may; tell whether."""
+        unread = any(waiting.unread for waiting in self._waiting.values())
+        if unread:
+            self._unclaimed.append(item)
+        return unread
+
+    def unread(self, name: str) -> bool:
+        """Whether the playbacks of a recording are not known."""
+        return self._waiting[name].unread
 
     def why(self, name: str) -> str:
         """Return what the disk said."""
@@ -81,3 +96,8 @@ class Interruptions:
     def end(self, name: str) -> list[StreamItem[Any]]:
         """Return what was held; the recording waits no more."""
         return self._waiting.pop(name).held
+
+    def take_unclaimed(self) -> list[StreamItem[Any]]:
+        """Return what no known playback claimed, to be looked at once more."""
+        unclaimed, self._unclaimed = self._unclaimed, []
+        return unclaimed

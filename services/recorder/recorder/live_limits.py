@@ -15,6 +15,7 @@ from recorder.live_series import LIMIT_COLOUR, RUN_TIME, Group, channel_path
 _NAMES: Final = ("lower limit", "upper limit")
 # A viewer draws no line to a point outside of the stretch that it shows.
 _SPACING_SECONDS: Final = 1.0
+_MOST_POINTS: Final = 100_000
 
 
 class DriveLimits:
@@ -40,7 +41,9 @@ class DriveLimits:
     def reach(self, end: float) -> None:
         """Lengthen the lines to a time of the run, in seconds; they are never shortened."""
         if end > self._end:
-            between = np.arange(self._end + _SPACING_SECONDS, end, _SPACING_SECONDS)
+            # Whatever time a block claims to be of: a point a second of what is shown, but no more than can be.
+            spacing = max(_SPACING_SECONDS, (end - self._end) / _MOST_POINTS)
+            between = np.arange(self._end + spacing, end, spacing)
             self._end = end
             for drive in self._drives:
                 self._send(drive, [*between, end])

@@ -55,6 +55,14 @@ class Audit:
         for played in content.played:
             if missing := self._missing_of(played):
                 self.findings.append(f"Run {played.run!r} lacks {missing} of its {played.blocks} signal blocks.")
+        known = {(played.rig, played.run, played.epoch) for played in content.played}
+        for place, continuity in content.blocks.items():
+            if place not in known and (lost := continuity.missing(continuity.next_seq)):
+                count = sum(len(gap) for gap in lost)
+                self.findings.append(f"Run {place[1]!r}, which did not end, lacks {count} blocks before its last.")
+        for (_, run, _), samples in content.samples.items():
+            if samples.finding:
+                self.findings.append(f"The samples of run {run!r} do not join: {samples.finding}.")
         self._compare()
 
     def _compare(self) -> None:

@@ -41,6 +41,9 @@ from recorder.mcap_damage import DAMAGE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 _HEAD: Final = struct.Struct("<BQ")
+_CHUNK_KIND: Final = bytes([Opcode.CHUNK])
+# Its two times, size, checksum, name of the compression and size of the records.
+_SMALLEST_CHUNK: Final = 40
 _FOOTER_START: Final = struct.Struct("<BQQQ")
 _FOOTER_BYTES: Final = 20
 _CRC_BYTES: Final = 4
@@ -208,8 +211,29 @@ def _read_record(stream: IO[bytes]) -> tuple[int, bytes] | None:
     left = os.fstat(stream.fileno()).st_size - stream.tell()
     # A kind 0 is no record: a power cut may leave zeros where data was to come.
     if opcode == 0 or length > left:
+        _refuse_whole_chunk_after(stream, stream.tell())
         return None
     return opcode, head + stream.read(length)
+
+
+def _refuse_whole_chunk_after(stream: IO[bytes], position: int) -> None:
+    """Raise McapError where a whole chunk follows: then a length before it is damaged, and it is not the file's end."""
+    rest = stream.read()
+    stream.seek(position)
+    at = rest.find(_CHUNK_KIND)
+    while at >= 0:
+        length = int.from_bytes(rest[at + 1 : at + _HEAD.size], "little")
+        record = rest[at : at + _HEAD.size + length]
+        if _SMALLEST_CHUNK < length <= len(rest) - at - _HEAD.size and _is_whole_chunk(record):
+            raise McapError(f"the record before byte {position} has an impossible length, and others follow it")
+        at = rest.find(_CHUNK_KIND, at + 1)
+
+
+def _is_whole_chunk(record: bytes) -> bool:
+    try:
+        return bool(breakup_chunk(Chunk.read(_body(record)), validate_crc=True))
+    except (*DAMAGE, MemoryError):
+        return False
 
 
 def _torn(stream: IO[bytes]) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -40,6 +41,15 @@ class DiskError(RefusedError):
             field="recording",
         )
         self.why = why
+
+
+@contextmanager
+def as_disk_error(recording: str) -> Iterator[None]:
+    """Raise what the system says against a file as a DiskError."""
+    try:
+        yield
+    except OSError as error:
+        raise DiskError(recording, error.strerror or str(error)) from error
 
 
 @dataclass
@@ -253,7 +263,5 @@ class Recording:
         return self._log
 
     def _write(self, write: Callable[[], None]) -> None:
-        try:
+        with as_disk_error(self.name):
             write()
-        except OSError as error:
-            raise DiskError(self.name, error.strerror or str(error)) from error

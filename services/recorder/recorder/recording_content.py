@@ -13,6 +13,7 @@ from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import Continuity
 from recorder.recording_summary import SUMMARY_METADATA, Runs, Story, Summary
 from recorder.run_book import PlannedRun
+from recorder.sample_order import SampleOrder
 from recorder.step_types import type_name_of
 
 STEP_TOPIC: Final = "step/"
@@ -36,6 +37,8 @@ class Content:
         Full name of the message and SHA-256 of the payload of each step.
     blocks : dict of (str, str, int) to Continuity
         The signal blocks of each rig, run and epoch.
+    samples : dict of (str, str, int) to SampleOrder
+        Whether their samples follow each other.
     planned, played : list
         The playbacks announced, and the proofs of what they consist of.
     summary : Summary or None
@@ -47,6 +50,7 @@ class Content:
     steps: dict[int, tuple[str, str]] = field(default_factory=dict)
     last_step_type: str = ""
     blocks: dict[tuple[str, str, int], Continuity] = field(default_factory=dict)
+    samples: dict[tuple[str, str, int], SampleOrder] = field(default_factory=dict)
     planned: list[recorder_pb2.RunPlanned] = field(default_factory=list)
     played: list[recorder_pb2.RunPlayed] = field(default_factory=list)
     descriptions: dict[str, rig_pb2.RigDescription] = field(default_factory=dict)
@@ -97,6 +101,9 @@ class Content:
         elif schema == type_name_of(rig_pb2.SignalBlock):
             place = (rig_of(channel.topic), run_of(channel.topic), int(channel.metadata[EPOCH]))
             self.blocks.setdefault(place, Continuity()).accept(message.sequence)
+            block = rig_pb2.SignalBlock.FromString(message.data)
+            count = block.response.shape[-1] if block.response.shape else 0
+            self.samples.setdefault(place, SampleOrder()).take(message.sequence, first=block.first_sample, count=count)
 
     def _take_step(self, message: Message, schema: str) -> None:
         self.steps[message.sequence] = (schema, hashlib.sha256(message.data).hexdigest())

@@ -67,6 +67,30 @@ def files_of(folder: Path, name: str) -> list[Path]:
     return files
 
 
+def files_after_a_gap(folder: Path, name: str) -> list[Path]:
+    """Return the MCAP files of a recording that lie behind a missing one, in their order.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    list of Path
+        Empty where no number is missing.
+    """
+    known = len(files_of(folder, name))
+    found: dict[int, Path] = {}
+    for path in folder.glob(f"{checked_name(name, field='recording')}.part*{_SUFFIX[Part.RECORDING]}"):
+        match = _FILE.fullmatch(path.name)
+        if match is not None and match["id"] == name and int(match["number"]) > known:
+            found[int(match["number"])] = path
+    return [found[number] for number in sorted(found)]
+
+
 def recordings_in(folder: Path) -> list[str]:
     """Return the ids of the recordings in a folder, sorted; other files are passed over.
 
@@ -83,7 +107,8 @@ def recordings_in(folder: Path) -> list[str]:
     names = []
     for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
         match = _FILE.fullmatch(path.name)
-        if match is None or match["number"] is not None:
+        # A link could lead out of the folder.
+        if match is None or match["number"] is not None or path.is_symlink() or not path.is_file():
             continue
         try:
             names.append(check_id(match["id"]))

@@ -16,6 +16,7 @@ from mcap.reader import SeekingReader
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Continuity
 from recorder.mcap_damage import DAMAGE
+from recorder.mcap_ending import is_finished
 from recorder.run_book import MOST_BLOCKS, PlannedRun
 
 SUMMARY_METADATA: Final = "summary"
@@ -156,6 +157,8 @@ def _run_of(entry: Mapping[str, object], recording: str) -> tuple[tuple[str, str
 
 def read_summary(path: Path) -> Summary | None:
     """Read what a file says about its recording, through its index; None where it says nothing."""
+    if not is_finished(path):
+        return None
     try:
         with path.open("rb") as stream:
             # The last one: a file that was repaired may hold one that its recorder did not live to end with.

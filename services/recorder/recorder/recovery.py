@@ -19,7 +19,7 @@ from recorder.mcap_ending import MAGIC, finish, is_finished, scan
 from recorder.mcap_log import sync_folder
 from recorder.recording import Recording, Stored
 from recorder.recording_content import SCENARIO_METADATA, STEP_TOPIC, Content
-from recorder.recording_files import DAMAGED_FOLDER, files_of
+from recorder.recording_files import DAMAGED_FOLDER, files_after_a_gap, files_of, recording_path
 from recorder.recording_summary import SUMMARY_METADATA, Runs, Summary, read_summary
 from recorder.refused import RefusedError
 from recorder.step_order import StepOrder
@@ -79,11 +79,14 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
     Raises
     ------
     RefusedError
-        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with.
+        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with, or one of its files is gone.
     OSError
         The disk refuses the repair; nothing is lost by that.
     """
     files = files_of(folder, name)
+    if stranded := files_after_a_gap(folder, name):
+        missing = recording_path(folder, name, number=len(files) + 1)
+        raise _unreadable(name, stranded[0], f"the file {missing.name} is missing before it")
     if not files:
         return None
     content, unfinished = Content(), not is_finished(files[-1])
@@ -203,7 +206,9 @@ def _keep(path: Path) -> None:
 
 def _put_aside(path: Path) -> None:
     """Nothing in it was acknowledged, so its name is free again; the bytes are kept all the same."""
-    path.replace(_free_place(path))
+    place = _free_place(path)
+    structlog.get_logger("recorder").warning("a file without any step is put aside", file=path.name, kept_as=place.name)
+    path.replace(place)
     sync_folder(path.parent)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import Continuity
-from recorder.refused import RefusedError, invalid
+from recorder.refused import RefusedError
 
 MOST_BLOCKS: Final = 2**32
 """Of one playback: the log keeps 32 bits of a sequence number."""
@@ -67,10 +68,19 @@ class RunBook:
 
     def __init__(self) -> None:
         self._runs: dict[tuple[str, str], PlannedRun] = {}
+        # Bounded, because anybody may play by hand for as long as the lab runs.
+        self._strangers: deque[str] = deque(maxlen=100)
 
     def find(self, rig: str, run: str) -> PlannedRun | None:
         """Return a playback that was announced, or None."""
         return self._runs.get((rig, run))
+
+    def is_new_stranger(self, run: str) -> bool:
+        """Whether a run of no recording is met for the first time."""
+        if run in self._strangers:
+            return False
+        self._strangers.append(run)
+        return True
 
     def check(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
         """Raise a RefusedError where the announcement does not fit to what was announced before."""
@@ -91,8 +101,6 @@ class RunBook:
                 "commit RunPlanned before it is played.",
                 field="payload.run",
             )
-        if message.blocks > MOST_BLOCKS:
-            raise invalid(f"blocks is {message.blocks}; at most {MOST_BLOCKS} are allowed.", field="payload.blocks")
 
     def note(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
         """Note an announcement that was checked and stored."""

@@ -7,19 +7,20 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import structlog
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, StreamItem, Subscription
-from recorder.archive import MEBIBYTE, Archive
+from labbus import Bus, Call, FaultError, StreamItem, Subscription
+from recorder.archive import Archive
 from recorder.catalogue import describe, fits, read_part, verify
 from recorder.config import RecorderConfig
+from recorder.free_room import MEBIBYTE
 from recorder.intake import Intake
 from recorder.live_views import LiveViews
+from recorder.own_folder import own_folder
 from recorder.recorder_figures import follow_recorder
 from recorder.recording_files import checked_name, existing_file, files_of, recordings_in
 from recorder.refused import RefusedError
@@ -310,19 +311,6 @@ def _name_in(key: str) -> str:
         raise RefusedError(query_pb2.FAULT_CODE_NOT_FOUND, str(error), field="recording") from error
 
 
-def _prepare(folder: Path) -> None:
-    """Make the folder and prove that files can be made in it."""
-    probe = folder / ".writable"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ConfigError(
-            f"The recorder cannot write in folder {str(folder)!r}: {error.strerror or error}; correct `folder`."
-        ) from error
-
-
 def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[object]]:
     """Return what sets the recorder up on a bus and closes its files at the end.
 
@@ -339,12 +327,12 @@ def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[obje
 
     @contextmanager
     def serve(bus: Bus) -> Iterator[RecorderService]:
-        _prepare(config.folder)
-        service = RecorderService(config)
-        try:
-            service.attach(bus)
-            yield service
-        finally:
-            service.close()
+        with own_folder(config.folder):
+            service = RecorderService(config)
+            try:
+                service.attach(bus)
+                yield service
+            finally:
+                service.close()
 
     return serve

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from recorder.mcap_damage import DAMAGE
 from recorder.mcap_ending import is_finished
 from recorder.recording_content import EPOCH, STEP_TOPIC
 from recorder.recording_files import files_of
+from recorder.recording_summary import Runs, read_summary
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
@@ -58,8 +60,9 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
     """
     _check_time(request)
     try:
-        channels = _Channels.of(_description(folder, name), request.channels)
-        places = _newest_epoch(list(_places(folder, name, request.run)))
+        rig, epoch = _last_played(folder, name, request.run)
+        channels = _Channels.of(_description(folder, name, rig=rig), request.channels)
+        places = _of_epoch(list(_places(folder, name, request.run, rig=rig)), epoch)
         if not places:
             raise RefusedError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
@@ -79,9 +82,9 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
 
 def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
     if not (math.isfinite(request.first_second) and request.first_second >= 0.0):
-        raise invalid(f"first_second is {request.first_second}; it must be 0 or more.", field="first_second")
+        raise invalid(f"first_second is {request.first_second}; it must be finite and 0 or more.", field="first_second")
     if not (math.isfinite(request.seconds) and request.seconds > 0.0):
-        raise invalid(f"seconds is {request.seconds}; it must be greater than 0.", field="seconds")
+        raise invalid(f"seconds is {request.seconds}; it must be finite and greater than 0.", field="seconds")
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class _Channels:
 
     @staticmethod
     def of(description: rig_pb2.RigDescription, names: Sequence[str]) -> _Channels:
-        known = [channel.name for channel in (*description.drives, *description.responses)]
+        known = list(dict.fromkeys(channel.name for channel in (*description.drives, *description.responses)))
         if unknown := [name for name in names if name not in known]:
             raise invalid(f"The rig has no channel {unknown[0]!r}; it has {', '.join(known)}.", field="channels")
         drive_rows, response_rows = (
@@ -114,24 +117,44 @@ def _finished_files(folder: Path, name: str) -> list[Path]:
     return [path for path in files_of(folder, name) if is_finished(path)]
 
 
-def _description(folder: Path, name: str) -> rig_pb2.RigDescription:
+def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
+    """Return on which rig a run was announced, and the epoch that was played to its end: empty and 0 where none is."""
+    for path in reversed(_finished_files(folder, name)):
+        status = path.stat()
+        for (rig, planned), known in _runs(path, status.st_size, status.st_mtime_ns).items():
+            if planned == run:
+                return rig, 0 if known.played is None else known.played.epoch
+    return "", 0
+
+
+@lru_cache(maxsize=16)
+def _runs(path: Path, size: int, changed: int) -> Runs:
+    del size, changed  # They are the cache's key: another file of that name has others.
+    summary = read_summary(path)
+    return {} if summary is None else summary.runs
+
+
+def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription:
     topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
     for path in _finished_files(folder, name):
         summary = index_of(path)
         wanted = {id for id, channel in summary.channels.items() if channel.topic == topic}
         for chunk in summary.chunk_indexes:
             for id in wanted & chunk.message_index_offsets.keys():
-                return rig_pb2.RigDescription.FromString(messages_of(path, chunk, {id})[0].data)
+                for message in messages_of(path, chunk, {id}):
+                    description = rig_pb2.RigDescription.FromString(message.data)
+                    if rig in ("", description.rig):
+                        return description
     raise RefusedError(
         query_pb2.FAULT_CODE_NOT_FOUND, f"Recording {name!r} holds no description of its rig.", field="recording"
     )
 
 
-def _places(folder: Path, name: str, run: str) -> Iterator[tuple[int, _Place]]:
+def _places(folder: Path, name: str, run: str, *, rig: str) -> Iterator[tuple[int, _Place]]:
     """Yield epoch and place of every chunk that holds blocks of the run, in the order they were written."""
     for path in _finished_files(folder, name):
         summary = index_of(path)
-        wanted = {id: channel for id, channel in summary.channels.items() if _is_of_run(channel, run)}
+        wanted = {id: channel for id, channel in summary.channels.items() if _is_of_run(channel, run, rig=rig)}
         if not wanted:
             continue
         with path.open("rb") as stream:
@@ -141,14 +164,18 @@ def _places(folder: Path, name: str, run: str) -> Iterator[tuple[int, _Place]]:
                     yield int(wanted[id].metadata[EPOCH]), _Place(path, chunk, id, count)
 
 
-def _is_of_run(channel: Channel, run: str) -> bool:
-    return channel.topic.endswith(f"/signal/{run}") and EPOCH in channel.metadata
+def _is_of_run(channel: Channel, run: str, *, rig: str) -> bool:
+    of_rig = f"/{rig}" if rig else ""
+    return channel.topic.endswith(f"{of_rig}/signal/{run}") and EPOCH in channel.metadata
 
 
-def _newest_epoch(places: list[tuple[int, _Place]]) -> list[_Place]:
-    """Return the places of the last epoch: a run that was repeated after a fault has several."""
-    newest = max((epoch for epoch, _ in places), default=0)
-    return [place for epoch, place in places if epoch == newest]
+def _of_epoch(places: list[tuple[int, _Place]], epoch: int) -> list[_Place]:
+    """Return the places of the epoch that was played to its end, or where none was of the one written last.
+
+    A run that was repeated after a fault has several, and their numbers do not tell: a clock may have been set back.
+    """
+    wanted = epoch or (places[-1][0] if places else 0)
+    return [place for of, place in places if of == wanted]
 
 
 def _blocks(

@@ -14,6 +14,7 @@ from duralab_proto.arrays import ArrayError, from_array, from_record
 from duralab_proto.keys import check_rig, check_run
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 from recorder.refused import invalid
+from recorder.run_book import MOST_BLOCKS
 
 LONGEST_TYPE_NAME: Final = 200
 
@@ -62,6 +63,8 @@ def _check_played(message: recorder_pb2.RunPlayed) -> None:
     _check_names(message)
     if message.blocks == 0:
         raise ArrayError("blocks is 0; a run that was played has 1 block or more.", field="blocks")
+    if message.blocks > MOST_BLOCKS:
+        raise ArrayError(f"blocks is {message.blocks}; at most {MOST_BLOCKS} are allowed.", field="blocks")
 
 
 def _check_specification(message: iterator_pb2.CampaignSpec) -> None:

@@ -12,6 +12,8 @@ from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe, verify
+from recorder.recording_summary import read_summary
+from recorder.recovery import KILLED
 from recorder.refused import RefusedError
 from recorder.step_order import Placement
 
@@ -164,3 +166,49 @@ def test_a_recorder_that_starts_on_a_full_disk_waits_with_its_repair(small_disk,
     (small_disk / "filler").unlink()
     finish(after, campaign, step_of)
     assert verify(small_disk, "demo").whole
+
+
+@pytest.fixture
+def killed_on_a_full_disk(archive, small_disk, campaign):
+    """What a killed recorder left, one block of four safe and a record torn, on a disk that is full now."""
+    archive.take_block(blocks_of(campaign)[0])
+    archive.sync()
+    archive.take_settled()
+    file = small_disk / "demo.mcap"
+    file.write_bytes(file.read_bytes() + b"\x06torn")
+    fill(small_disk, leave=0)
+    again = Archive(small_disk, least_free_bytes=0)
+    again.recover()
+    assert again.waiting("demo")
+    return again
+
+
+def test_what_spools_replay_while_a_killed_recording_waits_for_its_repair_is_held(
+    killed_on_a_full_disk, small_disk, campaign, step_of
+):
+    again = killed_on_a_full_disk
+    state = StreamItem(Keys().rig_state(campaign.rig), 5, 0, campaign.state(3, reason="force limit", run="demo.i01"))
+    for item in blocks_of(campaign):
+        assert again.take_block(item) is None
+    assert again.take_state(state) == set()
+    again.sync()
+    # Nothing counts as stored: the publishers keep it.
+    assert again.take_settled() == []
+    (small_disk / "filler").unlink()
+    again.sync()
+    again.sync()
+    assert {item.seq for item in again.take_settled() if item is not state} == {0, 1, 2, 3}
+    finish(again, campaign, step_of)
+    result = verify(small_disk, "demo")
+    assert result.whole, result.findings
+    assert describe(small_disk, "demo").signal_blocks == 4
+
+
+def test_the_original_of_a_killed_file_is_kept_although_its_repair_had_to_wait(killed_on_a_full_disk, small_disk):
+    (small_disk / "filler").unlink()
+    killed_on_a_full_disk.sync()
+    assert not killed_on_a_full_disk.waiting("demo")
+    assert (small_disk / "damaged" / "demo.mcap").read_bytes().endswith(b"\x06torn")
+    summary = read_summary(small_disk / "demo.mcap")
+    assert summary is not None
+    assert summary.reason == KILLED

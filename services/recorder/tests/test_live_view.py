@@ -106,6 +106,14 @@ def test_limits_have_a_point_in_each_second_however_long_the_pieces(tmp_path, re
     assert sum(rows) == 1 + 1 + 30 + 15 + 1
 
 
+def test_a_block_of_a_time_beyond_all_bounds_costs_a_bounded_number_of_points(tmp_path):
+    opened = open_stream("demo", file=tmp_path / "limits.rrd", viewer=None)
+    limits = DriveLimits(opened.stream, [array_pb2.Channel(name="left", unit="m", minimum=-1.0, maximum=1.0)])
+    limits.reach(1e9)
+    close_stream(opened.stream)
+    assert (tmp_path / "limits.rrd").stat().st_size < 20e6
+
+
 def test_a_viewer_that_is_not_there_costs_the_file_nothing(tmp_path, campaign):
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))

@@ -11,14 +11,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2, rig_pb2
 from labbus import StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe, verify
-from recorder.mcap_ending import is_finished
-from recorder.recording_files import DAMAGED_FOLDER, files_of
+from recorder.mcap_ending import MAGIC, is_finished
+from recorder.recording_files import DAMAGED_FOLDER, files_of, recordings_in
 from recorder.recording_summary import read_summary
 from recorder.refused import RefusedError
 from recorder.step_order import Placement
@@ -238,3 +239,47 @@ def test_a_repaired_file_passes_the_check_of_another_code_base(begin, tmp_path, 
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_links_and_folders_that_are_named_like_recordings_are_passed_over(begin, tmp_path):
+    begin(tmp_path)
+    (tmp_path / "link.mcap").symlink_to(tmp_path / "demo.mcap")
+    (tmp_path / "nowhere.mcap").symlink_to("/there/is/nothing.mcap")
+    (tmp_path / "folder.mcap").mkdir()
+    assert recordings_in(tmp_path) == ["demo"]
+    again = Archive(tmp_path, least_free_bytes=0)
+    again.recover()
+    assert again.counts() == (1, 0)
+
+
+@pytest.mark.parametrize("size", [0, 5, 8, 20, 36])
+def test_a_file_that_was_only_begun_is_put_aside_and_its_name_is_free(tmp_path, campaign, step_of, size):
+    (tmp_path / "demo.mcap").write_bytes((MAGIC + bytes(100))[:size])
+    again = Archive(tmp_path, least_free_bytes=0)
+    again.recover()
+    assert again.counts() == (0, 0)
+    assert (tmp_path / "damaged" / "demo.mcap").stat().st_size == size
+    again.commit("demo", step_of(0, campaign.specification()))
+    again.close()
+
+
+def test_a_length_that_is_damaged_in_the_middle_is_not_taken_for_the_end(begin, tmp_path, campaign, step_of):
+    archive = begin(tmp_path)
+    for number in range(4, 12):
+        archive.commit("demo", step_of(number, campaign.planned(f"demo.i{number:02d}")))
+    file = tmp_path / "demo.mcap"
+    whole, chunks, position = file.read_bytes(), [], len(MAGIC)
+    while position < len(whole):
+        if whole[position] == Opcode.CHUNK:
+            chunks.append(position)
+        position += 9 + int.from_bytes(whole[position + 1 : position + 9], "little")
+    archive.close()
+    for chunk in (chunks[0], chunks[3]):
+        damaged = bytearray(whole)
+        damaged[chunk + 4] ^= 0x40
+        file.write_bytes(damaged)
+        again = Archive(tmp_path, least_free_bytes=0)
+        again.recover()
+        with pytest.raises(RefusedError, match="impossible length"):
+            again.commit("demo", step_of(12, campaign.planned("demo.i12")))
+        assert file.read_bytes() == damaged

@@ -77,3 +77,24 @@ def test_what_is_not_there_is_refused_by_name(folder, wrong, field, code):
     with pytest.raises(RefusedError) as caught:
         window(folder, **wrong)
     assert (caught.value.field, caught.value.code) == (field, code)
+
+
+def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, least_free_bytes=0)
+    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
+        archive.commit("demo", step_of(number, message))
+    key = Keys().rig_signal(campaign.rig, RUN)
+    broken_off, played = 2000, 1000
+    for seq, block in enumerate(campaign.blocks(RUN, gain=0.1)[:2]):
+        archive.take_block(StreamItem(key, broken_off, seq, block))
+    for seq, block in enumerate(campaign.blocks(RUN, gain=0.9)):
+        archive.take_block(StreamItem(key, played, seq, block))
+    # What the first attempt's spool still held comes last.
+    archive.sync()
+    archive.take_block(StreamItem(key, broken_off, 2, campaign.blocks(RUN, gain=0.1)[2]))
+    archive.commit("demo", step_of(3, campaign.played(RUN, epoch=played)))
+    archive.commit("demo", step_of(4, recorder_pb2.RecordingClosed(reason="done")))
+    for first in (0.0, 1.2):
+        _, _, response = from_record(window(tmp_path, first, 0.5).response)
+        begin = round(first * 100)
+        np.testing.assert_allclose(response, 0.9 * campaign.target[:, begin : begin + 50])

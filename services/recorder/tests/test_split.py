@@ -11,7 +11,8 @@ from duralab_proto.v1 import array_pb2, identifier_pb2, recorder_pb2
 from labbus import StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe, read_part, verify
-from recorder.recording_files import files_of
+from recorder.recording_files import files_of, recording_path
+from recorder.refused import RefusedError
 from recorder.step_reading import read_steps
 
 EPOCH = 11
@@ -70,6 +71,18 @@ def test_a_file_that_is_lost_is_found_missing(folder):
     files = files_of(folder, "demo")
     files[-1].unlink()
     assert any("with which the recording goes on" in finding for finding in verify(folder, "demo").findings)
+
+
+def test_a_recording_with_a_file_missing_between_others_is_not_gone_on_with(folder, campaign, step_of):
+    last = len(files_of(folder, "demo"))
+    recording_path(folder, "demo", number=last - 1).unlink()
+    again = Archive(folder, least_free_bytes=0)
+    again.recover()
+    with pytest.raises(RefusedError, match=rf"part{last:02d}.*part{last - 1:02d}.mcap is missing"):
+        again.commit("demo", step_of(0, campaign.specification()))
+    recording_path(folder, "demo").unlink()
+    with pytest.raises(RefusedError, match=r"demo.mcap is missing"):
+        again.commit("demo", step_of(0, campaign.specification()))
 
 
 def test_a_byte_changed_in_an_early_file_is_found_twice(folder):
