@@ -271,8 +271,8 @@ def draw_spindle_coupled(rig: Rig, system: Linearisation) -> Figure:
         steps.plot(1000 * time, played - played[0], color=colour, label=way)
     steps.step(1000 * time, np.where(time >= 0.0195, 500.0, 0.0), color="0.6", lw=0.8, where="post", label="command")
     loops.axhline(-3.0, color="0.6", lw=0.8)
-    loops.set_ylim(-30, 6)
-    label(responses, "spindle force or moment per command", "frequency, Hz", "see legend")
+    loops.set_ylim(-10, 6)
+    label(responses, "spindle force or moment per command", "frequency, Hz", "unit in the legend")
     label(loops, "load cell per force command", "frequency, Hz", "dB")
     label(steps, "a step of 500 N", "time, ms", "load cell, N")
     for axes in (responses, loops, steps):

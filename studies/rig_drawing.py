@@ -189,6 +189,7 @@ def draw(pieces: list[Solid]) -> Figure:
         axes.set_xlabel(f"{'xyz'[view.across]}, m", fontsize=8)
         axes.set_ylabel(f"{'xyz'[view.up]}, m", fontsize=8)
         axes.tick_params(labelsize=7)
+        axes.locator_params(axis="x", nbins=4)
         axes.set_axisbelow(True)
         axes.grid(visible=True, color="0.93")
     patches = [Patch(facecolor=colour, label=text) for text, colour in sorted({kind_of(p.body) for p in pieces})]

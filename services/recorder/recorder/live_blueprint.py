@@ -36,6 +36,9 @@ FRF: Final = "frf"
 _EYE: Final = np.array([-1.15, -0.95, 0.8])
 """From behind, the right and above, in radii of what is looked at."""
 
+_NEARER: Final = 0.7
+"""In a panel that is three times as wide as high: rigs are wide."""
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -66,8 +69,8 @@ class Stage:
     watched: bool = False
 
 
-def _rig_view(origin: str, outline: Outline, *, name: str) -> rrb.Spatial3DView:
-    eye = outline.centre + _EYE * outline.radius
+def _rig_view(origin: str, outline: Outline, *, name: str, distance: float = 1.0) -> rrb.Spatial3DView:
+    eye = outline.centre + distance * _EYE * outline.radius
     return rrb.Spatial3DView(
         origin=origin,
         name=name,
@@ -98,6 +101,7 @@ def _plots(
     *,
     name: str,
     axis: rrb.TimeAxis,
+    legend: bool = True,
 ) -> rrb.Grid:
     return rrb.Grid(
         *(
@@ -106,7 +110,7 @@ def _plots(
                 name=with_unit(channel),
                 axis_x=axis,
                 # One is enough for the colours; a legend lists every playback and hides a quarter of its plot.
-                plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=place == 0),
+                plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend and place == 0),
             )
             for place, channel in enumerate(channels)
         ),
@@ -143,16 +147,17 @@ def make_blueprint(stage: Stage) -> rrb.Blueprint:
     everything = _shown(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
     rig, rig_tab = [], []
     if stage.outline is not None:
-        rig = [_rig_view(RIG_NOW if stage.watched else RIG, stage.outline, name="Rig")]
+        rig = [_rig_view(RIG_NOW if stage.watched else RIG, stage.outline, name="Rig", distance=_NEARER)]
         rig_tab = [_rig_tab(stage.outline, watched=stage.watched)]
     on_target = rrb.Horizontal(
-        _plots(Group.RESPONSE, stage.responses, name="Response on target", axis=_from_to(start, end)),
+        # The text beside it says which colour is what.
+        _plots(Group.RESPONSE, stage.responses, name="Response on target", axis=_from_to(start, end), legend=False),
         rrb.Vertical(
             *rig,
             _bars(ERROR, name="Relative RMS error [%], one group for each iteration", legend=True),
             _bars(RMS_RESPONSE, name="RMS response / target [%], one group for each iteration", legend=False),
             rrb.TextDocumentView(origin=STATUS, name="Campaign"),
-            row_shares=[*([3] * len(rig)), 3, 2, 5],
+            row_shares=[*([5] * len(rig)), 7, 3, 10],
         ),
         column_shares=[5, 2],
         name=f"On target? (in band, {start:.1f} to {end:.1f} s)",

@@ -105,5 +105,6 @@ def status_document(
         if status.HasField("fault"):
             lines.append(f"**Fault**: {status.fault.message}")
     if iterations:
+        lines.append("Curves: grey the target, orange the newest playback, thin blue the first.")
         lines.append(error_table(iterations))
     return "\n\n".join(lines) or "Waiting for the campaign."
