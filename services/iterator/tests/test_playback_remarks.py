@@ -1,0 +1,59 @@
+"""What is said of a drive that had to be carried into the rig's limits."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from duralab_proto.v1 import array_pb2
+from iterator import DriveLimits, control_band, project_drive
+from iterator.playback_remarks import remarks_of
+
+RATE = 256.0
+NAMES = ("left", "right")
+
+
+def remarks(drive, *, peak, slew=0.0):
+    limits = DriveLimits(
+        names=NAMES,
+        units=("m", "m"),
+        minimum=np.full(2, -peak),
+        maximum=np.full(2, peak),
+        slew_limit=np.full(2, slew),
+        sample_rate=RATE,
+    )
+    projection = project_drive(drive, limits=limits, band=control_band(1.0, 30.0, sample_rate=RATE))
+    description = SimpleNamespace(drives=[array_pb2.Channel(name=name, unit="m") for name in NAMES])
+    # Over, so that nothing is predicted of a next playback.
+    iteration = SimpleNamespace(number=2, projection=projection, unreachable=(), outcome="reached")
+    return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
+
+
+@pytest.fixture
+def tones():
+    """5 Hz with an amplitude of 1 on the left and 0.1 on the right."""
+    time = np.arange(4096) / RATE
+    fade = np.minimum(1.0, np.minimum(time, time[::-1]))
+    return np.array([[1.0], [0.1]]) * np.sin(2 * np.pi * 5 * time) * fade
+
+
+def test_how_much_a_drive_was_changed_is_told_for_the_channel_alone_that_was(tones):
+    projection, told = remarks(tones, peak=0.8)
+    left = np.sqrt(np.mean((projection.drive - tones)[0] ** 2) / np.mean(tones[0] ** 2))
+    assert left > 0.01
+    assert told[0].startswith("Playback 2: The drive of left would have passed its peak limit of 0.8 m")
+    assert told[1:] == [f"Playback 2: The drive of left was changed by {left:.2%} of its RMS to hold its limits."]
+
+
+def test_what_had_to_be_clipped_is_told(tones):
+    # Above the band, where nothing is changed.
+    tones[0] = 2.0 * np.cos(2.0 * np.pi * 50.0 * np.arange(4096) / RATE)
+    projection, told = remarks(tones, peak=1.0, slew=100.0)
+    assert projection.clipped[0] > 0.0
+    assert told[-1].endswith(
+        f"to hold its limits; {projection.clipped[0]:.2%} had to be clipped and lies outside the control band."
+    )
+
+
+def test_nothing_is_told_of_a_drive_that_fits(tones):
+    assert remarks(tones, peak=2.0)[1] == []
