@@ -211,10 +211,16 @@ def _blocks(
     if not _covers(blocks, first, last):
         blocks = _covering(places, first, last)
         if not _covers(blocks, first, last):
+            end = max(block.first_sample + block.response.shape[-1] for place in places for block in _read(place))
+            if first >= end:
+                raise invalid(
+                    f"first_second is {request.first_second:g}; run {request.run!r} ends at {end / rate:g} s.",
+                    field="first_second",
+                )
             raise RefusedError(
                 query_pb2.FAULT_CODE_DATA_LOSS,
-                f"Run {request.run!r} has no whole signals from {request.first_second:g} s on for {request.seconds:g} "
-                "s; it is shorter, or blocks are missing: `verify` says more.",
+                f"Run {request.run!r}, here up to {end / rate:g} s, has no whole signals from {request.first_second:g} "
+                f"s on for {request.seconds:g} s: it was broken off, or blocks are missing; `verify` says more.",
                 field="first_second",
             )
     return blocks, first, min(last, blocks[-1].first_sample + blocks[-1].response.shape[-1])

@@ -67,8 +67,8 @@ def test_only_the_channels_asked_for_come(folder, campaign):
         ({"first": 0.0, "seconds": 1e300}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 0.0, "seconds": 1e307}, "seconds", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 1e307, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
-        ({"first": 1e300, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
-        ({"first": 7.0, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_DATA_LOSS),
+        ({"first": 1e300, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
+        ({"first": 2.0, "seconds": 1.0}, "first_second", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 0.0, "seconds": 1.0, "channels": ["x"]}, "channels", query_pb2.FAULT_CODE_INVALID_ARGUMENT),
         ({"first": 0.0, "seconds": 1.0, "run": "demo.i02"}, "run", query_pb2.FAULT_CODE_NOT_FOUND),
     ],
@@ -77,6 +77,23 @@ def test_what_is_not_there_is_refused_by_name(folder, wrong, field, code):
     with pytest.raises(RefusedError) as caught:
         window(folder, **wrong)
     assert (caught.value.field, caught.value.code) == (field, code)
+
+
+def test_a_time_beyond_the_end_is_told_where_the_run_ends(folder):
+    with pytest.raises(RefusedError, match=rf"first_second is 7; run '{RUN}' ends at 2 s\."):
+        window(folder, 7.0, 1.0)
+
+
+def test_a_run_that_was_broken_off_is_told_how_far_it_goes(tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, least_free_bytes=0)
+    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
+        archive.commit("demo", step_of(number, message))
+    for seq, block in enumerate(campaign.blocks(RUN)[:3]):
+        archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, block))
+    archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="stopped")))
+    assert from_record(window(tmp_path, 1.0, 0.5).response)[2].shape == (2, 50)
+    with pytest.raises(RefusedError, match=r"here up to 1\.5 s, has no whole signals from 1 s on for 1 s"):
+        window(tmp_path, 1.0, 1.0)
 
 
 def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(tmp_path, campaign, step_of):
