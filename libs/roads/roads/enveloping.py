@@ -15,7 +15,7 @@ arbitrarily uneven road surfaces, PhD thesis, TU Delft 2004 (two-point follower 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,38 +92,21 @@ def effective_inputs(
 
     Source: see the module.
     """
-    positive = {
-        "speed": speed,
-        "sample_rate": sample_rate,
-        "track_width": track_width,
-        "tyre_radius": tyre_radius,
-        "contact_length": contact_length,
-        "contact_width": contact_width,
-        "lead_in_seconds": lead_in_seconds,
-    }
-    for name, value in positive.items():
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be finite and above 0.")
-    if not axle_distances or not all(math.isfinite(distance) and distance >= 0 for distance in axle_distances):
-        raise ValueError(
-            f"axle_distances is {tuple(axle_distances)}; give at least one distance, each finite and 0 or more."
-        )
-    if contact_length >= 2 * tyre_radius:
-        raise ValueError(
-            f"contact_length is {contact_length} m; a tyre of radius {tyre_radius} m is shorter than that."
-        )
-    if samples < 2 or 2 * lead_in_seconds * sample_rate > samples - 1:
-        raise ValueError(
-            f"{samples} samples at {sample_rate} Hz are shorter than two lead-ins of {lead_in_seconds} s; "
-            "ask for more samples or a shorter lead-in."
-        )
+    _check_drive(
+        road,
+        positive={
+            "speed": speed,
+            "sample_rate": sample_rate,
+            "track_width": track_width,
+            "tyre_radius": tyre_radius,
+            "contact_length": contact_length,
+            "contact_width": contact_width,
+            "lead_in_seconds": lead_in_seconds,
+        },
+        samples=samples,
+        axle_distances=axle_distances,
+    )
     advance = speed / sample_rate
-    distance = (samples - 1) * advance
-    if distance > road.length * (1 + 1e-9):
-        raise ValueError(
-            f"The drive covers {distance:.2f} m, the road has {road.length:.2f} m; lengthen it with repeat_mirrored "
-            "or ask for fewer samples."
-        )
     oversampling = max(2, math.ceil(advance / FINEST_STEP - 1e-9))
     step = advance / oversampling
     filters = _patch_filters(contact_length, step=step, oversampling=oversampling)
@@ -145,6 +128,34 @@ def effective_inputs(
     inputs = np.concatenate(wheels)
     inputs[0::3] -= inputs[0::3].mean()
     return _faded(inputs, speed=speed, sample_rate=sample_rate, lead_in_seconds=lead_in_seconds)
+
+
+def _check_drive(road: Road, *, positive: Mapping[str, float], samples: int, axle_distances: Sequence[float]) -> None:
+    """Refuse what no tyre can roll over; `positive` are the numbers of `effective_inputs` above 0, by their names."""
+    for name, value in positive.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}; it must be finite and above 0.")
+    if not axle_distances or not all(math.isfinite(distance) and distance >= 0 for distance in axle_distances):
+        raise ValueError(
+            f"axle_distances is {tuple(axle_distances)}; give at least one distance, each finite and 0 or more."
+        )
+    contact_length, tyre_radius = positive["contact_length"], positive["tyre_radius"]
+    if contact_length >= 2 * tyre_radius:
+        raise ValueError(
+            f"contact_length is {contact_length} m; a tyre of radius {tyre_radius} m is shorter than that."
+        )
+    lead_in_seconds, sample_rate = positive["lead_in_seconds"], positive["sample_rate"]
+    if samples < 2 or 2 * lead_in_seconds * sample_rate > samples - 1:
+        raise ValueError(
+            f"{samples} samples at {sample_rate} Hz are shorter than two lead-ins of {lead_in_seconds} s; "
+            "ask for more samples or a shorter lead-in."
+        )
+    distance = (samples - 1) * (positive["speed"] / sample_rate)
+    if distance > road.length * (1 + 1e-9):
+        raise ValueError(
+            f"The drive covers {distance:.2f} m, the road has {road.length:.2f} m; lengthen it with repeat_mirrored "
+            "or ask for fewer samples."
+        )
 
 
 def _wheel(

@@ -11,10 +11,12 @@ two-force link, held by the body or by a steering rack.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig_sim.specimens.axles import DOUBLE_WISHBONES, Axle, Rack
 from rig_sim.specimens.bench import add_actuator, add_body, add_wheel, mirror_of
@@ -30,6 +32,9 @@ from rig_sim.specimens.sdf_writing import (
     sdf_text,
 )
 
+Points = Mapping[str, NDArray[np.float64]]
+"""Hard points of one side by name, in m."""
+
 
 def add_side(model: Xml.Element, axle: Axle, side: str) -> None:
     """Add arms, knuckle, tie rod and wheel of one side, "left" or "right", and the actuators at it."""
@@ -37,14 +42,23 @@ def add_side(model: Xml.Element, axle: Axle, side: str) -> None:
     place = np.array([-axle.behind, 0.0, 0.0])
     point = {name: np.array(value) * mirror + place for name, value in vars(axle.points).items()}
     side = axle.prefix + side
-    masses, stiff = axle.masses, axle.stiffnesses
-    turning = (stiff.rotation, stiff.rotation_damping)
-    lower, upper, wheel = point["lower_ball"], point["upper_ball"], point["wheel_centre"]
+    _add_lower_arm(model, axle, side, point)
+    hinge = _add_upper_arm(model, axle, side, point)
+    _add_knuckle(model, axle, side, point, mirror=mirror, hinge=hinge)
+    _add_tie_rod(model, axle, side, point)
+    wheel = point["wheel_centre"]
+    tyre_radius = None if axle.actuators else float(wheel[2])
+    add_wheel(model, side, centre=wheel, mass=axle.masses.wheel, tyre_radius=tyre_radius)
+    for mount in axle.actuators:
+        add_actuator(model, side, mount, wheel_centre=axle.points.wheel_centre, stiffnesses=axle.stiffnesses)
 
-    centre, inertia = point_masses_inertia(
-        [lower, point["lower_front_bushing"], point["lower_rear_bushing"]], masses.lower_arm
-    )
-    link = add_link(model, f"{side}_lower_arm", origin=lower, centre=centre, mass=masses.lower_arm, inertia=inertia)
+
+def _add_lower_arm(model: Xml.Element, axle: Axle, side: str, point: Points) -> None:
+    """Add the lower arm in its two bushings."""
+    mass, stiff, lower = axle.masses.lower_arm, axle.stiffnesses, point["lower_ball"]
+    turning = (stiff.rotation, stiff.rotation_damping)
+    centre, inertia = point_masses_inertia([lower, point["lower_front_bushing"], point["lower_rear_bushing"]], mass)
+    link = add_link(model, f"{side}_lower_arm", origin=lower, centre=centre, mass=mass, inertia=inertia)
     for end in ("front", "rear"):
         mount = point[f"lower_{end}_bushing"]
         draw_cylinder(link, f"{side}_lower_arm_{end}_tube", np.zeros(3), mount - lower, 0.018)
@@ -53,54 +67,52 @@ def add_side(model: Xml.Element, axle: Axle, side: str) -> None:
         along = stiff.lower_front if end == "front" else stiff.lower_rear
         add_bushing(model, frame_a, frame_c, along=along, loss_time=stiff.loss_time, turning=turning)
 
+
+def _add_upper_arm(model: Xml.Element, axle: Axle, side: str, point: Points) -> NDArray[np.float64]:
+    """Add the upper arm on its hinge; return the hinge's middle."""
+    mass, upper = axle.masses.upper_arm, point["upper_ball"]
     hinge_front, hinge_rear = point["upper_front_hinge"], point["upper_rear_hinge"]
-    centre, inertia = point_masses_inertia([upper, hinge_front, hinge_rear], masses.upper_arm)
+    centre, inertia = point_masses_inertia([upper, hinge_front, hinge_rear], mass)
     hinge = (hinge_front + hinge_rear) / 2
-    link = add_link(model, f"{side}_upper_arm", origin=hinge, centre=centre, mass=masses.upper_arm, inertia=inertia)
+    link = add_link(model, f"{side}_upper_arm", origin=hinge, centre=centre, mass=mass, inertia=inertia)
     for end, mount in (("front", hinge_front), ("rear", hinge_rear)):
         draw_cylinder(link, f"{side}_upper_arm_{end}_tube", upper - hinge, mount - hinge, 0.014)
-    add_joint(
-        model,
-        f"{side}_upper_hinge",
-        "revolute",
-        parent="body",
-        child=f"{side}_upper_arm",
-        axis=hinge_front - hinge_rear,
-    )
+    axis = hinge_front - hinge_rear
+    add_joint(model, f"{side}_upper_hinge", "revolute", parent="body", child=f"{side}_upper_arm", axis=axis)
+    return hinge
 
-    knuckle_inertia = np.diag([0.30, 0.24, 0.18]) * masses.knuckle / 18.0
-    knuckle_centre = wheel + np.array([0.0, -0.05, 0.01]) * mirror
-    link = add_link(
-        model,
-        f"{side}_knuckle",
-        origin=wheel,
-        centre=knuckle_centre,
-        mass=masses.knuckle,
-        inertia=knuckle_inertia,
-    )
+
+def _add_knuckle(
+    model: Xml.Element,
+    axle: Axle,
+    side: str,
+    point: Points,
+    *,
+    mirror: NDArray[np.float64],
+    hinge: NDArray[np.float64],
+) -> None:
+    """Add the knuckle: on the lower arm's ball, in the upper arm's bushing."""
+    mass, stiff = axle.masses.knuckle, axle.stiffnesses
+    lower, upper, wheel = point["lower_ball"], point["upper_ball"], point["wheel_centre"]
+    inertia = np.diag([0.30, 0.24, 0.18]) * mass / 18.0
+    centre = wheel + np.array([0.0, -0.05, 0.01]) * mirror
+    link = add_link(model, f"{side}_knuckle", origin=wheel, centre=centre, mass=mass, inertia=inertia)
     for name, end in (("lower", lower), ("upper", upper), ("steer", point["tie_rod_outer"])):
         draw_cylinder(link, f"{side}_knuckle_{name}", np.zeros(3), end - wheel, 0.02)
-    add_joint(
-        model,
-        f"{side}_lower_ball",
-        "ball",
-        parent=f"{side}_lower_arm",
-        child=f"{side}_knuckle",
-        offset=lower - wheel,
-    )
+    arm, knuckle = f"{side}_lower_arm", f"{side}_knuckle"
+    add_joint(model, f"{side}_lower_ball", "ball", parent=arm, child=knuckle, offset=lower - wheel)
     frame_a = add_frame(model, f"{side}_upper_ball_arm", f"{side}_upper_arm", upper - hinge)
-    frame_c = add_frame(model, f"{side}_upper_ball_knuckle", f"{side}_knuckle", upper - wheel)
+    frame_c = add_frame(model, f"{side}_upper_ball_knuckle", knuckle, upper - wheel)
     add_bushing(model, frame_a, frame_c, along=stiff.upper_ball, loss_time=stiff.ball_loss_time)
+
+
+def _add_tie_rod(model: Xml.Element, axle: Axle, side: str, point: Points) -> None:
+    """Add the tie rod, from the body or the rack to the knuckle."""
     inner, outer = point["tie_rod_inner"], point["tie_rod_outer"]
     length = float(np.linalg.norm(outer - inner))
-    law = (stiff.tie_rod, stiff.tie_rod_damping)
+    law = (axle.stiffnesses.tie_rod, axle.stiffnesses.tie_rod_damping)
     inner_end = ("body", inner) if axle.rack is None else ("rack", inner * np.array([0.0, 1.0, 0.0]))
-    add_rod(model, inner_end, (f"{side}_knuckle", outer - wheel), length=length, law=law)
-
-    tyre_radius = None if axle.actuators else float(wheel[2])
-    add_wheel(model, side, centre=wheel, mass=masses.wheel, tyre_radius=tyre_radius)
-    for mount in axle.actuators:
-        add_actuator(model, side, mount, wheel_centre=axle.points.wheel_centre, stiffnesses=stiff)
+    add_rod(model, inner_end, (f"{side}_knuckle", outer - point["wheel_centre"]), length=length, law=law)
 
 
 def _rack(model: Xml.Element, axle: Axle, rack: Rack) -> None:
