@@ -13,7 +13,7 @@ import structlog
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, Call, FaultError, StreamItem, Subscription
+from labbus import Bus, Call, ConfigError, FaultError, StreamItem, Subscription
 from recorder.archive import Archive
 from recorder.catalogue import describe, fits, read_part, verify
 from recorder.config import RecorderConfig
@@ -327,6 +327,9 @@ def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[obje
 
     @contextmanager
     def serve(bus: Bus) -> Iterator[RecorderService]:
+        # A second one would tell publishers to forget what only the first one knows to be of a recording.
+        if bus.discover(NAME):
+            raise ConfigError(f"Another recorder is on the bus of lab {bus.config.lab!r}; end it first.")
         with own_folder(config.folder):
             service = RecorderService(config)
             try:
