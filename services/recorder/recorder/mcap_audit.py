@@ -59,7 +59,9 @@ class Audit:
         for place, continuity in content.blocks.items():
             if place not in known and (lost := continuity.missing(continuity.next_seq)):
                 count = sum(len(gap) for gap in lost)
-                self.findings.append(f"Run {place[1]!r}, which did not end, lacks {count} blocks before its last.")
+                self.findings.append(
+                    f"A playback of run {place[1]!r} that did not end lacks {count} blocks before its last."
+                )
         for (_, run, _), samples in content.samples.items():
             if samples.finding:
                 self.findings.append(f"The samples of run {run!r} do not join: {samples.finding}.")

@@ -84,7 +84,9 @@ def test_a_recording_says_where_samples_were_lost_before_they_were_numbered(reco
 def test_a_recording_says_which_blocks_a_run_lacks_that_did_not_end(recorded, campaign):
     blocks = list(enumerate(campaign.blocks(RUN)))
     del blocks[1]
-    assert recorded(blocks, ended=False) == [f"Run '{RUN}', which did not end, lacks 1 blocks before its last."]
+    assert recorded(blocks, ended=False) == [
+        f"A playback of run '{RUN}' that did not end lacks 1 blocks before its last."
+    ]
 
 
 def test_a_run_that_was_broken_off_is_whole_as_far_as_it_goes(recorded, campaign):
