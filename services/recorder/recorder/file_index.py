@@ -12,7 +12,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Chunk, ChunkIndex, Message
+from mcap.records import Chunk, ChunkIndex, Message, Metadata
 from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
@@ -120,3 +120,26 @@ def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> lis
         stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
         records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
     return [record for record in records if isinstance(record, Message) and record.channel_id in channels]
+
+
+def last_metadata(path: Path, name: str) -> dict[str, str] | None:
+    """Read the last metadata record of a name from a finished file; None where it has none.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    name : str
+        Of the record.
+
+    Raises
+    ------
+    McapError
+        The file is damaged; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    places = [place for place in index_of(path).metadata_indexes if place.name == name]
+    if not places:
+        return None
+    with path.open("rb") as stream:
+        stream.seek(places[-1].offset + _RECORD_HEAD.size)
+        return dict(Metadata.read(ReadDataStream(stream)).metadata)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -14,12 +13,12 @@ from mcap.records import Channel, ChunkIndex
 
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
-from recorder.file_index import count_messages, index_of, messages_of
+from recorder.file_index import count_messages, index_of, last_metadata, messages_of
 from recorder.mcap_damage import DAMAGE
 from recorder.mcap_ending import is_finished
 from recorder.recording_content import EPOCH, STEP_TOPIC
 from recorder.recording_files import files_of
-from recorder.recording_summary import Runs, read_summary
+from recorder.recording_summary import SUMMARY_METADATA, Summary
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
@@ -120,18 +119,11 @@ def _finished_files(folder: Path, name: str) -> list[Path]:
 def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
     """Return on which rig a run was announced, and the epoch that was played to its end: empty and 0 where none is."""
     for path in reversed(_finished_files(folder, name)):
-        status = path.stat()
-        for (rig, planned), known in _runs(path, status.st_size, status.st_mtime_ns).items():
+        told = last_metadata(path, SUMMARY_METADATA)
+        for (rig, planned), known in ({} if told is None else Summary.from_metadata(told).runs).items():
             if planned == run:
                 return rig, 0 if known.played is None else known.played.epoch
     return "", 0
-
-
-@lru_cache(maxsize=16)
-def _runs(path: Path, size: int, changed: int) -> Runs:
-    del size, changed  # They are the cache's key: another file of that name has others.
-    summary = read_summary(path)
-    return {} if summary is None else summary.runs
 
 
 def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription:
