@@ -49,6 +49,11 @@ class Recording:
         self._file = McapFile(self.path)
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files, in order: the one that was opened, and those in which it goes on."""
+        return tuple(self._file.paths)
+
+    @property
     def whole(self) -> bool:
         """False where the file was never finished; what was written is read all the same."""
         return self._file.whole
