@@ -45,6 +45,8 @@ class Recording:
     """
 
     def __init__(self, path: str | Path) -> None:
+        if not str(path):
+            raise InputError("There is no recording ''; give the path of an .mcap file.")
         self.path = Path(path)
         self._file = McapFile(self.path)
 
