@@ -132,7 +132,13 @@ def _in_units(signals: Signals, units: list[str]) -> Signals:
     """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
     from duralab.formats import convert_units
 
-    named = dict(text.split("=", 1) for text in units if "=" in text)
+    named: dict[str, str] = {}
+    for channel, unit in (text.split("=", 1) for text in units if "=" in text):
+        if channel in named:
+            raise InputError(
+                f"--unit gives {channel} two units, {named[channel]} and {unit}; give each channel one.", field="unit"
+            )
+        named[channel] = unit
     plain = [text for text in units if "=" not in text]
     if plain == ["SI"]:
         signals = convert_units(signals)
