@@ -15,7 +15,7 @@ from typing import Final
 from duralab._outputs import replace_when_complete
 from duralab.campaign_result import CampaignResult
 from duralab.errors import LabError
-from duralab.mcap_reading import files_from
+from duralab.recording_parts import part_path, parts_beside
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import Bus, FaultError
 
@@ -145,14 +145,13 @@ def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: 
     """
     # A recorder of before names the first file only, and knows no other.
     files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
-    stale = files_from(path)[len(files) :]
+    stale = [place for number, place in parts_beside(path).items() if number > len(files)]
     for number, file in enumerate(files, start=1):
-        place = path if number == 1 else path.with_name(f"{path.stem}.part{number:02d}{path.suffix}")
         fetch(
             bus,
             information.recording,
             part=Part.RECORDING,
-            path=place,
+            path=part_path(path, number),
             number=number,
             file_hash=file.file_hash,
         )

@@ -36,8 +36,29 @@ def require_free(paths: Iterable[Path], *, replace: bool) -> None:
     InputError
         Naming the files that are there.
     """
-    there = [path for path in paths if path.exists()]
+    there = [path for path in paths if _is_there(path)]
     if there and not replace:
         raise InputError(
             f"{', '.join(str(path) for path in there)} would be overwritten; give --replace, or another folder or file."
         )
+
+
+def require_other(paths: Iterable[Path], *, read: Iterable[Path]) -> None:
+    """Refuse to write an output over a file that is read for it, by whatever name or link.
+
+    Raises
+    ------
+    InputError
+        Naming the output.
+    """
+    sources = [source for source in read if _is_there(source)]
+    for path in filter(_is_there, paths):
+        if any(path.samefile(source) for source in sources):
+            raise InputError(f"{path} is the file that is read; give another one for the output.", field="out")
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        raise InputError(f"{path} cannot be a file: {error.strerror}; give another name.") from error

@@ -5,10 +5,37 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Final
 
 from duralab._supervisor import last_lines
-from duralab.errors import LabError
+from duralab.errors import InputError, LabError
 from duralab.mcap_reading import McapFile
+
+_RECORDING: Final = b"\x89MCAP"
+_LIVE_VIEW: Final = b"RRF"
+
+
+def is_recording(file: Path) -> bool:
+    """Return whether a file is a recording, and not a live view, by its first bytes: a name may say anything.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it cannot be read, or it is neither.
+    """
+    try:
+        with file.open("rb") as stream:
+            start = stream.read(len(_RECORDING))
+    except (FileNotFoundError, IsADirectoryError, ValueError) as error:
+        raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd or a recording.mcap.") from error
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}; give a live.rrd or a recording.mcap.") from error
+    if not start.startswith((_RECORDING, _LIVE_VIEW)):
+        raise InputError(
+            f"{file} starts with {start!r} and is neither a live view nor a recording; give a live.rrd or a "
+            "recording.mcap."
+        )
+    return start.startswith(_RECORDING)
 
 
 def rebuilt_view(recording: Path, target: Path) -> Path:
@@ -24,7 +51,7 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
     Raises
     ------
     InputError
-        There is no such file, or it is no recording.
+        There is no such file, it is no recording, or it holds nothing that can be shown.
     LabError
         The recorder's code failed; with the last lines that it said.
     """
@@ -40,5 +67,8 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
             check=False,
         ).returncode
     if code != 0:
-        raise LabError(f"The live view of {recording} cannot be made: {last_lines(said)}.")
+        # The recorder says it in a sentence of its own; of that, what comes after the recording's name is the reason.
+        _, known, reason = last_lines(said).rpartition(" cannot be shown: ")
+        kind = InputError if known else LabError
+        raise kind(f"The live view of {recording} cannot be made: {reason.rstrip('.')}.")
     return target

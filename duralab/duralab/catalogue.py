@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from typing import Final
 
 from duralab._asking import Asking
@@ -106,7 +106,26 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
     )
 
 
-def _nanoseconds(moment: datetime | None, *, field: str) -> int:
+def _moment(given: object, *, field: str) -> datetime | None:
+    """Return a date or the text of a moment as one; a day alone begins at midnight."""
+    moment = given
+    if isinstance(given, str):
+        try:
+            moment = datetime.fromisoformat(given)
+        except ValueError:
+            moment = given
+    elif isinstance(given, date) and not isinstance(given, datetime):
+        moment = datetime(given.year, given.month, given.day)
+    if moment is None or isinstance(moment, datetime):
+        return moment
+    raise InputError(
+        f"{field} is {given!r}; give a datetime, a date or a text like 2026-05-04T12:00+02:00, or leave it out.",
+        field=field,
+    )
+
+
+def _nanoseconds(given: object, *, field: str) -> int:
+    moment = _moment(given, field=field)
     if moment is None:
         return 0
     # The year is looked at first: a moment at either end of the calendar has no time in seconds everywhere.
@@ -120,6 +139,21 @@ def _nanoseconds(moment: datetime | None, *, field: str) -> int:
     return nanoseconds
 
 
+def _result(given: object) -> Result | None:
+    try:
+        return None if given is None else Result(given)
+    except ValueError:
+        raise InputError(
+            f"result is {given!r}; give one of {', '.join(Result)}, or leave it out.", field="result"
+        ) from None
+
+
+def _text(given: object, *, field: str) -> str:
+    if not isinstance(given, str):
+        raise InputError(f"{field} is {given!r}; give a text, or leave it out.", field=field)
+    return given
+
+
 class Catalogue:
     """What the recorder of a lab holds; made by `Lab.catalogue`."""
 
@@ -131,9 +165,9 @@ class Catalogue:
         *,
         rig: str = "",
         target: str = "",
-        begun_from: datetime | None = None,
-        begun_before: datetime | None = None,
-        result: Result | None = None,
+        begun_from: datetime | date | str | None = None,
+        begun_before: datetime | date | str | None = None,
+        result: Result | str | None = None,
     ) -> CatalogueEntries:
         """Return the recordings that fit, the oldest first.
 
@@ -143,10 +177,11 @@ class Catalogue:
             On this rig only.
         target : str
             Where the target's source holds these characters, whatever their case.
-        begun_from, begun_before : datetime, optional
-            Begun then or later; before then. From 1970 to 2553; one without a time zone is local.
-        result : Result, optional
-            Ended so only.
+        begun_from, begun_before : datetime, date or str, optional
+            Begun then or later; before then. From 1970 to 2553; one without a time zone is local, a day without a time
+            is its midnight, a text is as ISO 8601 writes it, e.g. 2026-05-04.
+        result : Result or str, optional
+            Ended so only; as text its words, e.g. "iterations used".
 
         Returns
         -------
@@ -156,17 +191,18 @@ class Catalogue:
         Raises
         ------
         InputError
-            `begun_from` or `begun_before` is outside those years.
+            `begun_from` or `begun_before` is outside those years, or a value is none of those kinds.
         """
+        ended = _result(result)
         request = recorder_pb2.ListRecordingsRequest(
-            rig=rig,
-            target=target,
+            rig=_text(rig, field="rig"),
+            target=_text(target, field="target"),
             begun_from=_nanoseconds(begun_from, field="begun_from"),
             begun_before=_nanoseconds(begun_before, field="begun_before"),
         )
         answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
         entries = [_entry(information) for information in answer.recordings]
-        wanted = [entry for entry in entries if result is None or entry.result is result]
+        wanted = [entry for entry in entries if ended is None or entry.result is ended]
         return CatalogueEntries(sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id)))
 
     def verify(self, id: str) -> list[str]:

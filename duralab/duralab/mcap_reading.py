@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Final, TypeVar, cast
 
-from google.protobuf.message import DecodeError, Message
-from mcap.exceptions import EndOfFile, McapError
+from google.protobuf.message import Message
 from mcap.reader import McapReader, SeekingReader
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
 
 from duralab.errors import InputError
+from duralab.mcap_damage import DAMAGE, damaged
+from duralab.mcap_index import MAGIC, has_index
+from duralab.mcap_whole_records import end_of_whole_records, whole_records
+from duralab.recording_parts import Part, files_of, require_chain
 
 MessageT = TypeVar("MessageT", bound=Message)
 
 EPOCH: Final = "epoch"
 """Entry of a stream channel's metadata: the epoch of its publisher."""
 
-MAGIC: Final = b"\x89MCAP0\r\n"
-
-DAMAGE: Final = (McapError, DecodeError, struct.error, ValueError, LookupError, RuntimeError, ZstdError)
-"""What reading a damaged file raises, in the container, its compression and its messages."""
-
-
-def files_from(path: Path) -> list[Path]:
-    """Return a recording's files: the one given, then `<name>.part02.mcap` and so on where there are any."""
-    files = [path]
-    while (following := path.with_name(f"{path.stem}.part{len(files) + 1:02d}{path.suffix}")).is_file():
-        files.append(following)
-    return files
+_PART: Final = "part"
+_SUMMARY: Final = "summary"
+"""Named sets of texts of a recorder's file: which part it is, at its start, and what it goes on in, at its end."""
 
 
 def epoch_of(channel: Channel) -> int:
@@ -53,12 +44,15 @@ class McapFile:
     Raises
     ------
     InputError
-        There is no such file, or it is no MCAP file.
+        There is no such file, it is no MCAP file, its index is damaged, or the files are not one whole chain.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._files = [_OneFile(file) for file in files_from(path)]
+        # The first one is opened before others are looked for: a name that no file can have is said as such.
+        first = _OneFile(path)
+        self._files = [first, *(_OneFile(file) for file in files_of(path)[1:])]
+        require_chain([file.part for file in self._files])
 
     @property
     def paths(self) -> list[Path]:
@@ -99,40 +93,76 @@ class _OneFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.whole = True
         with self._opened() as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path} does not start as an MCAP file and is no recording; give a recording.mcap.")
-            stream.seek(0)
             try:
-                summary = SeekingReader(stream).get_summary()
-                self.whole = summary is not None and summary.statistics is not None
-            except DAMAGE:
-                # The reader that seeks refuses a file without an index; the one that streams does not need it.
-                self.whole = False
+                self.whole = self._has_statistics(stream)
+                self.part = self._part(stream)
+            except DAMAGE as error:
+                raise damaged(path, error) from error
+
+    def _has_statistics(self, stream: IO[bytes]) -> bool:
+        if not has_index(self.path, stream):
+            return False
+        stream.seek(0)
+        summary = SeekingReader(stream).get_summary()
+        return summary is not None and summary.statistics is not None
+
+    def _part(self, stream: IO[bytes]) -> Part:
+        """Return what the file says of its place; one that was never finished says at its start which part it is."""
+        stream.seek(0)
+        if self.whole:
+            texts = {entry.name: entry.metadata for entry in SeekingReader(stream).iter_metadata()}
+        else:
+            if end_of_whole_records(stream) == len(MAGIC):
+                raise InputError(f"{self.path} ends within its first record and holds nothing; give a recording.mcap.")
+            texts = {}
+            for record in whole_records(stream, emit_chunks=True):
+                if isinstance(record, Chunk) or _PART in texts:
+                    break
+                if isinstance(record, Metadata):
+                    texts[record.name] = record.metadata
+        said = texts.get(_PART, {})
+        return Part(
+            path=self.path,
+            recording=said.get("recording", ""),
+            number=int(said.get("number", "0")),
+            next_file=texts.get(_SUMMARY, {}).get("next_file", ""),
+        )
 
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes]]:
         try:
             stream = self.path.open("rb")
-        except FileNotFoundError as error:
+        except (FileNotFoundError, ValueError) as error:
+            # ValueError: no name on this system, for it holds a zero byte.
             raise InputError(f"There is no recording {str(self.path)!r}; give the path of an .mcap file.") from error
+        except IsADirectoryError as error:
+            raise InputError(f"{str(self.path)!r} is a folder; give the path of an .mcap file.") from error
         except OSError as error:
-            raise InputError(f"The recording {self.path} cannot be read: {error.strerror}.") from error
+            raise self._unreadable(error) from error
         with stream:
-            yield stream
+            try:
+                yield stream
+            except OSError as error:
+                raise self._unreadable(error) from error
+
+    def _unreadable(self, error: OSError) -> InputError:
+        reason = error.strerror or error
+        return InputError(f"The recording {self.path} cannot be read: {reason}; give the path of an .mcap file.")
 
     def with_epochs(self, kind: type[MessageT]) -> Iterator[tuple[int, MessageT]]:
         """Yield the messages of one type; see `McapFile.with_epochs`."""
         name = kind.DESCRIPTOR.full_name
         with self._opened() as stream:
             try:
-                found = self._indexed(stream, name) if self.whole else self._streamed(stream)
+                found = self._indexed(stream, name) if self.whole else _streamed(stream)
                 for schema, channel, data in found:
                     if schema == name:
                         yield epoch_of(channel), cast("MessageT", kind.FromString(data))
             except DAMAGE as error:
-                raise self._damaged(error) from error
+                raise damaged(self.path, error) from error
 
     def _indexed(self, stream: IO[bytes], schema_name: str) -> Iterator[tuple[str, Channel, bytes]]:
         reader: McapReader = SeekingReader(stream, validate_crcs=True)
@@ -147,45 +177,27 @@ class _OneFile:
             if schema is not None:
                 yield schema.name, channel, message.data
 
-    @staticmethod
-    def _streamed(stream: IO[bytes]) -> Iterator[tuple[str, Channel, bytes]]:
-        schemas: dict[int, str] = {}
-        channels: dict[int, Channel] = {}
-        try:
-            for record in StreamReader(stream, validate_crcs=True).records:
-                match record:
-                    case Schema():
-                        schemas[record.id] = record.name
-                    case Channel():
-                        channels[record.id] = record
-                    case McapMessage() if record.channel_id in channels:
-                        channel = channels[record.channel_id]
-                        yield schemas.get(channel.schema_id, ""), channel, record.data
-        except EndOfFile:
-            # The chunk being written when its writer was killed; all before it is whole.
-            return
-
     def metadata(self) -> dict[str, dict[str, str]]:
         """Return the named sets of texts; see `McapFile.metadata`."""
         with self._opened() as stream:
             try:
-                if self.whole:
-                    return {entry.name: dict(entry.metadata) for entry in SeekingReader(stream).iter_metadata()}
-                return {
-                    record.name: dict(record.metadata)
-                    for record in _until_end(StreamReader(stream))
-                    if isinstance(record, Metadata)
-                }
+                records = SeekingReader(stream).iter_metadata() if self.whole else whole_records(stream)
+                return {record.name: dict(record.metadata) for record in records if isinstance(record, Metadata)}
             except DAMAGE as error:
-                raise self._damaged(error) from error
-
-    def _damaged(self, error: Exception) -> InputError:
-        reason = str(error).rstrip(".") or type(error).__name__
-        return InputError(f"The recording {self.path} is damaged ({reason}); `verify` of the recorder says where.")
+                raise damaged(self.path, error) from error
 
 
-def _until_end(reader: StreamReader) -> Iterator[object]:
-    try:
-        yield from reader.records
-    except EndOfFile:
-        return
+def _streamed(stream: IO[bytes]) -> Iterator[tuple[str, Channel, bytes]]:
+    schemas: dict[int, str] = {}
+    channels: dict[int, Channel] = {}
+    for record in whole_records(stream):
+        match record:
+            case Schema():
+                schemas[record.id] = record.name
+            case Channel():
+                channels[record.id] = record
+            case McapMessage() if record.channel_id in channels:
+                channel = channels[record.channel_id]
+                yield schemas.get(channel.schema_id, ""), channel, record.data
+            case _:
+                pass

@@ -45,8 +45,15 @@ class Recording:
     """
 
     def __init__(self, path: str | Path) -> None:
+        if not str(path):
+            raise InputError("There is no recording ''; give the path of an .mcap file.")
         self.path = Path(path)
         self._file = McapFile(self.path)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files, in order: the one that was opened, and those in which it goes on."""
+        return tuple(self._file.paths)
 
     @property
     def whole(self) -> bool:
@@ -180,25 +187,33 @@ class Recording:
         Raises
         ------
         InputError
-            No block of that run was recorded, or a block is missing.
+            No block of that run was recorded, or a block is missing: the last one too, where the run was broken off.
         """
-        epoch, sample_rate = -1, 0.0
+        epoch, sample_rate, end = -1, 0.0, -1
         blocks: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for number, block in self._file.with_epochs(rig_pb2.SignalBlock):
             if block.run != run or number < epoch:
                 continue
             if number > epoch:
                 # The run was repeated: the newest counts, as for `responses`.
-                epoch, blocks = number, {}
+                epoch, blocks, end = number, {}, -1
             with self._decoding():
                 drive = from_array(block.drive, field="drive", shape=(len(self.rig.drives), None))
                 response = from_array(block.response, field="response", shape=(len(self.rig.responses), None))
             blocks[block.first_sample], sample_rate = (drive, response), block.sample_rate
+            end = block.first_sample if block.last else end
         if not blocks:
             raise InputError(
                 f"{self.path} holds no signals of a run {run!r}; it holds {', '.join(self.runs) or 'none'}."
             )
         drives, responses = zip(*self._in_order(blocks, run), strict=True)
+        if end != max(blocks):
+            reached = max(blocks) + drives[-1].shape[1]
+            repair = "" if self.whole else "start the recorder on its folder, which repairs it, then "
+            raise InputError(
+                f"{self.path} holds the run {run!r} up to sample {reached - 1} ({reached / sample_rate:g} s) only and "
+                f"not its last block; {repair}read what is there with `responses({run!r})` and `drives({run!r})`."
+            )
         return (
             Signals(channels_of(self.rig.drives), sample_rate, np.concatenate(drives, axis=1)),
             Signals(channels_of(self.rig.responses), sample_rate, np.concatenate(responses, axis=1)),
@@ -229,7 +244,8 @@ class Recording:
         Parameters
         ----------
         *runs : str
-            Names of runs of one length; the iterations where none is given. One run alone has no dimension `run`.
+            Names of runs of one length; the iterations where none is given. One run alone has no dimension `run`; one
+            that was broken off is as long as what there is of it.
 
         Returns
         -------

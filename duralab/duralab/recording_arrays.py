@@ -46,7 +46,10 @@ class _LazySignal(BackendArray):
         chosen = self._runs[of_runs[0]]
         if isinstance(chosen, str):
             return self._samples(chosen, time)
-        return np.stack([self._samples(run, time) for run in chosen]) if chosen else np.zeros((0, self.shape[-1]))
+        if not chosen:
+            wanted = range(self.shape[-1])[time]
+            return np.zeros((0,) if isinstance(wanted, int) else (0, len(wanted)))
+        return np.stack([self._samples(run, time) for run in chosen])
 
     def _samples(self, run: str, time: int | slice) -> np.ndarray:
         wanted = range(self.shape[-1])[time]

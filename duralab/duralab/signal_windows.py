@@ -18,7 +18,8 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
 from duralab.errors import InputError
-from duralab.mcap_reading import DAMAGE, epoch_of
+from duralab.mcap_damage import DAMAGE, damaged
+from duralab.mcap_reading import epoch_of
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 
@@ -73,7 +74,7 @@ class SignalWindows:
                     for run, epoch, place in _places_in(path, stream):
                         found.setdefault(run, {}).setdefault(epoch, []).append(place)
             except DAMAGE as error:
-                raise _damaged(path, error) from error
+                raise damaged(path, error) from error
         return {run: epochs[max(epochs)] for run, epochs in found.items()}
 
     @property
@@ -183,7 +184,7 @@ def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
             if isinstance(record, McapMessage) and record.channel_id == place.channel
         ]
     except DAMAGE as error:
-        raise _damaged(place.path, error) from error
+        raise damaged(place.path, error) from error
 
 
 def _end(places: list[_Place]) -> rig_pb2.SignalBlock:
@@ -216,7 +217,3 @@ def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int,
             return reached, block.first_sample
         reached = block.first_sample + block.response.shape[-1]
     return (reached, last) if reached < last else None
-
-
-def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError(f"The recording {path} is damaged ({error}); `verify` of the recorder says where.")

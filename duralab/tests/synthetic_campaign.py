@@ -293,13 +293,20 @@ def write(
     finish: bool = True,
     chunk_size: int = 1 << 20,
     epochs: dict[int, list[rig_pb2.SignalBlock]] | None = None,
+    part: tuple[str, int] | None = None,
+    next_file: str = "",
 ) -> Path:
-    """Write messages on the topics of the recorder, with the standard MCAP writer; those of epochs after the others."""
+    """Write messages on the topics of the recorder, with the standard MCAP writer; those of epochs after the others.
+
+    Where a part is given, recording and number, the file says at its start and at its end what a recorder's says.
+    """
     told = [(message, "") for message in messages]
     told += [(block, str(epoch)) for epoch, blocks in (epochs or {}).items() for block in blocks]
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=chunk_size)
         writer.start(profile="duralab")
+        if part is not None:
+            writer.add_metadata("part", {"recording": part[0], "number": str(part[1])})
         channels: dict[tuple[str, str], int] = {}
         for number, (message, epoch) in enumerate(told):
             descriptor = message.DESCRIPTOR
@@ -314,6 +321,8 @@ def write(
             channel = channels[topic, epoch]
             writer.add_message(channel, log_time=number, publish_time=number, data=message.SerializeToString())
         if finish:
+            if part is not None:
+                writer.add_metadata("summary", {"recording": part[0], "next_file": next_file})
             writer.finish()
         else:
             writer.flush()

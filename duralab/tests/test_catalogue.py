@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 
 import numpy as np
 import pytest
@@ -77,6 +78,52 @@ def test_a_search_is_asked_of_the_recorder_and_its_result_chosen_here(ask):
     assert request.begun_from == int(DAY.timestamp()) * 10**9
 
 
+@pytest.mark.parametrize("result", list(Result))
+def test_a_result_may_be_given_in_its_words(ask, result):
+    assert Catalogue(ask).search(result=str(result)) == Catalogue(ask).search(result=result)
+    assert {entry.result for entry in Catalogue(ask).search(result=str(result))} <= {result}
+
+
+def test_a_result_that_is_found_is_found_by_its_words(ask):
+    assert [entry.id for entry in Catalogue(ask).search(result="reached")] == ["late"]
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        (date(2026, 5, 4), datetime(2026, 5, 4)),
+        ("2026-05-04", datetime(2026, 5, 4)),
+        ("2026-05-04 12:30", datetime(2026, 5, 4, 12, 30)),
+        ("2026-05-04T14:00:00+02:00", DAY),
+    ],
+)
+def test_a_day_and_a_text_are_moments(ask, given, meant):
+    Catalogue(ask).search(begun_from=given, begun_before=given)
+    _, request = ask.asked[0]
+    assert request.begun_from == request.begun_before == int(meant.timestamp()) * 10**9
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("result", "nonsense", "give one of reached, iterations used, "),
+        ("result", 3, "give one of reached, "),
+        ("begun_from", "yesterday", "a text like 2026-05-04T12:00"),
+        ("begun_before", 2026, "give a datetime, a date or a text"),
+        ("rig", 3, "give a text"),
+        ("rig", None, "give a text"),
+        ("target", ["road"], "give a text"),
+    ],
+)
+def test_a_value_that_cannot_be_searched_for_is_refused_before_anybody_is_asked(ask, field, value, allowed):
+    with pytest.raises(InputError) as caught:
+        Catalogue(ask).search(**{field: value})
+    assert str(caught.value).startswith(f"{field} is {value!r}; ")
+    assert allowed in str(caught.value)
+    assert caught.value.field == field
+    assert ask.asked == []
+
+
 @pytest.mark.parametrize("field", ["begun_from", "begun_before"])
 @pytest.mark.parametrize(
     "moment", [datetime(1969, 12, 31, 23, 59, tzinfo=UTC), datetime(1970, 1, 1, tzinfo=UTC), datetime.min, datetime.max]
@@ -120,6 +167,70 @@ def test_the_command_prints_a_table_or_json(command):
     assert "waits: No space left on device" in shown
     document = json.loads(command("catalogue", "--json", "--result", "reached").stdout)
     assert [(entry["id"], entry["begun"]) for entry in document] == [("late", "2026-05-04T14:00:00+00:00")]
+
+
+ROAD = "ISO 8608 road of class C/D with 4 potholes (seed 8608), 20 s driven at 15 m/s"
+SHOWN = (
+    information(
+        "front_axle_demo",
+        hours=0,
+        outcome=iterator_pb2.OUTCOME_ITERATIONS_USED,
+        target=ROAD,
+        steps=123,
+        signal_blocks=123456,
+        missing_blocks=17,
+    ),
+    information("another_one_with_a_[bold]_name_01", hours=1, steps=2345, signal_blocks=98765, missing_blocks=4321),
+    information("waiting", hours=2, closed=False, ended=False, waiting="No space left on device"),
+)
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    @contextmanager
+    def connect(endpoint):
+        del endpoint
+        yield type("Lab", (), {"catalogue": Catalogue(Ask(recorder_pb2.RecordingList(recordings=SHOWN)))})
+
+    monkeypatch.setattr("duralab.cli.catalogue_command.connect", connect)
+
+    def show(columns, **environment):
+        settings = {"COLUMNS": str(columns), "NO_COLOR": "1", **environment}
+        text = CliRunner().invoke(app, ["catalogue", "--connect", "tcp/127.0.0.1:9"], env=settings).stdout
+        return re.sub(r"\x1b\[[0-9;]*m", "", text)
+
+    return show
+
+
+@pytest.mark.parametrize("columns", [20, 60, 80, 100, 120, 160, 250])
+@pytest.mark.parametrize("environment", [{}, {"TTY_COMPATIBLE": "1"}])
+def test_ids_and_numbers_are_whole_however_narrow_the_terminal(shown, columns, environment):
+    lines = shown(columns, **environment).splitlines()
+    for entry in SHOWN:
+        line = next(line for line in lines if line.startswith(f"{entry.recording} "))
+        numbers = [str(entry.steps), str(entry.signal_blocks), str(entry.missing_blocks), "3.0"]
+        assert line.split()[-4:] == numbers
+        assert entry.rig in line
+
+
+@pytest.mark.parametrize("columns", [20, 80])
+def test_what_goes_into_a_pipe_is_not_cut_at_all(shown, columns):
+    text = shown(columns)
+    assert "…" not in text
+    assert all(entry.target in text for entry in SHOWN)
+    assert "waits: No space left on device" in text
+
+
+def test_in_a_terminal_the_target_gives_way_first_and_it_is_said(shown):
+    for columns, whole in ((250, True), (150, False)):
+        text = shown(columns, TTY_COMPATIBLE="1")
+        assert (ROAD in text) is whole
+        assert ROAD[:12] in text
+        assert "waits: No space left on device" in text
+        assert max(map(len, text.splitlines())) <= columns
+    text = shown(80, TTY_COMPATIBLE="1")
+    assert "ISO" not in text
+    assert "The targets are left out, for which 80 columns are too few; --json tells them." in text
 
 
 def test_a_damaged_recording_ends_the_command_with_its_findings_and_a_code(command):

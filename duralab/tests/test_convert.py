@@ -61,6 +61,7 @@ def test_the_quantisation_of_a_drive_is_told_in_its_unit(tmp_path, source):
         (("{source}", "a.csv", "--format", "wav"), "'wav'"),
         (("{source}", "a.csv", "--unit", "N"), "none of N"),
         (("{source}", "a.csv", "--unit", "speed=N"), "no channel speed"),
+        (("{source}", "a.csv", "--unit", "force=kN", "--unit", "force=N"), "--unit gives force two units, kN and N; "),
         (("{source}", "a.csv", "--rate", "-5"), "rate"),
         (("{source}", "a.csv", "--data-type", "short_integer"), "only rpc3"),
     ],
@@ -115,6 +116,7 @@ def test_drive_response_target_and_frequency_responses_come_out_of_a_recording(t
         (("h.uff", "--what", "frf", "--format", "csv"), "--format is csv; "),
         (("h.uff", "--what", "frf", "--data-type", "int16"), "--data-type is int16; "),
         (("a.csv", "--playback", "99"), "no playback 99"),
+        (("a.csv", "--unit", "left_vertical=mm", "--unit", "left_vertical=m"), "left_vertical two units, mm and m; "),
     ],
 )
 def test_what_a_recording_does_not_hold_is_said(tmp_path, recording_path, arguments, said):

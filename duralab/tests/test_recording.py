@@ -85,6 +85,32 @@ def test_of_a_repeated_run_the_newest_epoch_counts(tmp_path, campaign, order, fi
     np.testing.assert_array_equal(measured.samples, campaign.responses[1])
 
 
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize("there", [1, 5, 119])
+def test_a_run_that_was_broken_off_is_not_taken_for_a_whole_one(tmp_path, campaign, there, finish):
+    drive, response = campaign.drives[0], campaign.responses[0]
+    blocks = synthetic_campaign.signal_blocks(drive, response, run="demo.i01")
+    messages = [*synthetic_campaign.steps(campaign), *blocks[:there]]
+    recording = open_recording(synthetic_campaign.write(tmp_path / "r.mcap", messages, finish=finish))
+    reached = rf"up to sample {100 * there - 1} \({there / 10:g} s\) only and not its last block; "
+    how = "read what is there with `responses" if finish else "start the recorder on its folder, which repairs it, then"
+    with pytest.raises(InputError, match=reached + how):
+        recording.signal("demo.i01")
+    if finish:
+        np.testing.assert_array_equal(
+            recording.responses("demo.i01").to_array().values, response[:, : 100 * there], strict=True
+        )
+
+
+def test_the_end_of_a_repetition_that_was_broken_off_is_not_that_of_the_one_before(tmp_path, campaign):
+    blocks = synthetic_campaign.signal_blocks(campaign.drives[0], campaign.responses[0], run="demo.i01")
+    path = synthetic_campaign.write(
+        tmp_path / "r.mcap", synthetic_campaign.steps(campaign), epochs={7: blocks, 9: blocks[:5]}
+    )
+    with pytest.raises(InputError, match="up to sample 499"):
+        open_recording(path).signal("demo.i01")
+
+
 def test_blocks_that_overlap_are_reported(tmp_path, campaign):
     drive, response = campaign.drives[0], campaign.responses[0]
     blocks = [

@@ -59,6 +59,13 @@ def test_all_iterations_are_one_dataset(path, campaign):
     np.testing.assert_array_equal(dataset.left_vertical[1:3, 50:10:-7], expected)
 
 
+@pytest.mark.parametrize("time", [3, slice(0, 10), slice(10, 0), slice(50, 10, -7), slice(None)])
+@pytest.mark.parametrize("run", [slice(0, 0), slice(4, 9), slice(1, 3), 2])
+def test_a_selection_has_the_shape_that_numpy_gives_it(path, campaign, run, time):
+    selected = duralab.open(path).responses().left_vertical.isel(run=run, time=time).values
+    np.testing.assert_array_equal(selected, np.stack(campaign.responses)[:, 0][run, time], strict=True)
+
+
 def test_channels_carry_unit_name_and_limits(path):
     recording = duralab.open(path)
     response = recording.responses(RUN).left_vertical

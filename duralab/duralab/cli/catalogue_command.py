@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
+from textwrap import wrap
+from typing import Final
 
 import typer
 from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from duralab.catalogue import CatalogueEntry
 from duralab.cli.choosing_lab import endpoint_of_lab
@@ -18,7 +22,14 @@ from duralab.cli.json_output import write_json
 from duralab.lab_opening import connect
 from duralab.recorded_result import Result
 
-_MEBIBYTE = 1024 * 1024
+_MEBIBYTE: Final = 1024 * 1024
+_GAP: Final = 2
+"""Columns between two of the table."""
+_SHORTEST_TARGET: Final = 12
+"""Characters of which a target still says something."""
+_FOLDED_RESULT: Final = 11
+_NO_LIMIT: Final = 100_000
+"""Of a line that goes into a file or another program."""
 
 
 def list_recordings(
@@ -41,7 +52,7 @@ def list_recordings(
         return
     console = Console()
     if entries:
-        console.print(_table(entries))
+        _show(entries, console)
     else:
         console.print("No recording fits.", highlight=False)
 
@@ -50,24 +61,51 @@ def _plain(entry: CatalogueEntry) -> dict[str, object]:
     return {**asdict(entry), "begun": None if entry.begun is None else entry.begun.isoformat()}
 
 
-def _table(entries: Sequence[CatalogueEntry]) -> Table:
-    table = Table(box=SIMPLE_HEAD)
+def _show(entries: Sequence[CatalogueEntry], console: Console) -> None:
+    """Print them in lines as long as they must be: an id and a number are whole or of no use.
+
+    The target gives way first: to a terminal it is shortened into what the others leave, or left out where that is next
+    to nothing. Then times and results take two lines; then the lines are longer than the terminal.
+    """
+    columns = console.width
+    free = columns if console.is_terminal else _NO_LIMIT
+    others = _width(_table(entries, target_width=0), console)
+    longest = max(cell_len(text) for text in ("target", *(entry.target for entry in entries)))
+    target_width = min(longest, free - others - _GAP)
+    if target_width < min(longest, _SHORTEST_TARGET):
+        target_width = 0
+    table = _table(entries, target_width=target_width, folded=others > free)
+    # Rich would cut what is longer than its console; a terminal breaks the line.
+    console.width = max(columns, _width(table, console))
+    console.print(table, soft_wrap=True)
+    if not target_width:
+        said = f"The targets are left out, for which {columns} columns are too few; --json tells them."
+        console.print(said, highlight=False, soft_wrap=True)
+
+
+def _width(table: Table, console: Console) -> int:
+    # What it would take without a limit.
+    return console.measure(table, options=console.options.update(max_width=_NO_LIMIT)).maximum
+
+
+def _table(entries: Sequence[CatalogueEntry], *, target_width: int, folded: bool = False) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 0 if folded else _GAP - 1, 0, 0), show_edge=False)
     for name in ("recording", "begun", "rig"):
         table.add_column(name, no_wrap=True)
-    # The longest of them: folded into what the others leave of a narrow terminal it would be a letter a line.
-    table.add_column("target", no_wrap=True, overflow="ellipsis")
+    if target_width:
+        table.add_column("target", no_wrap=True, overflow="ellipsis", max_width=target_width)
     table.add_column("result", no_wrap=True)
     for name in ("steps", "blocks", "missing", "MiB"):
-        table.add_column(name, justify="right")
+        table.add_column(name, no_wrap=True, justify="right")
     for entry in entries:
         begun = "" if entry.begun is None else f"{entry.begun.astimezone():%Y-%m-%d %H:%M}"
         result = entry.result.value if entry.closed else f"waits: {entry.waiting}" if entry.waiting else "being written"
         table.add_row(
-            entry.id,
-            begun,
-            entry.rig,
-            entry.target,
-            result,
+            Text(entry.id),
+            begun.replace(" ", "\n") if folded else begun,
+            Text(entry.rig),
+            *([Text(entry.target)] if target_width else []),
+            Text("\n".join(wrap(result, _FOLDED_RESULT)) if folded else result),
             str(entry.steps),
             str(entry.signal_blocks),
             str(entry.missing_blocks),

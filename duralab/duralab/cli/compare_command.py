@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from duralab._outputs import require_free
+from duralab._outputs import require_free, require_other
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
 from duralab.comparison import compare as put_beside
 from duralab.errors import InputError
+from duralab.recording import open_recording
 from duralab.report import write_comparison, write_pdf
 
 
@@ -17,8 +18,11 @@ def compare(recordings: Sequence[Path], *, out: Path, pdf: Path | None, replace:
     """Compare two recordings or more, on the screen and in one HTML file."""
     if len(recordings) < 2:
         raise InputError(f"{recordings[0]} is the only recording given; give two or more to compare.")
-    require_free([out, *([pdf] if pdf else [])], replace=replace)
-    comparison = put_beside(*recordings)
+    outputs = [out, *([pdf] if pdf else [])]
+    opened = [open_recording(recording) for recording in recordings]
+    require_other(outputs, read=[file for recording in opened for file in recording.files])
+    require_free(outputs, replace=replace)
+    comparison = put_beside(*opened)
     write_comparison(out, comparison)
     if pdf is not None:
         write_pdf(comparison, pdf)

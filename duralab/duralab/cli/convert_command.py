@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from duralab._outputs import require_free
+from duralab._outputs import require_free, require_other
 from duralab.cli.json_output import write_json
 from duralab.errors import InputError
 from duralab.signals import Signals
@@ -47,8 +47,7 @@ def convert(
     from duralab.formats import read_signals, write_signals
     from duralab.formats.exchange import format_of
 
-    if source.exists() and out.exists() and source.samefile(out):
-        raise InputError(f"{out} is the file that is read; give another one for the output.")
+    require_other([out], read=[source])
     # A wrong name or a file in the way is said before a long file is read.
     format_of(out, to_format)
     require_free([out], replace=replace)
@@ -79,6 +78,7 @@ def export(
     except ValueError:
         raise InputError(f"--what is {what!r}; {', '.join(Exported)} are known.", field="what") from None
     opened = open_recording(recording)
+    require_other([out], read=opened.files)
     if chosen is Exported.FRF:
         _refuse_for_frf(playback=playback, unit=units, format=to_format, data_type=data_type)
         _export_frf(opened, out, replace=replace)
@@ -132,7 +132,13 @@ def _in_units(signals: Signals, units: list[str]) -> Signals:
     """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
     from duralab.formats import convert_units
 
-    named = dict(text.split("=", 1) for text in units if "=" in text)
+    named: dict[str, str] = {}
+    for channel, unit in (text.split("=", 1) for text in units if "=" in text):
+        if channel in named:
+            raise InputError(
+                f"--unit gives {channel} two units, {named[channel]} and {unit}; give each channel one.", field="unit"
+            )
+        named[channel] = unit
     plain = [text for text in units if "=" not in text]
     if plain == ["SI"]:
         signals = convert_units(signals)

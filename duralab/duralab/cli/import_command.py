@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from duralab._outputs import require_free
+from duralab._outputs import require_free, require_other
 from duralab._target import require_playable
 from duralab._target_file import read_target_file
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
@@ -35,8 +35,7 @@ def import_target(
     format_of(out, to_format)
     if not source.is_file():
         raise InputError(f"There is no file {str(source)!r}; give a file of signals.", field="source")
-    if out.exists() and source.samefile(out):
-        raise InputError(f"{out} is the file that is read; give another one for the output.", field="out")
+    require_other([out], read=[source])
     require_free([out], replace=replace)
     endpoint = endpoint_if_any(endpoint)
     waiting = "Asking the lab …" if endpoint is not None else "Starting a lab of its own to ask …"

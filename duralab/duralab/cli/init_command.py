@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from duralab._outputs import replace_when_complete, require_free
+from duralab._outputs import replace_when_complete, require_free, require_other
 from duralab.campaign_loading import parse_campaign
 from duralab.campaign_template import campaign_name, campaign_text, measured_target, shipped_text
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
@@ -16,6 +16,7 @@ from duralab.cli.opening import own_command
 def init(file: Path, *, template: str, target: Path | None, replace: bool, as_json: bool) -> None:
     """Write a campaign file and say how to run it."""
     console = console_beside(as_json)
+    require_other([file], read=[target] if target is not None else [])
     require_free([file], replace=replace)
     section, missing = None, []
     if target is not None:

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from duralab._view_rebuilding import rebuilt_view
+from duralab._view_rebuilding import is_recording, rebuilt_view
 from duralab._viewer import GRPC_PORT, WEB_PORT, Viewer
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
@@ -77,7 +77,7 @@ def run_viewer(file: Path | None, *, port: int, web_port: int, web: bool, as_jso
     """Run the viewer until it is closed or interrupted."""
     console = console_beside(as_json)
     with ExitStack() as stack:
-        if file is not None and file.suffix == ".mcap":
+        if file is not None and is_recording(file):
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
             console.print("Making the live view again from the log …", highlight=False, markup=False)
             file = rebuilt_view(file, folder / "live.rrd")

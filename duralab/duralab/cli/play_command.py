@@ -10,7 +10,7 @@ import numpy as np
 
 from duralab._drive_file import read_drive_file
 from duralab._following import Stage
-from duralab._outputs import require_free
+from duralab._outputs import require_free, require_other
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.run_display import RunDisplay
@@ -34,6 +34,7 @@ def play(
     console = console_beside(as_json)
     path = out or drive.with_name(f"{drive.stem}_response.csv")
     format_of(path, None)
+    require_other([path], read=[drive])
     require_free([path], replace=replace)
     endpoint = endpoint_if_any(endpoint)
     with ExitStack() as stack:

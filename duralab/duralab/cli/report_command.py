@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from duralab._outputs import require_free
+from duralab._outputs import require_free, require_other
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
 
@@ -14,9 +14,11 @@ def write(recording: Path, *, out: Path | None, pdf: Path | None, replace: bool,
     from duralab.recording import open_recording
     from duralab.report import write_pdf, write_report
 
-    path = out or recording.with_name("report.html")
     opened = open_recording(recording)
-    require_free([path, *([pdf] if pdf else [])], replace=replace)
+    path = out or recording.with_name("report.html")
+    outputs = [path, *([pdf] if pdf else [])]
+    require_other(outputs, read=opened.files)
+    require_free(outputs, replace=replace)
     write_report(opened, path)
     written = [("Report", path)]
     if pdf is not None:

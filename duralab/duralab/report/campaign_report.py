@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from duralab._outputs import replace_when_complete
+from duralab._outputs import replace_when_complete, require_other
 from duralab.errors import InputError
 from duralab.iteration_table import DAMAGE_SLOPES
 from duralab.recording import Recording, open_recording
@@ -48,9 +48,10 @@ def write_report(source: str | Path | Recording, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        The recording cannot be read, or holds no playback yet.
+        The recording cannot be read or holds no playback yet, or `path` is a file of it.
     """
     recording = source if isinstance(source, Recording) else open_recording(source)
+    require_other([Path(path)], read=recording.files)
     html = render_report(recording)
     with replace_when_complete(Path(path)) as temporary:
         temporary.write_text(html, encoding="utf-8")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duralab._outputs import replace_when_complete
+from duralab._outputs import replace_when_complete, require_other
 from duralab.comparison import Comparison, compare
 from duralab.iteration_table import DAMAGE_SLOPES
 from duralab.report import comparison_figures, load_figures
@@ -40,9 +40,10 @@ def write_comparison(
     Raises
     ------
     InputError
-        What `compare` refuses.
+        What `compare` refuses, or `path` is a file of one of the recordings.
     """
     comparison = recordings if isinstance(recordings, Comparison) else compare(*recordings)
+    require_other([Path(path)], read=[file for entry in comparison.recordings for file in entry.recording.files])
     html = render_comparison(comparison)
     with replace_when_complete(Path(path)) as temporary:
         temporary.write_text(html, encoding="utf-8")

@@ -1,0 +1,48 @@
+"""What reading a damaged MCAP file raises, and the sentence that it becomes."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Final
+
+from google.protobuf.message import DecodeError
+from mcap.exceptions import EndOfFile, McapError
+from zstandard import ZstdError
+
+from duralab.errors import InputError
+
+DAMAGE: Final = (
+    McapError,
+    DecodeError,
+    struct.error,
+    ValueError,
+    LookupError,
+    RuntimeError,
+    OverflowError,
+    ZstdError,
+)
+"""What reading a damaged file raises, in the container, its compression and its messages."""
+
+
+def damaged(path: Path, error: Exception | str) -> InputError:
+    """Return the sentence for a file that is damaged, of what was raised or in words."""
+    reason = error if isinstance(error, str) else _reason(error)
+    return InputError(f"The recording {path} is damaged ({reason}); `verify` of the recorder says where.")
+
+
+def _reason(error: Exception) -> str:
+    """Return what is wrong: several of these errors say nothing, or a bare number."""
+    match error:
+        case EndOfFile():
+            return "a record ends before its own length says"
+        case struct.error():
+            return "a number in a record is cut short"
+        case UnicodeDecodeError():
+            return "a text in it is no UTF-8"
+        case KeyError():
+            return f"a record names the channel or schema {', '.join(map(str, error.args))}, which it does not hold"
+        case DecodeError():
+            return "a message in it cannot be decoded"
+        case _:
+            return str(error).rstrip(".") or type(error).__name__

@@ -1,0 +1,64 @@
+"""`duralab view`: what a file is, is told by its first bytes; what is neither is refused in one sentence."""
+
+import pytest
+import synthetic_campaign
+from mcap.writer import Writer
+from test_cli import invoke
+
+from duralab._view_rebuilding import is_recording, rebuilt_view
+from duralab.errors import InputError
+
+
+def foreign(path):
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/lidar", "json", writer.register_schema("points", "jsonschema", b"{}"))
+        writer.add_message(channel, log_time=0, publish_time=0, data=b"{}")
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("name", ["recording.mcap", "live.rrd", "noname"])
+def test_the_first_bytes_tell_what_a_file_is(tmp_path, name):
+    path = foreign(tmp_path / name)
+    assert is_recording(path)
+    path.write_bytes(b"RRF2" + bytes(30))
+    assert not is_recording(path)
+
+
+@pytest.mark.parametrize("name", ["x.rrd", "x.mcap", "x"])
+@pytest.mark.parametrize("content", [b"", b"hello, I am a text", b"RR", b"\x89MCA"])
+def test_what_is_neither_is_refused_before_a_viewer_starts(tmp_path, monkeypatch, name, content):
+    def no_viewer(**_):
+        raise AssertionError
+
+    monkeypatch.setattr("duralab.cli.lab_commands.Viewer", no_viewer)
+    (tmp_path / name).write_bytes(content)
+    code, _, error = invoke("view", tmp_path / name)
+    assert code == 2
+    said = "and is neither a live view nor a recording; give a live.rrd or a recording.mcap."
+    assert said in " ".join(error.split())
+
+
+@pytest.mark.parametrize("name", ["", ".", "none.rrd", "none.mcap", "a" * 300])
+def test_a_name_of_no_file_is_refused(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    code, _, error = invoke("view", name)
+    assert code == 2
+    assert "give " in error
+    assert "recording.mcap." in " ".join(error.split())
+
+
+def test_a_foreign_file_is_refused_in_one_sentence_with_one_full_stop(tmp_path):
+    path = foreign(tmp_path / "lidar.mcap")
+    with pytest.raises(InputError) as caught:
+        rebuilt_view(path, tmp_path / "live.rrd")
+    assert str(caught.value) == f"The live view of {path} cannot be made: it holds no message that has a picture."
+
+
+def test_a_recording_under_another_name_is_made_a_view_of(tmp_path):
+    campaign = synthetic_campaign.make(seconds=2.0, iterations=1)
+    path = synthetic_campaign.write(tmp_path / "kept.log", synthetic_campaign.steps(campaign))
+    assert is_recording(path)
+    assert rebuilt_view(path, tmp_path / "live.rrd").read_bytes().startswith(b"RRF")
