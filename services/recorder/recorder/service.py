@@ -323,6 +323,11 @@ def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[obje
     -------
     callable
         Takes the bus; its context is the service at work.
+
+    Raises
+    ------
+    ConfigError
+        On entering it: the folder cannot be written, or the lab or the folder has a recorder already.
     """
 
     @contextmanager

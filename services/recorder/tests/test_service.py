@@ -317,30 +317,6 @@ def test_a_recorder_that_cannot_write_says_so_in_a_sentence(tmp_path):
     assert "correct `folder`" in done.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        ({"folder": "elsewhere"}, "Another recorder is on the bus of lab 'test'; end it first."),
-        ({"bus": {"lab": "another"}}, "Another recorder writes in folder"),
-    ],
-)
-def test_a_second_recorder_of_a_lab_or_a_folder_ends_at_once(lab, tmp_path, change, why):
-    config = tmp_path / "second.yaml"
-    settings = json.loads((tmp_path / "recorder.yaml").read_text()) | {"exit_with_parent": False} | change
-    config.write_text(json.dumps(settings))
-    done = subprocess.run(
-        [sys.executable, "-m", "recorder", "--config", str(config)],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert why in done.stderr.splitlines()[-1]
-    assert lab.process.poll() is None
-
-
 def test_what_nobody_should_publish_is_let_go_and_told_to_its_publisher(tmp_path, campaign):
     service = RecorderService(RecorderConfig(folder=tmp_path, live_file=False))
     event = iterator_pb2.CampaignEvent(status=campaign.status(iterator_pb2.CAMPAIGN_PHASE_ITERATING))
