@@ -112,14 +112,16 @@ class _OneFile:
     def _part(self, stream: IO[bytes]) -> Part:
         """Return what the file says of its place; one that was never finished says at its start which part it is."""
         stream.seek(0)
+        is_empty = False
         if self.whole:
             texts = {entry.name: entry.metadata for entry in SeekingReader(stream).iter_metadata()}
         else:
             if end_of_whole_records(stream) == len(MAGIC):
                 raise InputError(f"{self.path} ends within its first record and holds nothing; give a recording.mcap.")
-            texts = {}
+            texts, is_empty = {}, True
             for record in whole_records(stream, emit_chunks=True):
-                if isinstance(record, Chunk) or _PART in texts:
+                if isinstance(record, Chunk | McapMessage) or _PART in texts:
+                    is_empty = False
                     break
                 if isinstance(record, Metadata):
                     texts[record.name] = record.metadata
@@ -129,6 +131,7 @@ class _OneFile:
             recording=said.get("recording", ""),
             number=int(said.get("number", "0")),
             next_file=texts.get(_SUMMARY, {}).get("next_file", ""),
+            is_empty=is_empty and _PART not in texts,
         )
 
     @contextmanager

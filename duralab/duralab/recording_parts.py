@@ -29,12 +29,15 @@ class Part:
         From 1; 0 where it does not say.
     next_file : str
         Name of the file in which the recording goes on; empty in the last.
+    is_empty : bool
+        It was begun and never finished, and neither says what it is nor holds a message.
     """
 
     path: Path
     recording: str
     number: int
     next_file: str
+    is_empty: bool = False
 
 
 def part_path(path: Path, number: int) -> Path:
@@ -104,6 +107,9 @@ def require_chain(parts: Sequence[Part]) -> None:
             f"{first.path.with_name(named['stem'] + first.path.suffix)}, which reads the others with it."
         )
     for number, part in enumerate(parts, start=1):
+        if part.is_empty and part is last:
+            # Its recorder was killed as it began the file: nothing is missing without it.
+            continue
         # A recorder of before wrote no such texts into a first file; into one that follows, each writes them.
         if part.recording != recording and (part.recording or number > 1):
             said = f"of the recording {part.recording!r}" if part.recording else "of a recording that it does not name"

@@ -108,6 +108,15 @@ def test_the_last_part_may_have_been_broken_off(folder):
     refused(folder / "r.mcap", "is of the recording 'other'")
 
 
+def test_a_last_part_that_its_recorder_only_began_is_not_missed(folder):
+    synthetic_campaign.write(folder / name(PARTS), [], finish=False)
+    assert numbers_in(folder) == [1, 2, 3, 4, 5, 6]
+    assert not duralab.open(folder / "r.mcap").whole
+    # One that holds something and does not say of what is none of this recording's.
+    synthetic_campaign.write(folder / name(PARTS), steps(9), finish=False)
+    refused(folder / "r.mcap", f"{folder / name(PARTS)} is of a recording that it does not name")
+
+
 def test_files_that_are_no_parts_do_no_harm(tmp_path):
     write_part(tmp_path, 1, parts=1)
     for other in ("r.part2.mcap", "r.part002.mcap", "r.part03.mcap.md5", "rr.part03.mcap", "r.part01.mcap", "rXmcap"):
