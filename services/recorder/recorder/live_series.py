@@ -101,7 +101,7 @@ class Curve:
 
 
 def _line(**look: Any) -> rr.SeriesLines:
-    # Where a pixel covers several samples the viewer draws their average, unless told: a whole run lost half its peaks.
+    # Where a pixel covers several samples the viewer draws their average, unless told: peaks stand too low then.
     return rr.SeriesLines(aggregation_policy=rr.components.AggregationPolicy.MinMax, **look)
 
 

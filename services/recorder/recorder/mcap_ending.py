@@ -223,8 +223,9 @@ def _refuse_whole_chunk_after(stream: IO[bytes], position: int) -> None:
     at = rest.find(_CHUNK_KIND)
     while at >= 0:
         length = int.from_bytes(rest[at + 1 : at + _HEAD.size], "little")
-        record = rest[at : at + _HEAD.size + length]
-        if _SMALLEST_CHUNK < length <= len(rest) - at - _HEAD.size and _is_whole_chunk(record):
+        end = at + _HEAD.size + length
+        # Only then a copy: nearly every byte that looks like a chunk's beginning is none.
+        if length > _SMALLEST_CHUNK and end <= len(rest) and _is_whole_chunk(rest[at:end]):
             raise McapError(f"the record before byte {position} has an impossible length, and others follow it")
         at = rest.find(_CHUNK_KIND, at + 1)
 

@@ -17,11 +17,16 @@ RUN = "demo.i01"
 ORDER = {"in order": [0, 1, 2, 3], "one late": [0, 2, 3, 1], "the first last": [1, 2, 3, 0]}
 
 
-@pytest.fixture(params=ORDER)
-def folder(request, tmp_path, campaign, step_of):
-    archive = Archive(tmp_path, least_free_bytes=0)
+def begun(folder, campaign, step_of):
+    archive = Archive(folder, least_free_bytes=0)
     for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
         archive.commit("demo", step_of(number, message))
+    return archive
+
+
+@pytest.fixture(params=ORDER)
+def folder(request, tmp_path, campaign, step_of):
+    archive = begun(tmp_path, campaign, step_of)
     blocks = campaign.blocks(RUN)
     for seq in ORDER[request.param]:
         archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, blocks[seq]))
@@ -85,9 +90,7 @@ def test_a_time_beyond_the_end_is_told_where_the_run_ends(folder):
 
 
 def test_a_run_that_was_broken_off_is_told_how_far_it_goes(tmp_path, campaign, step_of):
-    archive = Archive(tmp_path, least_free_bytes=0)
-    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
-        archive.commit("demo", step_of(number, message))
+    archive = begun(tmp_path, campaign, step_of)
     for seq, block in enumerate(campaign.blocks(RUN)[:3]):
         archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, block))
     archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="stopped")))
@@ -97,9 +100,7 @@ def test_a_run_that_was_broken_off_is_told_how_far_it_goes(tmp_path, campaign, s
 
 
 def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(tmp_path, campaign, step_of):
-    archive = Archive(tmp_path, least_free_bytes=0)
-    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned(RUN)]):
-        archive.commit("demo", step_of(number, message))
+    archive = begun(tmp_path, campaign, step_of)
     key = Keys().rig_signal(campaign.rig, RUN)
     broken_off, played = 2000, 1000
     for seq, block in enumerate(campaign.blocks(RUN, gain=0.1)[:2]):

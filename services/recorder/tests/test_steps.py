@@ -81,6 +81,13 @@ def test_nan_in_a_drive_is_refused(campaign, request_of):
         decode_step(request_of(0, step))
 
 
+@pytest.mark.parametrize("blocks", [0, 2**32 + 1, 2**40, 2**64 - 1])
+def test_more_blocks_than_a_log_can_number_are_refused_before_anybody_waits_for_them(campaign, request_of, blocks):
+    with pytest.raises(RefusedError, match=rf"blocks is {blocks}; ") as caught:
+        decode_step(request_of(0, campaign.played("demo.i01", epoch=1, blocks=blocks)))
+    assert caught.value.code == query_pb2.FAULT_CODE_INVALID_ARGUMENT
+
+
 @pytest.mark.parametrize("run", ["", "../up", "a/b", "a*", "A", "x" * 200])
 def test_run_names_that_could_leave_their_place_are_refused(campaign, request_of, run):
     with pytest.raises(RefusedError) as caught:
