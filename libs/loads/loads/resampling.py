@@ -6,7 +6,6 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from spectra import as_record
 from spectra.records import require_sample_rate
@@ -75,6 +74,9 @@ def resample(samples: ArrayLike, *, sample_rate: float, new_rate: float) -> NDAr
     # A whole number of input periods in front, so that the first sample of the result is the record's first again.
     extension = (half // up // down + 2) * down
     extended = np.pad(record, ((0, 0), (extension, extension)), mode="reflect", reflect_type="odd")
-    resampled = np.asarray(signal.resample_poly(extended, up, down, axis=-1, window=kernel))
+    # scipy.signal takes a second to import, and a service that wants a record's damage only shall start at once.
+    from scipy.signal import resample_poly
+
+    resampled = np.asarray(resample_poly(extended, up, down, axis=-1, window=kernel))
     first, length = extension // down * up, -(-record.shape[1] * up // down)
     return np.ascontiguousarray(resampled[:, first : first + length])

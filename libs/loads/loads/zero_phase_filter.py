@@ -7,7 +7,6 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from spectra import as_record
 from spectra.records import require_sample_rate
@@ -83,6 +82,9 @@ def filter_zero_phase(
         raise ValueError(f"The order is {order}; it must be 1 to {HIGHEST_FILTER_ORDER}.")
     if record.shape[1] < 2:
         raise ValueError("The record has one sample; a filter needs two at least.")
+    # scipy.signal takes a second to import, and a service that wants a record's damage only shall start at once.
+    from scipy import signal
+
     sections = np.asarray(
         signal.butter(
             order,

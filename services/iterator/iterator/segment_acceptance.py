@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import oaconvolve
 
 from iterator.iteration_history import IterationHistory
+from spectra.transforms import backward, fast_length, forward
 
 
 @dataclass(frozen=True)
@@ -224,6 +224,8 @@ def _local_energy(
     window: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     half, count = window.size // 2, target.shape[1]
-    energy = oaconvolve(_power(target, scale, without=response), window)[half : half + count]
+    padded = fast_length(count + window.size - 1)
+    power = _power(target, scale, without=response)
+    energy = backward(forward(power, padded) * forward(window, padded), padded)[half : half + count]
     # Rounding of the transform leaves tiny negative energies where there is none.
     return np.maximum(energy, 0.0)

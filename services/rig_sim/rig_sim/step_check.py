@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, Protocol, cast
 
 import numpy as np
-from scipy.linalg import eig
 
 from rig_sim.compile.runge_kutta import Method, amplification
 
@@ -108,12 +107,15 @@ def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Ste
     StepError
         Where a motion that decays grows in the player; names the state with most of it, and the step to take.
     """
-    values, left, right = cast(tuple[Complex, Complex, Complex], eig(linearisation, left=True))
-    longest = largest_stable_step(values, specimen.integrator)
+    longest = largest_stable_step(np.linalg.eigvals(linearisation).astype(np.complex128), specimen.integrator)
     rate, substeps = specimen.sample_rate, specimen.substeps
     step = 1.0 / (rate * substeps)
     if step <= longest:
         return
+    # NumPy has no left eigenvectors. Imported here: a rig with nothing wrong shall not wait for scipy at its start.
+    from scipy.linalg import eig
+
+    values, left, right = cast(tuple[Complex, Complex, Complex], eig(linearisation, left=True))
     stiffest = int(
         np.argmin([largest_stable_step(values[[index]], specimen.integrator) for index in range(len(values))])
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
 
 from rig_sim.structure.beam import element_matrices
 from rig_sim.structure.modal_model import ModalModel
@@ -20,6 +19,9 @@ def find_modes(specimen: StructureSpecimen) -> ModalModel:
     ValueError
         Where the structure is not held: a motion without stiffness has no mode to play.
     """
+    # Imported here: a multibody rig, which has no modes, shall not wait for scipy at its start.
+    from scipy.linalg import eigh
+
     stiffness, mass, first = _assemble(specimen)
     # Both are NumPy arrays; the stubs of scipy say less.
     squares, shapes = eigh(stiffness, mass)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 Complex = NDArray[np.complex128]
 
@@ -117,6 +116,9 @@ def _sampled_mode(omega: float, damping: float, interval: float) -> tuple[np.nda
     augmented[:2, :2] = [[0.0, interval], [-(omega**2) * interval, -2.0 * damping * omega * interval]]
     augmented[1, 2] = interval
     augmented[2, 3] = 1.0
+    # Imported here: a multibody rig, which has no modes, shall not wait for scipy at its start.
+    from scipy.linalg import expm
+
     solution = np.asarray(expm(augmented))
     hold, rise = solution[:2, 2], solution[:2, 3]
     return solution[:2, :2], hold - rise, rise
