@@ -5,7 +5,6 @@ it, and compiled to play it.
 """
 
 from rig_sim.compile.compiled_model import CompiledModel, Playback
-from rig_sim.compile.integrate import Interpolation
 from rig_sim.compile.model import ModelFunction, TracedModel, compile_model, trace_model
 from rig_sim.compile.numeric import (
     absolute,
@@ -28,7 +27,6 @@ __all__ = [
     "CompiledModel",
     "Expression",
     "Graph",
-    "Interpolation",
     "Method",
     "ModelFunction",
     "Playback",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Interpolation, play_symbol
+from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, play_symbol
 from rig_sim.compile.llvm_backend import CompiledModule
 from rig_sim.compile.runge_kutta import Method
 
@@ -116,7 +116,6 @@ class CompiledModel:
         sample_interval: float,
         substeps: int,
         method: Method = Method.RUNGE_KUTTA_4,
-        interpolation: Interpolation = Interpolation.LINEAR,
         bounds: ArrayLike | None = None,
     ) -> Playback:
         """Integrate over a record of commands with a fixed step.
@@ -128,16 +127,14 @@ class CompiledModel:
         state : array_like, (states,)
             At the first sample.
         commands : array_like, (inputs, samples + 1)
-            The extra sample is the one after the record, which the last interval is interpolated towards: the first
-            of the next chunk, or the last once more. It is needed, and unused, for a zero-order hold too.
+            A line between two samples. The extra sample is the one after the record, which the last interval is
+            interpolated towards: the first of the next chunk, or the last once more.
         sample_interval : float
             [s], > 0.
         substeps : int
             Steps per sample interval, ≥ 1.
         method : Method
             How each step is taken.
-        interpolation : Interpolation
-            What the command is between two samples.
         bounds : array_like, (states,), optional
             The largest magnitude of each state, checked at the sample instants; any finite one by default.
 
@@ -180,7 +177,6 @@ class CompiledModel:
             samples,
             int(substeps),
             sample_interval / substeps,
-            interpolation.ahead,
             inner_limits.ctypes.data,
         )
         final = inner[self._places]

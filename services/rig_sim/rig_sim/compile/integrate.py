@@ -12,12 +12,11 @@ Two functions of the model are expected, both of ``n`` states and ``n_u`` inputs
 are computed once a sample. The loop's own function, one for each method, is::
 
     int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
-               int64 samples, int64 substeps, double step, int64 ahead, const double *bounds)
+               int64 samples, int64 substeps, double step, const double *bounds)
 """
 
 import ctypes
 from collections.abc import Sequence
-from enum import Enum
 
 from rig_sim.compile.llvm_text import literal
 from rig_sim.compile.runge_kutta import Method, Rational, Tableau
@@ -26,20 +25,8 @@ COMPLETED = -1
 PLAY_SIGNATURE = ctypes.CFUNCTYPE(
     ctypes.c_int64,
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
-    *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_int64, ctypes.c_void_p),
+    *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p),
 )
-
-
-class Interpolation(Enum):
-    """What the command is between two samples."""
-
-    LINEAR = "linear"
-    ZERO_ORDER_HOLD = "zero_order_hold"
-
-    @property
-    def ahead(self) -> int:
-        """How many samples the command looks ahead: 1 or 0."""
-        return 1 if self is Interpolation.LINEAR else 0
 
 
 def play_text(*, states: int, inputs: int, outputs: int) -> str:
@@ -158,7 +145,7 @@ def _stages(tableau: Tableau, name: str) -> list[str]:
             lines += [
                 f"  %number.{stage} = fadd double %number, {literal(float(node))}",
                 f"  %fraction.{stage} = fdiv double %number.{stage}, %parts",
-                "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, "
+                "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, "
                 f"double %fraction.{stage}, ptr %inputs)",
             ]
         lines.append(f"  call void @derivative(ptr %point, ptr %inputs, ptr %slope{stage})")
@@ -198,8 +185,7 @@ def _combination(name: str, shares: Sequence[Rational], *, states: int) -> str:
 # sample to sample, so chunks give the bits of one long call.
 _PLAY = """
 define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
-                   i64 %output.stride, i64 %samples, i64 %substeps, double %step, i64 %ahead,
-                   ptr noalias %bounds) nounwind {{
+                   i64 %output.stride, i64 %samples, i64 %substeps, double %step, ptr noalias %bounds) nounwind {{
 entry:
   %point = alloca [{states} x double], align 64
 {slopes}
@@ -219,15 +205,15 @@ sound:
 completed:
   ret i64 -1
 observed:
-  %k.ahead = add i64 %k, %ahead
-  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double 0.0, ptr %inputs)
+  %k.next = add i64 %k, 1
+  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double 0.0, ptr %inputs)
   call void @observe(ptr %state, ptr %inputs, ptr %slope0, ptr %row)
   call void @scatter(ptr %row, ptr %outputs, i64 %output.stride, i64 %k)
   br label %stages
 first.stage:
   %number.begin = sitofp i64 %j.next to double
   %begin = fdiv double %number.begin, %parts
-  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.ahead, double %begin, ptr %inputs)
+  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double %begin, ptr %inputs)
   call void @derivative(ptr %state, ptr %inputs, ptr %slope0)
   br label %stages
 stages:
@@ -239,6 +225,5 @@ stages:
   %again = icmp slt i64 %j.next, %substeps
   br i1 %again, label %first.stage, label %sample.end
 sample.end:
-  %k.next = add i64 %k, 1
   br label %sample
 }}"""
