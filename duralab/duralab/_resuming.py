@@ -94,16 +94,7 @@ def resume_campaign(
     LabError
         See `Lab.resume`.
     """
-    if not 0 <= from_iteration < 2**32:
-        raise InputError(
-            f"from_iteration is {from_iteration}; give the number of a playback from 1 to 2^32 - 1, or 0 for the last "
-            "there is.",
-            field="from_iteration",
-        )
-    try:
-        parent = _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
-    except FaultError as fault:
-        raise ask.explained(fault) from fault
+    parent = _parent(ask, id, from_iteration=from_iteration)
     request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
     if settings is not None:
         _put_settings(request, settings, rig=describe(parent.rig))
@@ -131,17 +122,44 @@ def resume_campaign(
         except LabError as error:
             if error.field != "stop.largest_iterations":
                 raise
-            raise InputError(
-                f"Campaign {id} has made as many playbacks as its `stop.iterations` allows; give a campaign file as "
-                "settings that allows more, or an earlier playback to build on.",
-                field=error.field,
-                service=error.service,
-            ) from error
+            raise _no_playback_left(error, id) from error
+    specification = _as_resumed(parent, name, request, own_settings=settings is None)
+    return collect(ask, specification, status, folder=folder(name))
+
+
+def _parent(ask: Asking, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
+    """Check what is to be built on, and return what its campaign was asked to do."""
+    if not 0 <= from_iteration < 2**32:
+        raise InputError(
+            f"from_iteration is {from_iteration}; give the number of a playback from 1 to 2^32 - 1, or 0 for the last "
+            "there is.",
+            field="from_iteration",
+        )
+    try:
+        return _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
+    except FaultError as fault:
+        raise ask.explained(fault) from fault
+
+
+def _as_resumed(
+    parent: iterator_pb2.CampaignSpec, name: str, request: iterator_pb2.ResumeCampaignRequest, *, own_settings: bool
+) -> iterator_pb2.CampaignSpec:
+    """Return what the resumed campaign does: what its parent did, with what the request puts in its place."""
     specification = iterator_pb2.CampaignSpec()
     specification.CopyFrom(parent)
     specification.id = name
-    if settings is not None:
+    if not own_settings:
         specification.update.CopyFrom(request.update)
         specification.stop.CopyFrom(request.stop)
         specification.scenario = request.scenario
-    return collect(ask, specification, status, folder=folder(name))
+    return specification
+
+
+def _no_playback_left(error: LabError, id: str) -> InputError:
+    """Say the same in a campaign file's words."""
+    return InputError(
+        f"Campaign {id} has made as many playbacks as its `stop.iterations` allows; give a campaign file as settings "
+        "that allows more, or an earlier playback to build on.",
+        field=error.field,
+        service=error.service,
+    )

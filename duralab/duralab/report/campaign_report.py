@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from duralab._outputs import replace_when_complete, require_other
 from duralab.errors import InputError
-from duralab.iteration_table import DAMAGE_SLOPES
+from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
 from duralab.recording import Recording, open_recording
 from duralab.recording_content import Model
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
@@ -18,8 +18,8 @@ from duralab.report.drawing import Figure
 from duralab.report.held_drives import HeldStretch, held_stretches
 from duralab.report.provenance import method_in_words, provenance, target_step_rows
 from duralab.report.rendering import render
-from duralab.signals import Channel
-from duralab.verdict import Judgement, accepted_error, compare_with_first, judge
+from duralab.signals import Channel, Signals
+from duralab.verdict import Judgement, Verdict, accepted_error, compare_with_first, judge
 
 TONES: Final = {
     Judgement.REACHED: "good",
@@ -69,60 +69,87 @@ def render_report(recording: Recording) -> str:
     verdict = judge(table, limit=accepted_error(specification), status=recording.status)
     shown, model = _shown(recording), recording.model
     held = held_stretches(shown.last.drive)
-    figures: dict[str, Figure] = {
-        "error": convergence_figures.error_per_playback(table, limit=verdict.limit),
-        "response": convergence_figures.response_per_playback(table),
-        "use": convergence_figures.actuator_use_per_playback(recording.actuators, table.numbers),
-        **{f"damage-{slope}": convergence_figures.damage_per_playback(table, slope) for slope in DAMAGE_SLOPES},
-        **_signal_figures(shown, held),
-        **_load_figures(shown),
-        **(_model_figures(model, shown.band) if model is not None else {}),
-    }
     window = waveforms.zoom_window(shown.target)
-    told = set(recording.remarks)
-    status_remarks = recording.status.remarks if recording.status is not None else ()
-    scenario = specification.scenario
-    drives = shown.last.drive.channels
-    found = model.distortion if model is not None else None
-    playbacks = list(dict.fromkeys((table.numbers[0], table.numbers[table.best], table.numbers[-1])))
+    channels, drives = shown.target.channels, shown.last.drive.channels
     return render(
         "report.html.j2",
-        figures=figures,
+        figures={
+            "error": convergence_figures.error_per_playback(table, limit=verdict.limit),
+            "response": convergence_figures.response_per_playback(table),
+            "use": convergence_figures.actuator_use_per_playback(recording.actuators, table.numbers),
+            **{f"damage-{slope}": convergence_figures.damage_per_playback(table, slope) for slope in DAMAGE_SLOPES},
+            **_signal_figures(shown, held),
+            **_load_figures(shown),
+            **(_model_figures(model, shown.band) if model is not None else {}),
+        },
         recording=recording,
         specification=specification,
-        verdict=verdict,
-        tone=TONES[verdict.judgement],
-        comparison=compare_with_first(table),
-        accepted=int((table.judged_error[-1] <= (verdict.limit or 0.0)).sum()),
-        judged=len(table.judged),
         table=table,
-        channels=shown.target.channels,
-        channel_options=_options(shown.target.channels),
-        drives=drives,
-        drive_options=_options(drives),
-        rows=tables.channel_rows(table, shown.target, limit=verdict.limit),
-        playbacks=tables.playback_rows(table),
-        repeatability=_repeatability(recording),
-        remarks=[sentence for sentence in status_remarks if sentence not in told],
-        told_on_the_way=recording.remarks,
-        steps=target_step_rows(specification),
-        slopes=DAMAGE_SLOPES,
-        slope_options=[(slope, f"k = {slope}") for slope in (5, 3, 8)],
-        damage=tables.damage_rows(table),
-        damage_columns=playbacks,
-        actuators=actuator_rows(shown.last.actuators, shown.last.drive),
-        held=held_rows(held, drives),
-        cells=tables.matrix_cells(model_figures.contributions(model, shown.band)) if model is not None else [],
-        model=model,
-        response_options=_options(model.responses) if model is not None else [],
-        distortion=[tables.shares_in_words(found, row) for row in range(found.noise_share.size)] if found else [],
-        method=method_in_words(specification),
-        provenance=provenance(recording, shown.last),
         shown=shown,
         zoom=(window.start / shown.target.sample_rate, window.stop / shown.target.sample_rate),
-        scenario=scenario,
-        scenario_link=base64.b64encode(scenario.encode()).decode(),
+        channels=channels,
+        channel_options=_options(channels),
+        drives=drives,
+        drive_options=_options(drives),
+        actuators=actuator_rows(shown.last.actuators, shown.last.drive),
+        held=held_rows(held, drives),
+        steps=target_step_rows(specification),
+        method=method_in_words(specification),
+        provenance=provenance(recording, shown.last),
+        scenario=specification.scenario,
+        scenario_link=base64.b64encode(specification.scenario.encode()).decode(),
+        **_judged_parts(table, verdict, shown.target),
+        **_damage_parts(table),
+        **_model_parts(model, shown.band),
+        **_told_parts(recording),
     )
+
+
+def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals) -> dict[str, Any]:
+    """Return what the page says of the errors."""
+    return {
+        "verdict": verdict,
+        "tone": TONES[verdict.judgement],
+        "comparison": compare_with_first(table),
+        "accepted": int((table.judged_error[-1] <= (verdict.limit or 0.0)).sum()),
+        "judged": len(table.judged),
+        "rows": tables.channel_rows(table, target, limit=verdict.limit),
+        "playbacks": tables.playback_rows(table),
+    }
+
+
+def _damage_parts(table: IterationTable) -> dict[str, Any]:
+    """Return what the page says of the damage: of the first, the best and the last playback."""
+    return {
+        "slopes": DAMAGE_SLOPES,
+        "slope_options": [(slope, f"k = {slope}") for slope in (5, 3, 8)],
+        "damage": tables.damage_rows(table),
+        "damage_columns": list(dict.fromkeys((table.numbers[0], table.numbers[table.best], table.numbers[-1]))),
+    }
+
+
+def _model_parts(model: Model | None, band: tuple[float, float]) -> dict[str, Any]:
+    """Return what the page says of the model, empty where there is none."""
+    if model is None:
+        return {"model": None, "cells": [], "response_options": [], "distortion": []}
+    found = model.distortion
+    return {
+        "model": model,
+        "cells": tables.matrix_cells(model_figures.contributions(model, band)),
+        "response_options": _options(model.responses),
+        "distortion": [tables.shares_in_words(found, row) for row in range(found.noise_share.size)] if found else [],
+    }
+
+
+def _told_parts(recording: Recording) -> dict[str, Any]:
+    """Return what was remarked, each sentence once, and how well a drive repeated itself."""
+    told = set(recording.remarks)
+    status_remarks = recording.status.remarks if recording.status is not None else ()
+    return {
+        "remarks": [sentence for sentence in status_remarks if sentence not in told],
+        "told_on_the_way": recording.remarks,
+        "repeatability": _repeatability(recording),
+    }
 
 
 def _signal_figures(shown: waveforms.Shown, held: list[HeldStretch]) -> dict[str, Figure]:

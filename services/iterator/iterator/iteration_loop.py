@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from iterator import adaptive_modelling, basic_twr, secant_update
 from iterator.drive_limits import DriveLimits, LimitPolicy, held_share, require_within_limits
 from iterator.drive_projection import DriveProjection, project_drive
-from iterator.drive_update import Update, UpdateKind, UpdateSettings
+from iterator.drive_update import NextDrive, Update, UpdateKind, UpdateSettings
 from iterator.iteration_history import IterationHistory, Playback
 from iterator.iteration_metrics import IterationMetrics, judge_response
 from iterator.playback_levels import (
@@ -221,17 +221,9 @@ def iterate(
         if number <= len(recorded):
             drive, response = recorded[number - 1].drive, recorded[number - 1].response
         else:
-            drive = level * step.drive
-            if limits is not None and settings.limit_policy is LimitPolicy.PROJECT:
-                projection = project_drive(drive, limits=limits, band=settings.update.band)
-                drive = projection.drive
-            elif limits is not None:
-                require_within_limits(
-                    drive,
-                    last_drive=None if step.stepped_from is None else level * step.stepped_from,
-                    limits=limits,
-                    iteration_gain=own_settings.iteration_gain,
-                )
+            drive, projection = _playable_drive(
+                step, own_settings, level=level, limits=limits, policy=settings.limit_policy
+            )
             # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
             response = as_record(play(drive.copy()), name="response").copy()
         held = limits is not None and held_share(drive, limits) > _MOST_HELD
@@ -253,6 +245,25 @@ def iterate(
             projection=projection,
             unreachable=_unreachable(history, projection, settings=settings, controlled=controlled),
         )
+
+
+def _playable_drive(
+    step: NextDrive, settings: UpdateSettings, *, level: float, limits: DriveLimits | None, policy: LimitPolicy
+) -> tuple[NDArray[np.float64], DriveProjection | None]:
+    """Return the next drive at its level, within the limits, and what was changed for them; or refuse it."""
+    drive = level * step.drive
+    if limits is None:
+        return drive, None
+    if policy is LimitPolicy.PROJECT:
+        projection = project_drive(drive, limits=limits, band=settings.band)
+        return projection.drive, projection
+    require_within_limits(
+        drive,
+        last_drive=None if step.stepped_from is None else level * step.stepped_from,
+        limits=limits,
+        iteration_gain=settings.iteration_gain,
+    )
+    return drive, None
 
 
 def _rows(samples: NDArray[np.float64], controlled: NDArray[np.bool_]) -> NDArray[np.float64]:
