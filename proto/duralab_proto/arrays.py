@@ -57,17 +57,21 @@ def to_array(values: np.ndarray) -> array_pb2.Array:
     ArrayError
         The contract has no such element type, or too many axes.
     """
+    message = array_pb2.Array()
+    _fill(message, values)
+    return message
+
+
+def _fill(message: array_pb2.Array, values: np.ndarray) -> None:
     little_endian = values.dtype.newbyteorder("<")
     if little_endian not in _ELEMENT_TYPES:
         allowed = ", ".join(dtype.name for dtype in _DTYPES.values())
         raise ArrayError(f"An array of {values.dtype} cannot be sent; allowed are {allowed}.", field="array")
     if values.ndim > LARGEST_RANK:
         raise ArrayError(f"An array of {values.ndim} axes cannot be sent; allowed are {LARGEST_RANK}.", field="array")
-    return array_pb2.Array(
-        element_type=_ELEMENT_TYPES[little_endian],
-        shape=values.shape,
-        data=values.astype(little_endian, copy=False).tobytes(order="C"),
-    )
+    message.element_type = _ELEMENT_TYPES[little_endian]
+    message.shape[:] = values.shape
+    message.data = values.astype(little_endian, copy=False).tobytes(order="C")
 
 
 def from_array(
@@ -172,9 +176,36 @@ def to_record(channels: Iterable[array_pb2.Channel], sample_rate: float, samples
     ArrayError
         The parts do not fit together.
     """
-    record = array_pb2.Record(channels=channels, sample_rate=sample_rate, samples=to_array(samples))
-    _check_record(record, samples, field="record")
+    record = array_pb2.Record()
+    put_record(record, channels, sample_rate, samples)
     return record
+
+
+def put_record(
+    record: array_pb2.Record, channels: Iterable[array_pb2.Channel], sample_rate: float, samples: np.ndarray
+) -> None:
+    """Encode sampled signals in their place in a larger message, where a record handed to its constructor is copied.
+
+    Parameters
+    ----------
+    record : array_pb2.Record
+        Empty so far.
+    channels : iterable of array_pb2.Channel
+        One for each row of `samples`.
+    sample_rate : float
+        Samples per second, in hertz, greater than 0.
+    samples : np.ndarray, shape (channels, samples)
+        float64, each row in its channel's unit.
+
+    Raises
+    ------
+    ArrayError
+        The parts do not fit together.
+    """
+    record.channels.extend(channels)
+    record.sample_rate = sample_rate
+    _fill(record.samples, samples)
+    _check_record(record, samples, field="record")
 
 
 def from_record(

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from mcap.records import Channel, ChunkIndex
 
-from duralab_proto.arrays import from_array, to_record
+from duralab_proto.arrays import from_array, put_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
 from recorder.file_index import count_messages, index_of, last_metadata, messages_of
 from recorder.mcap_damage import DAMAGE
@@ -88,12 +88,12 @@ def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
 
 @dataclass(frozen=True)
 class _Channels:
-    """The channels that are wanted, and their rows."""
+    """The channels that are wanted, and their rows: a slice where it is all of them, which numpy copies faster."""
 
     drives: list[array_pb2.Channel]
-    drive_rows: list[int]
+    drive_rows: list[int] | slice
     responses: list[array_pb2.Channel]
-    response_rows: list[int]
+    response_rows: list[int] | slice
 
     @staticmethod
     def of(description: rig_pb2.RigDescription, names: Sequence[str]) -> _Channels:
@@ -106,9 +106,9 @@ class _Channels:
         )
         return _Channels(
             [description.drives[row] for row in drive_rows],
-            drive_rows,
+            drive_rows if names else slice(None),
             [description.responses[row] for row in response_rows],
-            response_rows,
+            response_rows if names else slice(None),
         )
 
 
@@ -244,14 +244,15 @@ def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
 def _joined(
     run: str, blocks: list[rig_pb2.SignalBlock], *, first: int, last: int, channels: _Channels
 ) -> recorder_pb2.SignalWindow:
-    begin = blocks[0].first_sample
-    rows = slice(first - begin, last - begin)
-    drive = np.concatenate([from_array(block.drive, field="drive") for block in blocks], axis=1)
-    response = np.concatenate([from_array(block.response, field="response") for block in blocks], axis=1)
+    drive, response = (np.empty((len(of), last - first)) for of in (channels.drives, channels.responses))
+    for block in blocks:
+        begin = block.first_sample
+        inside = slice(max(first - begin, 0), last - begin)
+        place = slice(max(begin - first, 0), begin - first + block.response.shape[-1])
+        drive[:, place] = from_array(block.drive, field="drive")[:, inside][channels.drive_rows]
+        response[:, place] = from_array(block.response, field="response")[:, inside][channels.response_rows]
     rate = blocks[0].sample_rate
-    return recorder_pb2.SignalWindow(
-        run=run,
-        first_sample=first,
-        drive=to_record(channels.drives, rate, np.ascontiguousarray(drive[channels.drive_rows, rows])),
-        response=to_record(channels.responses, rate, np.ascontiguousarray(response[channels.response_rows, rows])),
-    )
+    window = recorder_pb2.SignalWindow(run=run, first_sample=first)
+    put_record(window.drive, channels.drives, rate, drive)
+    put_record(window.response, channels.responses, rate, response)
+    return window
