@@ -61,6 +61,7 @@ def test_the_quantisation_of_a_drive_is_told_in_its_unit(tmp_path, source):
         (("{source}", "a.csv", "--format", "wav"), "'wav'"),
         (("{source}", "a.csv", "--unit", "N"), "none of N"),
         (("{source}", "a.csv", "--unit", "speed=N"), "no channel speed"),
+        (("{source}", "a.csv", "--unit", "N", "--unit", "m", "--unit", "lbf"), "force can be in N or lbf; "),
         (("{source}", "a.csv", "--unit", "force=kN", "--unit", "force=N"), "--unit gives force two units, kN and N; "),
         (("{source}", "a.csv", "--rate", "-5"), "rate"),
         (("{source}", "a.csv", "--data-type", "short_integer"), "only rpc3"),

@@ -50,7 +50,12 @@ def test_no_command_writes_over_the_recording_it_reads(made, tmp_path, command, 
 
 def test_a_script_writes_no_report_over_its_recording(made):
     before = digests(made)
-    for write in (duralab.write_report, lambda read, out: duralab.write_comparison(out, [read, read])):
+    for write in (
+        duralab.write_report,
+        lambda read, out: duralab.write_comparison(out, [read, read]),
+        duralab.write_pdf,
+        lambda read, out: duralab.write_pdf(duralab.compare(read, read), out),
+    ):
         with pytest.raises(InputError, match=r"a\.part02\.mcap is the file that is read"):
             write(made / "a.mcap", made / "a.part02.mcap")
     assert digests(made) == before

@@ -131,6 +131,7 @@ def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
 def _in_units(signals: Signals, units: list[str]) -> Signals:
     """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
     from duralab.formats import convert_units
+    from duralab.formats.units import SI_UNITS
 
     named: dict[str, str] = {}
     for channel, unit in (text.split("=", 1) for text in units if "=" in text):
@@ -140,11 +141,11 @@ def _in_units(signals: Signals, units: list[str]) -> Signals:
             )
         named[channel] = unit
     plain = [text for text in units if "=" not in text]
-    if plain == ["SI"]:
-        signals = convert_units(signals)
-    elif plain:
-        # A channel that is named gets its own unit below; here it must not be one that none of the others fits.
-        signals = convert_units(signals, [*plain, *named.values()])
+    rest = [row for row, channel in enumerate(signals.channels) if channel.name not in named]
+    if plain and rest:
+        others = replaced(signals, channels=tuple(signals.channels[row] for row in rest), samples=signals.samples[rest])
+        converted = convert_units(others, SI_UNITS if plain == ["SI"] else plain)
+        named |= {channel.name: channel.unit for channel in converted.channels}
     return convert_units(signals, named) if named else signals
 
 

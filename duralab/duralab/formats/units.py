@@ -90,7 +90,8 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
     Raises
     ------
     InputError
-        A unit is not known, has another dimension, or none of those given has its dimension; a channel does not exist.
+        A unit is not known, has another dimension, or none or several of those given have a channel's dimension; a
+        channel does not exist.
     """
     wanted = dict(units) if isinstance(units, Mapping) else _by_dimension(signals, tuple(units))
     strangers = sorted(set(wanted) - set(signals.names))
@@ -135,5 +136,8 @@ def _by_dimension(signals: Signals, units: tuple[str, ...]) -> dict[str, str]:
             raise InputError(
                 f"{channel.name} is in {channel.unit!r}; none of {', '.join(units)} has its dimension.", field="unit"
             )
+        if len(set(fitting)) > 1:
+            several = " or ".join(dict.fromkeys(fitting))
+            raise InputError(f"{channel.name} can be in {several}; give one unit of a kind.", field="unit")
         wanted[channel.name] = fitting[0]
     return wanted

@@ -9,10 +9,10 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from duralab._outputs import replace_when_complete
+from duralab._outputs import replace_when_complete, require_other
 from duralab.comparison import Comparison
 from duralab.errors import LabError
-from duralab.recording import Recording
+from duralab.recording import Recording, open_recording
 from duralab.report.campaign_report import write_report
 from duralab.report.comparison_report import write_comparison
 
@@ -59,10 +59,14 @@ def write_pdf(source: str | Path | Recording | Comparison, path: str | Path, *, 
     Raises
     ------
     InputError
-        The recording cannot be read, or holds no playback yet.
+        The recording cannot be read or holds no playback yet, or `path` is a file of it.
     LabError
         There is no such browser, or it does not print.
     """
+    if not isinstance(source, Comparison):
+        source = source if isinstance(source, Recording) else open_recording(source)
+    recordings = [entry.recording for entry in source.recordings] if isinstance(source, Comparison) else [source]
+    require_other([Path(path)], read=[file for recording in recordings for file in recording.files])
     program = browser or find_browser()
     if program is None:
         raise LabError(
