@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,6 +29,7 @@ from rig_sim.specimen import load_specimen
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, NullFormatter
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "rigs"
 RIGS = ("front_axle", "spindle_coupled", "spindle_coupled_braking")
@@ -167,7 +168,8 @@ def draw_step(axes: Axes, bench: Bench) -> None:
     for height in (0.002, 0.02, 0.06):
         time, states = bench.play(lambda t, h=height: h if t > 0.005 else 0.0, 0.12, points=601)
         axes.plot(1e3 * time, states[0] / height, label=f"{1e3 * height:g} mm")
-    axes.set(title="Step of the vertical actuator", xlabel="time, ms", ylabel="stroke / command")
+    axes.step([0.0, 5.0, 120.0], [0.0, 1.0, 1.0], "k:", where="post", label="command")
+    axes.set(title="Step of the vertical actuator", xlabel="time, ms", ylabel="stroke / height of the step")
 
 
 def amplitude(time: np.ndarray, values: np.ndarray, frequency: float) -> float:
@@ -187,8 +189,18 @@ def draw_sweep(axes: Axes, bench: Bench) -> None:
             time, states = bench.play(lambda t, h=height, f=f: h * np.sin(2 * np.pi * f * t), seconds, points=1601)
             gains.append(amplitude(time[:-1], states[0][:-1], f) / height)
         axes.loglog(frequencies, gains, "o-", markersize=3, label=f"{1e3 * height:g} mm")
-    axes.axhline(np.sqrt(0.5), color="grey", linestyle=":")
     axes.set(title="Sweep of the vertical actuator", xlabel="frequency, Hz", ylabel="achieved / wanted amplitude")
+    put_ticks(axes, frequency=(2, 5, 10, 20, 50, 100))
+
+
+def put_ticks(axes: Axes, *, frequency: Sequence[float]) -> None:
+    """Give both logarithmic axes numbers that are read at a glance, and draw the line of -3 dB."""
+    axes.axhline(np.sqrt(0.5), color="grey", linestyle=":", label="-3 dB")
+    axes.set_ylim(0.1, 2.0)
+    for axis, ticks in ((axes.xaxis, frequency), (axes.yaxis, (0.1, 0.2, 0.5, 1, 2))):
+        axis.set_major_locator(FixedLocator(ticks))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
 
 
 def draw_force(axes: Axes, rig: Rig) -> None:
@@ -199,9 +211,8 @@ def draw_force(axes: Axes, rig: Rig) -> None:
         name = f"left_{direction}"
         gain = np.abs(linear.response(f"{name}.force", rig.model.input_names.index(name), frequency))
         axes.loglog(frequency, gain, label=direction)
-    axes.axhline(np.sqrt(0.5), color="grey", linestyle=":")
     axes.set(title=f"Force loops of {rig.specimen.name}", xlabel="frequency, Hz", ylabel="achieved / wanted force")
-    axes.set_ylim(0.1, 3.0)
+    put_ticks(axes, frequency=(0.5, 1, 2, 5, 10, 20, 50, 100))
 
 
 def draw_sag(axes: Axes, rig: Rig) -> None:
@@ -213,10 +224,13 @@ def draw_sag(axes: Axes, rig: Rig) -> None:
     bench = on_bench(rig, SAGGING)
     time, states = bench.play(burst, 2.0, points=1001)
     pressure = bench.monitored(burst, time, states)["supply.pressure"]
-    axes.plot(time, 1e-5 * pressure, color="#c0562a", label="supply, bar")
-    axes.plot(time, 1e3 * states[0] + 200.0, color="#1b5e9b", label="stroke, mm (+200)")
-    axes.plot(time, [1e3 * burst(t) + 200.0 for t in time], "k:", label="command, mm (+200)")
-    axes.set(title="A burst, a small accumulator", xlabel="time, s", ylabel="bar, mm")
+    axes.plot([], [], color="#c0562a", label="supply pressure")
+    axes.plot(time, 1e3 * states[0], color="#1b5e9b", label="stroke")
+    axes.plot(time, [1e3 * burst(t) for t in time], "k:", label="command")
+    axes.set(title="A burst, a small accumulator", xlabel="time, s", ylabel="stroke, mm", ylim=(-160, 80))
+    right = axes.twinx()
+    right.plot(time, 1e-5 * pressure, color="#c0562a")
+    right.set(ylabel="supply pressure, bar", ylim=(0, 480), yticks=(0, 60, 120, 180, 240, 300))
 
 
 def main() -> None:
