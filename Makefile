@@ -54,9 +54,10 @@ studies: setup ## write the pictures and tables of docs/rigs and docs/studies ag
 docs: setup ## build the documentation's site into out/site; a warning is an error
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# One thread each, as a lab's services have it: threads of BLAS in two workers wait for one another most of the time.
+# One thread each, as a lab's services have it: threads of BLAS in several workers wait for one another most of the time.
+# Three on two cores: a test waits for a fifth of its time, for a fault to be noticed or a lab to stand.
 test: setup ## run all tests (ARGS="-k name" for some)
-	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
+	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=3 --dist=loadfile --no-loadscope-reorder $(ARGS)
 
 examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it against a lab (minutes, the first time)
 	@cargo build --quiet --manifest-path examples/bare_zenoh/rust/Cargo.toml
