@@ -224,6 +224,7 @@ def _local_energy(
     window: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     half, count = window.size // 2, target.shape[1]
+    # One transform of the whole: scipy.signal has a convolution as well, and takes a second to import.
     padded = fast_length(count + window.size - 1)
     power = _power(target, scale, without=response)
     energy = backward(forward(power, padded) * forward(window, padded), padded)[half : half + count]
