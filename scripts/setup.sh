@@ -43,7 +43,7 @@ if [ "$(.venv/bin/python -c 'import platform; print(platform.python_version())' 
 fi
 install=(--quiet --python .venv/bin/python)
 # Compiled now: where Python must not write beside what it reads (PYTHONDONTWRITEBYTECODE, as in many containers), every
-# service would compile all that it imports at each start, which is half of the time that it takes.
+# service would compile all that it imports at each start, half of the time or more that its imports take.
 scripts/uv.sh pip sync "${install[@]}" --compile-bytecode --require-hashes requirements.lock
 scripts/uv.sh pip install "${install[@]}" --no-deps --no-build-isolation "${distributions[@]/#/--editable=./}"
 .venv/bin/python -m compileall -q -j 0 "${distributions[@]}" tests benchmarks studies

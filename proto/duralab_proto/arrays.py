@@ -154,7 +154,13 @@ def _check_finite(values: np.ndarray, *, field: str) -> None:
         raise ArrayError(f"{field} is {values[index]} at index {index}; every value must be finite.", field=field)
 
 
-def to_record(channels: Iterable[array_pb2.Channel], sample_rate: float, samples: np.ndarray) -> array_pb2.Record:
+def to_record(
+    channels: Iterable[array_pb2.Channel],
+    sample_rate: float,
+    samples: np.ndarray,
+    *,
+    into: array_pb2.Record | None = None,
+) -> array_pb2.Record:
     """Encode sampled signals.
 
     Parameters
@@ -165,6 +171,8 @@ def to_record(channels: Iterable[array_pb2.Channel], sample_rate: float, samples
         Samples per second, in hertz, greater than 0.
     samples : np.ndarray, shape (channels, samples)
         float64, each row in its channel's unit.
+    into : array_pb2.Record, optional
+        An empty one in a larger message: a record handed to the constructor of that would be copied.
 
     Returns
     -------
@@ -176,36 +184,12 @@ def to_record(channels: Iterable[array_pb2.Channel], sample_rate: float, samples
     ArrayError
         The parts do not fit together.
     """
-    record = array_pb2.Record()
-    put_record(record, channels, sample_rate, samples)
-    return record
-
-
-def put_record(
-    record: array_pb2.Record, channels: Iterable[array_pb2.Channel], sample_rate: float, samples: np.ndarray
-) -> None:
-    """Encode sampled signals in their place in a larger message, where a record handed to its constructor is copied.
-
-    Parameters
-    ----------
-    record : array_pb2.Record
-        Empty so far.
-    channels : iterable of array_pb2.Channel
-        One for each row of `samples`.
-    sample_rate : float
-        Samples per second, in hertz, greater than 0.
-    samples : np.ndarray, shape (channels, samples)
-        float64, each row in its channel's unit.
-
-    Raises
-    ------
-    ArrayError
-        The parts do not fit together.
-    """
+    record = array_pb2.Record() if into is None else into
     record.channels.extend(channels)
     record.sample_rate = sample_rate
     _fill(record.samples, samples)
     _check_record(record, samples, field="record")
+    return record
 
 
 def from_record(

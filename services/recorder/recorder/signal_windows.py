@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from mcap.records import Channel, ChunkIndex
 
-from duralab_proto.arrays import from_array, put_record
+from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
 from recorder.file_index import count_messages, index_of, last_metadata, messages_of
 from recorder.mcap_damage import DAMAGE
@@ -253,6 +253,6 @@ def _joined(
         response[:, place] = from_array(block.response, field="response")[:, inside][channels.response_rows]
     rate = blocks[0].sample_rate
     window = recorder_pb2.SignalWindow(run=run, first_sample=first)
-    put_record(window.drive, channels.drives, rate, drive)
-    put_record(window.response, channels.responses, rate, response)
+    to_record(channels.drives, rate, drive, into=window.drive)
+    to_record(channels.responses, rate, response, into=window.response)
     return window
