@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from formats import measure_formats
 from identification import measure_identification
 from iteration import measure_iteration
 from live_view import measure_live_view
-from machine import machine
+from machine import ProcessorTime, machine
 from page import missed, page
 from processes import memory, startup_seconds
 from recording import measure_recorder
@@ -121,6 +121,22 @@ def _in_a_process_of_its_own(script: str) -> object:
     return json.loads(ran.stdout)
 
 
+def _measure_chosen(
+    document: dict[str, Any], given: argparse.Namespace, shipped: Mapping[str, Path], *, everything: bool
+) -> None:
+    rigs = document["rigs"]
+    for name in shipped if everything else given.rig or ():
+        rigs[name] = asdict(measure(shipped[name]))
+        sys.stderr.write(f"{name}: {rigs[name]['rtf']:.0f} times real time\n")
+    for name, work in _others(given.out.parent).items():
+        if everything or name in (given.only or ()):
+            began = time.monotonic()
+            document[name] = work()
+            sys.stderr.write(f"{name}: measured in {time.monotonic() - began:.0f} s\n")
+        # What was measured before is not lost with what follows.
+        given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+
+
 def main() -> None:
     """Measure what is chosen, all by default, and write file, page and table."""
     shipped = shipped_specimens()
@@ -136,17 +152,10 @@ def main() -> None:
     everything = not (given.rig or given.only)
     before = {} if everything or not given.out.exists() else json.loads(given.out.read_text(encoding="utf-8"))
     document: dict[str, Any] = {"rigs": {}, **before, "seconds": SECONDS, "machine": machine()}
-    rigs = document["rigs"]
-    for name in shipped if everything else given.rig or ():
-        rigs[name] = asdict(measure(shipped[name]))
-        sys.stderr.write(f"{name}: {rigs[name]['rtf']:.0f} times real time\n")
-    for name, work in _others(given.out.parent).items():
-        if everything or name in (given.only or ()):
-            began = time.monotonic()
-            document[name] = work()
-            sys.stderr.write(f"{name}: measured in {time.monotonic() - began:.0f} s\n")
-        # What was measured before is not lost with what follows.
-        given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with ProcessorTime() as processors:
+        _measure_chosen(document, given, shipped, everything=everything)
+    document["machine"]["taken by its host"] = f"{processors.stolen_share:.1%}"
+    given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     if given.page:
         given.page.write_text(page(document), encoding="utf-8")
     failed = missed(document)

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from enum import Enum, auto
@@ -22,13 +21,15 @@ from typing import Any
 import numpy as np
 import structlog
 from bus_peers import Peer, peers
+from bus_queries import measure_notice, measure_queries
 from google.protobuf.message import Message as ProtobufMessage
+from machine import ProcessorTime
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 import labbus
-from duralab_proto.v1 import recorder_pb2, rig_pb2
+from duralab_proto.v1 import recorder_pb2
 
 RATE = 5010.0
 """Blocks of 12.8 KB a second that have to be kept up, and a little more: a pace is never quite reached."""
@@ -39,9 +40,8 @@ BURST_RATE = 15_050.0
 FREEZE_SECONDS = 8.0
 # A fault comes after 2 s, and 5 s are the goal for having caught up.
 AFTER_FAULT_SECONDS = 10.0
-QUERIES, BULK_QUERIES, REPETITIONS = 500, 30, 3
-PIPES = 5
-"""Of each kind, one after the other: on one machine their rates scattered by a tenth."""
+PIPES = BURSTS = 5
+"""Of each kind, one after the other: on one machine their rates scattered by a tenth, bursts of a second by more."""
 
 
 def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
@@ -63,7 +63,9 @@ def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
         bare, on_disk, in_memory = np.median(np.array(pipe), axis=0)
         return {
             "sustained": _stream(hub, path, rate=RATE, seconds=seconds),
-            "burst": _stream(hub, path, rate=BURST_RATE, seconds=1.0),
+            "sustained_bare": _bare_stream(hub, path, rate=RATE, seconds=seconds),
+            "burst": _middle([_stream(hub, path, rate=BURST_RATE, seconds=1.0) for _ in range(BURSTS)]),
+            "burst_bare": _middle([_bare_stream(hub, path, rate=BURST_RATE, seconds=1.0) for _ in range(BURSTS)]),
             "pipe": {
                 "bare_rate": float(bare),
                 "rate_spool_on_disk": float(on_disk),
@@ -76,8 +78,8 @@ def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
             ),
             "killed_receiver": _stream(hub, path, rate=FAULT_RATE, seconds=AFTER_FAULT_SECONDS, fault=_kill),
             "real_recorder": _recorder(hub, path, rate=RATE, seconds=seconds / 4.0),
-            "queries": _queries(hub),
-            "noticed": _noticed(hub),
+            "queries": measure_queries(hub),
+            "noticed": measure_notice(hub),
         }
 
 
@@ -106,6 +108,30 @@ def _pipe(hub: labbus.Bus, folder: Path, kind: PipeKind) -> float:
         receiver.tell(str(epoch))
         receiver.tell(str(PIPE_BLOCKS))
         return PIPE_BLOCKS / (receiver.read()["complete_at"] - began)
+
+
+def _middle(bursts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the burst of the middle rate, with the rates of all."""
+    bursts.sort(key=lambda burst: burst["rate"])
+    return {**bursts[len(bursts) // 2], "rates": [burst["rate"] for burst in bursts]}
+
+
+def _bare_stream(hub: labbus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, float]:
+    """Publish at a rate with Zenoh alone, to a receiver that writes what comes: what the machine itself allows."""
+    common = {"endpoint": hub.listening[0], "run": f"bare-{time.time_ns()}"}
+    with peers() as start:
+        receiver = start("bare_receive", file=str(folder / "bare.mcap"), **common)
+        receiver.read()
+        publisher = start("bare_publish", rate=rate, most=round(rate * seconds), **common)
+        publisher.read()
+        with ProcessorTime() as processors:
+            publisher.tell("")
+            published = publisher.read()
+    return {
+        "rate": published["blocks"] / published["seconds"],
+        "longest_put": published["longest_put"],
+        "stolen_share": processors.stolen_share,
+    }
 
 
 Fault = Callable[[Callable[[], Peer], Peer], tuple[Peer, float]]
@@ -151,8 +177,9 @@ def _stream(
             if after is not receiver:
                 after.tell(epoch)
             receiver = after
-        receiver.tell("complete")
-        complete_at = receiver.read()["complete_at"]
+        with ProcessorTime() as processors:
+            receiver.tell("complete")
+            complete_at = receiver.read()["complete_at"]
         publisher.tell("")
         published = publisher.read()
         receiver.tell("end")
@@ -163,6 +190,7 @@ def _stream(
             **_counted(receiver.read(), published["blocks"], files),
             "longest_put": published["longest_put"],
             "put_p999": published["put_p999"],
+            "stolen_share": processors.stolen_share,
             "waited_for_room": published["waited"],
             "complete_after_last_block": complete_at - published["ended_at"],
         }
@@ -255,67 +283,6 @@ def _caught_up(unmarked: list[tuple[float, int]], back_at: float, *, rate: float
     """
     last, _ = unmarked[-1]
     return next((when for when, blocks in unmarked if when > back_at and blocks < rate), last) - back_at
-
-
-def _queries(hub: labbus.Bus) -> dict[str, float]:
-    with peers() as start:
-        start("serve", endpoint=hub.listening[0]).read()
-        hub.wait_for_live({("rig_sim", "bench")}, 60.0)
-        keys = hub.keys
-        small = [
-            _timed(lambda: hub.query(keys.rig_state("bench"), rig_pb2.StateRequest(), rig_pb2.RigState))
-            for _ in range(QUERIES)
-        ]
-        bulk = [
-            _timed(
-                lambda: hub.query(keys.rig_description("bench"), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
-            )
-            for _ in range(BULK_QUERIES)
-        ]
-    return {
-        "round_trip_p50": float(np.median(small)),
-        "round_trip_p99": float(np.quantile(small, 0.99)),
-        "reply_of_2_MB_p50": float(np.median(bulk)),
-    }
-
-
-def _noticed(hub: labbus.Bus) -> dict[str, float]:
-    """Return how long it takes until a query waiting on a service that is dead or frozen ends, the worst of a few."""
-    figures: dict[str, float] = {}
-    for name, number in (("dead", signal.SIGKILL), ("frozen", signal.SIGSTOP)):
-        figures[name] = max(_noticed_once(hub, number) for _ in range(REPETITIONS))
-    return figures
-
-
-def _noticed_once(hub: labbus.Bus, number: signal.Signals) -> float:
-    with peers() as start:
-        peer = start("serve", endpoint=hub.listening[0])
-        peer.read()
-        hub.wait_for_live({("rig_sim", "bench")}, 60.0)
-        ended: list[float] = []
-
-        def ask() -> None:
-            try:
-                hub.query(hub.keys.rig_frf("bench"), rig_pb2.RigFrfRequest(), rig_pb2.RigFrf)
-            except labbus.FaultError:
-                ended.append(time.monotonic())
-
-        asking = threading.Thread(target=ask)
-        asking.start()
-        time.sleep(1.0)
-        struck = time.monotonic()
-        peer.process.send_signal(number)
-        asking.join()
-        peer.end()
-        while hub.live("rig_sim"):
-            time.sleep(0.05)
-    return ended[0] - struck
-
-
-def _timed(work: Callable[[], object]) -> float:
-    began = time.perf_counter()
-    work()
-    return time.perf_counter() - began
 
 
 if __name__ == "__main__":

@@ -202,20 +202,26 @@ def bare_session(endpoint: str) -> zenoh.Session:
     return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
-def bare_publish(*, endpoint: str, run: str, most: int) -> dict[str, Any]:
-    """Publish blocks with Zenoh alone, as fast as a blocking link takes them."""
+def bare_publish(*, endpoint: str, run: str, rate: float = 0.0, most: int) -> dict[str, Any]:
+    """Publish blocks with Zenoh alone: as fast as a blocking link takes them, or at a rate as labbus sends."""
     drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
+    congestion = zenoh.CongestionControl.DROP if rate else zenoh.CongestionControl.BLOCK
     with bare_session(endpoint) as session:
-        publisher = session.declare_publisher(KEY.format(run=run), congestion_control=zenoh.CongestionControl.BLOCK)
+        publisher = session.declare_publisher(KEY.format(run=run), congestion_control=congestion)
         time.sleep(1.5)
         say(json.dumps({"epoch": 1}))
+        stalls = []
         began = time.monotonic()
         for number in range(most):
-            payload = block(run, number, drive, response).SerializeToString()
-            publisher.put(payload, attachment=POSITION.pack(1, number))
+            message = block(run, number, drive, response)
+            before = time.monotonic()
+            publisher.put(message.SerializeToString(), attachment=POSITION.pack(1, number))
+            stalls.append(time.monotonic() - before)
+            if rate and (ahead := (number + 1) / rate - (time.monotonic() - began)) > 0.002:
+                time.sleep(ahead)
         took = time.monotonic() - began
         sys.stdin.readline()
-    return {"blocks": most, "seconds": took}
+    return {"blocks": most, "seconds": took, "longest_put": max(stalls)}
 
 
 def bare_receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:

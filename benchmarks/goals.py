@@ -113,7 +113,7 @@ GOALS: dict[str, tuple[Goal, ...]] = {
             bound=25.0,
             scale=100.0,
         ),
-        _least("blocks/s for a second", "bus", "burst", "rate", bound=15_000.0),
+        _least("blocks/s for a second, the middle of five", "bus", "burst", "rate", bound=15_000.0),
         _most("longest that a publisher was held up, ms", "bus", "sustained", "longest_put", bound=20.0, scale=1e3),
         _most("caught up after a freeze of 8 s, s", "bus", "frozen_receiver", "caught_up", bound=5.0),
         _most("caught up after a kill, s", "bus", "killed_receiver", "caught_up", bound=5.0),
@@ -154,6 +154,12 @@ The windowed transforms alone are told twice: as one would write them down, and 
 is there, which is how the spectra are made; the rest is the products of 16 channels at every line. H1 is told with its
 checks of every sample, coherence and uncertainty.
 """
+_STREAMS_NOTE = """
+Zenoh alone, without numbers, spool and replay, published {bus[burst_bare][rate]:,.0f} blocks/s for a second and was
+held up for {bus[sustained_bare][longest_put]:.3f} s at most at the rate of the minute; through a bare pipe to an MCAP
+file went {bus[pipe][bare_rate]:,.0f} blocks/s. The host of this machine took {bus[sustained][stolen_share]:.0%} of its
+busy processors in that minute.
+"""
 _CAMPAIGN_NOTE = """
 The simulated rig plays {campaign[rig_seconds]:.0f} s in {campaign[simulation_seconds]:.1f} s, the mathematics takes
 {campaign[compute_seconds]:.1f} s, and the campaign {campaign[wall_seconds]:.1f} s: beside them the lab sends, stores
@@ -163,6 +169,7 @@ asked for. The share in real time is that of a rig of steel.
 
 NOTES: dict[str, str] = {
     "Identification: 8 × 8, 600 s at 1 kHz, block 2048, one core": _IDENTIFICATION_NOTE,
+    "Streams of 12.8 KB on loopback": _STREAMS_NOTE,
     "Whole campaign": _CAMPAIGN_NOTE,
 }
 """What a reader of a table should know, by its title; what stands in braces is looked up in the document."""

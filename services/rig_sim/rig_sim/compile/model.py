@@ -70,6 +70,7 @@ def compile_model(
     output_names: Sequence[str] | None = None,
     contract: bool = True,
     lanes: bool = True,
+    optimization: int = 2,
 ) -> CompiledModel:
     """Compile a model.
 
@@ -85,6 +86,8 @@ def compile_model(
         Whether products and sums may be fused into one operation with one rounding; faster, and as exact.
     lanes : bool
         Whether two sides that mirror each other may be computed as lanes of vectors, where that saves operations.
+    optimization : int
+        0 to 3, as a compiler's -O.
 
     Returns
     -------
@@ -111,7 +114,7 @@ def compile_model(
         ]
     )
     return CompiledModel(
-        compile_module(text),
+        compile_module(text, optimization=optimization),
         state_names=tuple(state_names),
         input_names=tuple(input_names),
         output_names=names,
