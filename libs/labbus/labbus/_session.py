@@ -39,8 +39,9 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
     "lease": round(LEASE_SECONDS * 1e3),
     "keep_alive": 4,
     "queue": {
-        # The most that Zenoh allows for what is streamed: batches of 64 KiB.
-        "size": {"interactive_low": 16},
+        # The most that Zenoh allows, of batches of 64 KiB, for what is streamed and for questions and answers. With
+        # two, which is its default, who sends and who writes to the link wait for each other at every batch of a drive.
+        "size": {"interactive_low": 16, "data": 16},
         "congestion_control": {
             "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},
             "block": {"wait_before_close": _BLOCKED_LINK_MICROSECONDS},
