@@ -12,7 +12,7 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import BusError, FaultError
 
 from .lab_under_fault import RIG, LabUnderFault
-from .proof import prove
+from .proof import files_of, prove
 from .reference import Reference
 
 LIMIT_SECONDS = 120.0
@@ -20,6 +20,9 @@ LIMIT_SECONDS = 120.0
 
 _POLL_SECONDS = 0.05
 _SILENCE_SECONDS = 5.0
+_BEFORE_ITS_FIRST_STEP = "failed while storing the specification"
+"""No step of such a campaign was acknowledged: the recorder may know nothing of it, and nothing is lost."""
+
 _BROKEN_OFF = (iterator_pb2.CAMPAIGN_PHASE_FAULTED, iterator_pb2.CAMPAIGN_PHASE_STOPPED)
 
 
@@ -63,6 +66,7 @@ class Operator:
         self._outcome = outcome
         self._id = f"{outcome.fault}-{outcome.number:02d}".replace(" ", "-")
         self._stem = self._id
+        self._never_stored: set[str] = set()
 
     def start(self, id: str) -> None:
         """Start the campaign under a new name."""
@@ -98,7 +102,7 @@ class Operator:
                     return
                 if status is None or status.phase in _BROKEN_OFF:
                     trouble = status.fault.message if status is not None else "the iterator does not know it"
-                    self._go_on()
+                    self._go_on(status)
                 else:
                     seen.add((status.phase, status.activity))
                 if self._outcome.recovered_seconds == 0.0 and (
@@ -140,7 +144,7 @@ class Operator:
             if step.message_type == kind.DESCRIPTOR.full_name and len(answer.steps) == answer.total
         )
 
-    def _go_on(self) -> None:
+    def _go_on(self, status: iterator_pb2.CampaignStatus | None) -> None:
         """Look at the rig and resume; FaultError where that has to wait."""
         self._lab.wait_until_whole()
         bus = self._lab.bus
@@ -152,6 +156,8 @@ class Operator:
             self._outcome.ending = max(self._outcome.ending, Ending.RESUMED, key=list(Ending).index)
         except FaultError as fault:
             if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
+                if status is not None and status.activity == _BEFORE_ITS_FIRST_STEP:
+                    self._never_stored.add(self._id)
                 self._begin_anew()
             elif fault.field == "new_id":
                 self._take_up()
@@ -188,6 +194,8 @@ class Operator:
     def _prove(self) -> None:
         """Ask the recorder whether all is whole, and look for oneself."""
         for name in self._outcome.recordings:
+            if name in self._never_stored and not files_of(self._lab.recordings, name):
+                continue
             self._outcome.findings += self._verified(name)
             proof = prove(self._lab.recordings, name, rig=RIG)
             self._outcome.lost += proof.lost
