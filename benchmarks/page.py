@@ -72,9 +72,16 @@ def _goal_tables(document: dict[str, Any]) -> list[str]:
             sign = "≥" if goal.at_least else "≤"
             verdict = "met" if goal.met(value) else "**missed**"
             lines.append(f"| {goal.what} | {number(value)} | {sign} {number(goal.bound)} | {verdict} |")
-        lines += ["", *textwrap.wrap(NOTES.get(title, "").format_map(document).strip(), 120)]
+        lines += ["", *textwrap.wrap(_note(title, document), 120)]
         tables.append("\n".join(lines).rstrip() + "\n")
     return tables
+
+
+def _note(title: str, document: dict[str, Any]) -> str:
+    try:
+        return NOTES.get(title, "").format_map(document).strip()
+    except KeyError:
+        return ""  # A file of before has not all that it tells of.
 
 
 def _rigs(document: dict[str, Any]) -> str:
