@@ -26,6 +26,10 @@ def _pipe() -> tuple[int, int]:
     return reader, writer
 
 
+class RefusedError(AssertionError):
+    """The browser did not do what it was asked for."""
+
+
 class Browser:
     """A headless Chromium with one page; use it in a `with` statement."""
 
@@ -70,7 +74,8 @@ class Browser:
         while True:
             answer = self._read()
             if answer.get("id") == self._number:
-                assert "error" not in answer, answer
+                if "error" in answer:
+                    raise RefusedError(f"{method}: {answer['error']}")
                 return answer["result"]
 
     def _read(self) -> dict[str, Any]:
