@@ -155,10 +155,10 @@ is there, which is how the spectra are made; the rest is the products of 16 chan
 checks of every sample, coherence and uncertainty.
 """
 _STREAMS_NOTE = """
-Zenoh alone, without numbers, spool and replay, published {bus[burst_bare][rate]:,.0f} blocks/s for a second and was
-held up for {bus[sustained_bare][longest_put]:.3f} s at most at the rate of the minute; through a bare pipe to an MCAP
-file went {bus[pipe][bare_rate]:,.0f} blocks/s. The host of this machine took {bus[sustained][stolen_share]:.0%} of its
-busy processors in that minute.
+Zenoh alone, without numbers, spool and replay and dropping what a link has no room for, published
+{bus[burst_bare][rate]:,.0f} blocks/s for a second and was held up for {bus[sustained_bare][longest_put]:.3f} s at most
+at the rate of the minute; through a bare pipe to an MCAP file, which drops nothing, went {bus[pipe][bare_rate]:,.0f}
+blocks/s. The host of this machine took {bus[sustained][stolen_share]:.0%} of its busy processors in that minute.
 """
 _CAMPAIGN_NOTE = """
 The simulated rig plays {campaign[rig_seconds]:.0f} s in {campaign[simulation_seconds]:.1f} s, the mathematics takes

@@ -20,7 +20,7 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import Bus, FaultError
 
 PART_BYTES: Final = 2 * 1024 * 1024
-"""An answer as large as the processors' caches: with twice as much a recording took half as long again."""
+"""A recording of 93 MB came in 0.4 s on loopback, in pieces of twice the size in 0.5 to 0.7."""
 PARTS_AHEAD: Final = 2
 """So many pieces are asked for while one is written and hashed."""
 

@@ -21,7 +21,7 @@ LIMIT_SECONDS = 120.0
 _POLL_SECONDS = 0.05
 _SILENCE_SECONDS = 5.0
 _BEFORE_ITS_FIRST_STEP = "failed while storing the specification"
-"""No step of such a campaign was acknowledged: the recorder may know nothing of it, and nothing is lost."""
+"""The specification is the first step: none was acknowledged, and the recorder may know nothing of the campaign."""
 
 _BROKEN_OFF = (iterator_pb2.CAMPAIGN_PHASE_FAULTED, iterator_pb2.CAMPAIGN_PHASE_STOPPED)
 

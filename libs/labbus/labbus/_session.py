@@ -39,8 +39,8 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
     "lease": round(LEASE_SECONDS * 1e3),
     "keep_alive": 4,
     "queue": {
-        # The most that Zenoh allows, of batches of 64 KiB, for what is streamed and for questions and answers. With
-        # two, which is its default, who sends and who writes to the link wait for each other at every batch of a drive.
+        # The most that Zenoh allows, of batches of 64 KiB, for what is streamed and for questions and answers: with its
+        # default, two, an answer of 2 MB took 9.4 ms in place of 8.1.
         "size": {"interactive_low": 16, "data": 16},
         "congestion_control": {
             "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},

@@ -134,9 +134,13 @@ class Campaign:
     def _sequence(self) -> Iteration:
         """Do all steps that were not done before; return the last iteration."""
         plan = self._plan
-        with self._doing("storing the specification"):
-            beginning = (plan.spec, plan.description, iterator_pb2.TargetInBand(samples=to_array(plan.target_in_band)))
-            for message in beginning[self._log.next_step :]:
+        beginning = (
+            ("specification", plan.spec),
+            ("rig's description", plan.description),
+            ("target", iterator_pb2.TargetInBand(samples=to_array(plan.target_in_band))),
+        )
+        for what, message in beginning[self._log.next_step :]:
+            with self._doing(f"storing the {what}"):
                 self._log.commit(message)
         if self._before.model is None:
             model = self._identify()
