@@ -164,7 +164,10 @@ _CAMPAIGN_NOTE = """
 The simulated rig plays {campaign[rig_seconds]:.0f} s in {campaign[simulation_seconds]:.1f} s, the mathematics takes
 {campaign[compute_seconds]:.1f} s, and the campaign {campaign[wall_seconds]:.1f} s: beside them the lab sends, stores
 and verifies every sample, draws it for the live view and copies {campaign[megabytes]:.0f} MB to where the recording was
-asked for. The share in real time is that of a rig of steel.
+asked for. By what its iterator said that it was doing, {campaign[spent][on_the_rig]:.1f} s went by while the rig played
+into the log and was judged, {campaign[spent][computing]:.1f} s with computing, {campaign[spent][storing]:.1f} s with
+storing and {campaign[spent][around]:.1f} s before and after, with the copy. The share in real time is that of a rig of
+steel.
 """
 
 NOTES: dict[str, str] = {
