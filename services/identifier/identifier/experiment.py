@@ -40,17 +40,19 @@ def estimate_experiment(
         Where the records do not agree or do not identify the rig; see `estimate`.
     """
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
-    if played.shape[1] != measured.shape[1]:
-        raise ValueError(
-            f"{played.shape[1]} samples were played and {measured.shape[1]} measured; a playback gives as many back."
-        )
+    of_drives, of_responses = _means(played, layout), _means(measured, layout)
     return estimate(
-        settings.kind, _without_mean(played, layout), _without_mean(measured, layout), layout, settings.options
+        settings.kind,
+        played - of_drives[:, None],
+        measured - of_responses[:, None],
+        layout,
+        settings.options,
+        taken_off=(of_drives, of_responses),
     )
 
 
-def _without_mean(record: NDArray[np.float64], layout: Layout) -> NDArray[np.float64]:
+def _means(record: NDArray[np.float64], layout: Layout) -> NDArray[np.float64]:
     stretches = [slice(each.start, each.start + layout.samples_of(each)) for each in layout.captures]
     total = sum(np.sum(record[:, stretch], axis=1) for stretch in stretches)
     used = sum(stretch.stop - stretch.start for stretch in stretches)
-    return record - np.asarray(total)[:, None] / used
+    return np.asarray(total) / used

@@ -250,5 +250,7 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
 
 def _interpolated(message: identifier_pb2.Model, lines: int) -> NDArray[np.bool_]:
     if len(message.interpolated) not in (0, lines):
-        raise ValueError(f"The model tells of {len(message.interpolated)} lines whether they are laid; it has {lines}.")
+        raise ValueError(
+            f"The model says of {len(message.interpolated)} lines whether they are interpolated; it has {lines} lines."
+        )
     return np.array(message.interpolated, dtype=np.bool_) if message.interpolated else np.zeros(lines, dtype=np.bool_)

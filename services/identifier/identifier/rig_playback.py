@@ -95,6 +95,11 @@ def play_experiment(
         run=request.run, drive=to_record(rig.drives, rig.sample_rate, drive), seed=request.rig_seed
     )
     played = bus.query(bus.keys.rig_play(request.rig), play, rig_pb2.PlayResult, on_progress=pass_on, cancel=given_up)
+    if played.run != request.run:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Rig {rig.name!r} answered run {played.run!r}; asked was {request.run!r}.",
+        )
     return played, _response_of(played, rig, drive.shape[1])
 
 

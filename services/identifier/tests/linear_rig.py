@@ -1,6 +1,7 @@
 """A rig of the contract that is a known linear plant: `python linear_rig.py --config FILE` puts it on the bus.
 
-A run whose name contains "slow" plays for a minute of wall time, one that contains "interlock" trips it.
+A run whose name contains "slow" plays for a minute of wall time, one that contains "interlock" trips it, and one that
+contains "mistaken" is answered as another one.
 """
 
 import time
@@ -104,7 +105,7 @@ class LinearRig:
             )
         publisher.close()
         return rig_pb2.PlayResult(
-            run=request.run,
+            run="another" if "mistaken" in request.run else request.run,
             response=to_record(RESPONSES, SAMPLE_RATE, response),
             actuators=[rig_pb2.ActuatorUse(drive=channel.name) for channel in DRIVES],
             epoch=publisher.epoch,

@@ -54,7 +54,7 @@ def test_a_sign_error_diverges_and_is_said():
     assert "grows by 1.5" in found.sentence
 
 
-def test_a_certain_model_has_no_spread_and_falls_monotonely():
+def test_a_certain_model_has_no_spread_and_falls_in_every_iteration():
     found = predict_convergence(
         FREQUENCY,
         TALL,
@@ -66,7 +66,7 @@ def test_a_certain_model_has_no_spread_and_falls_monotonely():
     np.testing.assert_allclose(found.spectral_radius_95, 0.4, atol=1e-9)
     np.testing.assert_allclose(found.largest_singular_value, 0.4, atol=1e-9)
     assert found.converging_share == 1.0
-    assert found.sentence.startswith("It converges: the error falls at least by the factor 0.4")
+    assert found.sentence.startswith("It converges: in the long run the error falls by the factor 0.4")
 
 
 def test_uncertainty_widens_the_confidence_as_much_as_it_should():

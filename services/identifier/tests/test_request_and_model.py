@@ -201,6 +201,18 @@ def test_a_static_response_does_not_reach_the_estimate(message):
     np.testing.assert_allclose(estimates[1].frf[band], np.broadcast_to(gain, (band.sum(), 3, 2)), atol=1e-7 * 3e5)
 
 
+def test_a_channel_that_lies_is_told_with_the_values_that_were_measured():
+    experiment = plan(request())
+    response = np.vstack([experiment.drive, experiment.drive[:1]]) * 1e5 + 3600.0
+    lowest = float(np.quantile(response[1], 0.1))
+    response[1] = np.maximum(response[1], lowest)
+    (warning,) = estimate_experiment(ESTIMATOR, experiment.layout, drive=experiment.drive, response=response).warnings
+    assert f"flat tops at {lowest:g} or {response[1].max():g};" in warning.sentence
+    response[2] = 5000.0
+    with pytest.raises(ValueError, match="response 2 stays at 5000; check"):
+        estimate_experiment(ESTIMATOR, experiment.layout, drive=experiment.drive, response=response)
+
+
 def test_the_fades_are_dropped():
     experiment = plan(request())
     response = np.vstack([experiment.drive, experiment.drive[:1]])

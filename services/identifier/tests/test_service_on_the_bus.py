@@ -104,6 +104,7 @@ def test_a_model_that_is_not_held_is_not_found(bus):
             "right_vertical would reach",
         ),
         (request("interlock"), query_pb2.FAULT_CODE_FAILED_PRECONDITION, "", "pressure was lost"),
+        (request("mistaken"), query_pb2.FAULT_CODE_DATA_LOSS, "", "answered run 'another'; asked was 'mistaken'"),
         (request("a/b"), query_pb2.FAULT_CODE_INVALID_ARGUMENT, "run", "a/b"),
     ],
 )

@@ -91,19 +91,21 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
             f"needs at least {FEWEST_BLOCKS} of them with {correction.overlap:.0%} overlap: take a longer target, "
             "shorter blocks or basic TWR."
         )
-    if correction.prediction is Prediction.FORWARD:
+    forward = correction.prediction is Prediction.FORWARD
+    if forward:
         wanted, observed = predict(model, last.drive, band=settings.band), last.response
     else:
         wanted, observed = last.drive, apply_inverse(model, last.response, band=settings.band)
     lines = driven_lines(model, settings.band)
     trusted: NDArray[np.bool_] = np.zeros((model.frequency.size, wanted.shape[0]), dtype=bool)
     trusted[lines] = True
-    for record in (wanted, observed, history.target):
+    for record, of_pairs in ((wanted, True), (observed, True), (history.target, forward)):
         density = auto_spectra(
             record, block_samples=block, overlap=correction.overlap, sample_rate=settings.band.sample_rate
         )
         energy = _has_energy(density, lines=lines, settings=correction)
-        paired = energy.shape == trusted.shape and correction.shape is CorrectionShape.DIAGONAL
+        # Backward a pair is one of drives: the target's energy tells of no single one of them.
+        paired = of_pairs and correction.shape is CorrectionShape.DIAGONAL
         trusted = trusted & (energy if paired else np.all(energy, axis=1, keepdims=True))
     if correction.shape is CorrectionShape.FULL:
         full = full_correction_from_spectra(_full_spectra(wanted, observed, model=model, settings=settings), correction)

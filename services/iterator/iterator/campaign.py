@@ -229,16 +229,18 @@ class Campaign:
 
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig: what the iteration calls."""
-        number = len(self._metrics) + 1
+        number, outer = len(self._metrics) + 1, self._step
         activity = f"playing {self._iteration_name()} on {self._rig}"
         with self._doing(activity):
-            return self._playback.play(
+            response = self._playback.play(
                 drive,
                 stem=f"{self._id}.i{number:02d}",
                 purpose=self._iteration_name(),
                 seed_index=seeds.playback(number),
                 on_progress=self._follower(activity),
             )
+        self._step = outer
+        return response
 
     def _confirm(self, outcome: Outcome | None, best: Iteration) -> None:
         """Play the best drive again, as often as is asked, and show how far the rig repeats itself."""
@@ -282,19 +284,15 @@ class Campaign:
     def _doing(
         self, activity: str, *, phase: iterator_pb2.CampaignPhase | None = None, share: float = 0.0
     ) -> Iterator[None]:
-        """Show a step, and name it in the fault it may end with; the innermost one counts."""
+        """Show a step, and name it in the fault it may end with, or that comes before the next one."""
         if self._stop.is_set():
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
-        outer, self._step = self._step, activity
+        self._step = activity
         self._board.show(activity, self._estimate.at(share), phase=phase)
         yield
-        self._step = outer
 
     def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
-        def follow(progress: query_pb2.Progress) -> None:
-            self._board.show(activity, self._estimate.at(min(1.0, max(0.0, progress.fraction))))
-
-        return follow
+        return lambda progress: self._board.show(activity, self._estimate.at(min(1.0, max(0.0, progress.fraction))))
 
     def _show_waiting(self, why: str) -> None:
         """Say that the campaign pauses, because its next step cannot be stored yet."""
@@ -340,7 +338,7 @@ class Campaign:
         if self._stop.is_set():
             phase, code = iterator_pb2.CAMPAIGN_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
             activity = f"stopped while {self._step}"
-            sentence = f"The campaign was stopped while {self._step}: {self._stop_reason}"
+            sentence = f"The campaign was stopped while {self._step}: {self._stop_reason.rstrip('.')}."
         else:
             phase, code = iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault.code
             activity = f"failed while {self._step}"

@@ -167,8 +167,8 @@ def _outside_the_band(
     if not parts:
         return ()
     return (
-        f"Of the target's energy lies outside the control band of {band.lowest:g} to {band.highest:g} Hz, and is not "
-        f"reproduced: {'; '.join(parts)}.",
+        f"Part of the target's energy lies outside the control band of {band.lowest:g} to {band.highest:g} Hz and is "
+        f"not reproduced: {'; '.join(parts)}.",
     )
 
 

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import from_array, to_array, to_record
-from duralab_proto.v1 import iterator_pb2, rig_pb2
+from duralab_proto.arrays import ArrayError, from_array, to_array, to_record
+from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
 from iterator.campaign_messages import channel_metrics
 from iterator.campaign_plan import CampaignPlan
 from iterator.iteration_loop import Iteration
 from iterator.iteration_metrics import IterationMetrics, judge_response
 from iterator.repeatability import judge_repeatability
 from iterator.stop_criteria import Outcome, StopCriteria, would_overspend
+from labbus import FaultError
 
 
 @dataclass(frozen=True)
@@ -176,10 +177,17 @@ def confirmation_message(
 
 
 def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> NDArray[np.float64]:
-    """Return the response of a playback that was committed, as it is judged; raises ArrayError where it is damaged."""
-    return from_array(
-        step.response_in_band, field="response_in_band", shape=plan.target_in_band.shape, dtype=np.float64
-    )
+    """Return the response of a playback that was committed, as it is judged; FaultError DATA_LOSS where damaged."""
+    try:
+        return from_array(
+            step.response_in_band, field="response_in_band", shape=plan.target_in_band.shape, dtype=np.float64
+        )
+    except ArrayError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Confirmation {step.number} was recorded damaged: {error}",
+            field=error.field,
+        ) from error
 
 
 def repeatability_message(

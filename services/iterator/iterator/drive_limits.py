@@ -91,7 +91,7 @@ class DriveLimitError(ValueError):
         self.fitting_gain = fitting_share * iteration_gain
         largest = float(np.max(self.fitting_gain))
         advice = (
-            f"it would fit with all iteration gains at {_floor(fitting_share):g} of theirs, the largest then "
+            f"it would fit with all iteration gains at about {_floor(fitting_share):g} of theirs, the largest then "
             f"{_floor(largest):g}"
             if _floor(fitting_share) > 0.0
             else "no smaller iteration gain would fit, the last drive is at the limit already: ask for a smaller target"
@@ -120,7 +120,7 @@ def require_within_limits(
     limits : DriveLimits
         Of the rig.
     iteration_gain : ndarray, shape (n_y,)
-        The gains that made the step; it is proportional to them.
+        The gains that made the step; it is proportional to them, but where squares of the drives are counteracted.
 
     Raises
     ------
@@ -167,7 +167,8 @@ def drive_slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.fl
     ndarray, shape (samples,)
         Drive units per second; the first from 0 to the first sample.
     """
-    # A rig starts at rest with all drives zero, so the first sample is a step as well.
+    # From rest, all drives zero: a rig's description does not say whether it ramps to the first sample, and one that
+    # does not begins with a step.
     return np.diff(values, prepend=0.0) * sample_rate
 
 
@@ -189,7 +190,7 @@ def _fitting_share(values: NDArray[np.float64], before: NDArray[np.float64], *, 
 
 
 def _floor(value: float) -> float:
-    """Two decimals downwards: a gain that is said to fit does."""
+    """Two decimals downwards: a gain that is said to fit does where the step is proportional to it."""
     return float(np.floor(value * 100.0) / 100.0)
 
 

@@ -38,7 +38,7 @@ from iterator.campaign_resumption import (
 from iterator.identification import identification_request, identification_run
 from iterator.recorded_campaign import read_campaign
 from iterator.status_board import StatusBoard, is_final
-from labbus import Bus, BusError, Call, FaultError, ServiceConfig
+from labbus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
 
 SERVICE: Final = "iterator"
 """Name of the service, as in its liveliness key."""
@@ -82,7 +82,7 @@ class IteratorService:
         keys = bus.keys
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
-        # A worker of its own: a stop must get through whatever else is asked.
+        # Workers of their own: a stop must get through whatever else is asked.
         bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=4)
         bus.serve(keys.campaign_resume(ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
 
@@ -318,10 +318,11 @@ class IteratorService:
         def publish(status: iterator_pb2.CampaignStatus) -> None:
             try:
                 publisher.put(iterator_pb2.CampaignEvent(status=status))
-                if is_final(status):
-                    self._figures.ended(status)
-                    publisher.close()
-            except BusError as error:
+            except (BusError, SpoolFullError) as error:
+                # Nor may a recorder that is away for a night end the campaign that waits for it.
                 structlog.get_logger(SERVICE).warning("An event was not published.", campaign=campaign, why=str(error))
+            if is_final(status):
+                self._figures.ended(status)
+                publisher.close()
 
         return publish

@@ -1,4 +1,5 @@
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
 from iterator import AcceptanceSettings, SecantSettings, StopCriteria, UpdateKind
 from iterator.campaign_plan import plan_campaign
+from iterator.confirmation import recorded_confirmation
 from iterator.drive_limits import LimitPolicy
 from iterator.stop_criteria import DamageBounds
 from labbus import FaultError
@@ -223,3 +225,11 @@ def test_a_rig_with_fewer_responses_than_drives_is_refused():
     with pytest.raises(FaultError, match="at least as many responses") as caught:
         plan_campaign(specification(), rig, experiment_plan(specification()))
     assert caught.value.code == query_pb2.FAULT_CODE_FAILED_PRECONDITION
+
+
+def test_a_confirmation_that_was_recorded_damaged_is_a_loss_of_data():
+    plan = SimpleNamespace(target_in_band=np.zeros((2, 10)))
+    step = iterator_pb2.ConfirmationStep(number=3, response_in_band=to_array(np.zeros((2, 9))))
+    with pytest.raises(FaultError, match="Confirmation 3 was recorded damaged") as fault:
+        recorded_confirmation(step, plan=plan)
+    assert fault.value.code == query_pb2.FAULT_CODE_DATA_LOSS

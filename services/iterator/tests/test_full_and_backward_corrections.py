@@ -100,6 +100,18 @@ def test_one_full_correction_repairs_a_diagonal_error_on_either_side(prediction,
         )
 
 
+def test_backward_a_line_without_target_in_one_response_corrects_no_drive():
+    model = exact_model()
+    history = history_of(model, replace(model, frf=1.3 * model.frf))
+    quiet = history.target.copy()
+    quiet[1] = control_band(2.0, 20.0, sample_rate=SAMPLE_RATE).limit_target(quiet)[1]
+    history = IterationHistory(target=quiet).after(history.playbacks[0])
+    found = estimate_correction(history, model, settings(prediction=Prediction.BACKWARD))
+    above = (model.frequency > 25.0) & (model.frequency < 55.0)
+    assert np.all(found[above] == 1.0)
+    assert np.all(found[(model.frequency > 5.0) & (model.frequency < 15.0)] != 1.0)
+
+
 def test_a_backward_diagonal_correction_repairs_an_error_on_the_drives_side():
     truth = exact_model()
     wrong = replace(truth, frf=truth.frf * ERROR, inverse_frf=truth.inverse_frf / ERROR[:, None])

@@ -12,8 +12,9 @@ import yaml
 
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator import seeds
+from iterator.recording_log import RecordingLog
 from iterator.service import IteratorService
-from labbus import BusConfig, Continuity, FaultError, open_bus
+from labbus import BusConfig, Continuity, FaultError, SpoolFullError, open_bus
 
 from .fake_lab import FINAL, Identifier, Lab, Recorder
 from .linear_rig import description, exact_model, experiment_plan, specification
@@ -295,6 +296,43 @@ def test_a_recorder_that_vanishes_ends_the_campaign():
     assert re.search(r"while storing the model: (No recorder is on|The recorder left) the bus", status.fault.message)
 
 
+def test_a_stop_between_two_steps_is_told_with_the_one_before(monkeypatch):
+    commit = RecordingLog.commit
+
+    def stopping(log, message):
+        commit(log, message)
+        if isinstance(message, recorder_pb2.RunPlayed):
+            service._entries["between"].campaign.stop("enough")
+
+    monkeypatch.setattr(RecordingLog, "commit", stopping)
+    with lab_in_this_process("iterator_between", lambda _recorder, request, _call: exact_model(request)) as found:
+        lab, service = found
+        lab.start(specification("between"))
+        status = lab.end_of("between", seconds=10.0)
+    assert status.activity == "stopped while storing the model"
+    assert status.fault.message == "The campaign was stopped while storing the model: enough."
+
+
+def test_an_event_that_cannot_be_kept_ends_no_campaign(monkeypatch):
+    class FullPublisher:
+        closed = False
+
+        def put(self, _event):
+            raise SpoolFullError("the spool is full.")
+
+        def close(self):
+            self.closed = True
+
+    full = FullPublisher()
+    with open_bus(BusConfig(lab="iterator_full"), service="iterator") as bus, IteratorService(bus) as service:
+        monkeypatch.setattr(bus, "publisher", lambda _key: full)
+        publish = service._publishing("night")
+        publish(iterator_pb2.CampaignStatus(id="night", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING))
+        assert not full.closed
+        publish(iterator_pb2.CampaignStatus(id="night", phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED))
+        assert full.closed
+
+
 def test_the_end_of_the_service_stops_its_campaigns():
     identifying = threading.Event()
 
@@ -310,5 +348,5 @@ def test_the_end_of_the_service_stops_its_campaigns():
         service.__exit__(None, None, None)
         status = lab.status("cut")
     assert status.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
-    assert status.fault.message.endswith("stopped while identifying front: the iterator was told to end")
+    assert status.fault.message.endswith("stopped while identifying front: the iterator was told to end.")
     assert lab.recorder.kinds("cut")[-1] == "RecordingClosed"

@@ -90,12 +90,13 @@ class Performance:
         )
         size = self._rig.block_samples if request.real_time else published_samples(self._rig)
         publish = _Publishing(publisher, request.run, rate, size=size)
-        clock = _Clock(rate, real_time=request.real_time)
+        clock, moved = _Clock(rate, real_time=request.real_time), False
         if self._poses is not None:
             self._poses.begin(request.run)
         try:
             if shortage := self._lack_of_room(publisher, call, wait=True):
                 raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Nothing was played: {shortage}.")
+            moved = True
             self._settle(request.run, playback, clock, call)
             began = time.monotonic()
             self._perform(request.run, playback, publish, clock, call)
@@ -107,6 +108,11 @@ class Performance:
             self._latch(str(error).rstrip("."))
             self._log.warning("broken off", run=request.run, reason=str(error))
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="drive.samples") from error
+        except Exception as error:
+            # By a defect, or because its bus is gone: it is not known to rest. A stop and a trip are latched already.
+            if moved and not self._interlock.wait_for_stop(0.0):
+                self._latch(f"run {request.run!r} was broken off by a defect ({type(error).__name__}: {error})")
+            raise
         finally:
             if self._poses is not None:
                 self._poses.flush()
@@ -293,12 +299,12 @@ class _Clock:
         self._rate = rate
         self.real_time = real_time
         self._origin: int | None = None
-        self._started = time.monotonic()
+        self._started = 0.0
 
     def ahead(self, block: Block) -> float:
         """Return for how many seconds to wait at the end of a block."""
         if not self.real_time:
             return 0.0
         if self._origin is None:
-            self._origin = block.first_sample
+            self._origin, self._started = block.first_sample, time.monotonic()
         return max((block.end - self._origin) / self._rate - (time.monotonic() - self._started), 0.0)

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolSpace
+from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
 from rig_sim.drive_check import DriveError, check_drive
 from rig_sim.engine import EngineChoice
 from rig_sim.faults import Fault
@@ -200,7 +200,11 @@ class RigServer:
     def _publish_state(self) -> None:
         # Reading and sending in one piece: else a state could overtake the one that followed it.
         with self._publishing:
-            self._states.put(self._interlock.state())
+            try:
+                self._states.put(self._interlock.state())
+            except SpoolFullError as error:
+                # Whoever asks is told; and no stop may fail because nobody stores that it came.
+                self._log.warning("a state is not published", reason=str(error))
 
 
 def _drive_channel(channel: InputChannel) -> array_pb2.Channel:

@@ -98,6 +98,16 @@ def test_rig_ramps_down_says_why_and_keeps_every_block(lab, real_time):
     assert not lab.space.full
 
 
+def test_a_stop_comes_through_where_its_state_cannot_be_published(lab, monkeypatch):
+    def refuse(_state):
+        raise labbus.SpoolFullError("the spool is full.")
+
+    monkeypatch.setattr(lab.server._states, "put", refuse)
+    keys = lab.bus.keys
+    stopped = lab.bus.query(keys.rig_stop(RIG), rig_pb2.StopRequest(reason="enough"), rig_pb2.RigState)
+    assert (stopped.mode, stopped.reason) == (rig_pb2.RIG_MODE_INTERLOCKED, "enough")
+
+
 def test_rig_with_no_room_does_not_move_and_plays_again_once_it_is_stored(lab):
     lab.fault("full", 60.0)
     lab.reset()

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import rig_sim.performance
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim.interlock import Interlock
+from rig_sim.playback import Block
 from rig_sim.player import Playback, RigFaultError
 
 
@@ -139,6 +141,33 @@ def test_a_rig_that_fails_within_its_drive_has_published_all_that_it_measured(cl
     played = [from_array(block.drive) for block in client.blocks if block.run == "fails_within"]
     np.testing.assert_array_equal(np.hstack(played), drive[:, :500])
     client.reset()
+
+
+def test_a_defect_within_a_drive_latches_the_rig(client, monkeypatch):
+    advance = Playback._advance
+
+    def failing(playback, commands, first, *, counted):
+        if first >= 500:
+            raise TypeError("no such thing")
+        return advance(playback, commands, first, counted=counted)
+
+    monkeypatch.setattr(Playback, "_advance", failing)
+    assert client.fault("defect", wave(1.0)).code_name == "INTERNAL"
+    state = client.state()
+    assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
+    assert state.reason == "run 'defect' was broken off by a defect (TypeError: no such thing)"
+    client.reset()
+
+
+def test_the_time_that_a_playback_waits_for_room_is_none_of_its_clock(monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(rig_sim.performance, "time", SimpleNamespace(monotonic=lambda: now))
+    clock = rig_sim.performance._Clock(1000.0, real_time=True)
+    now = 130.0
+    empty = np.zeros((1, 20))
+    first, second = (Block(at, empty, empty, empty, empty) for at in (0, 20))
+    assert clock.ahead(first) == pytest.approx(0.02)
+    assert clock.ahead(second) == pytest.approx(0.04)
 
 
 def test_until_it_rests_an_interlocked_rig_has_a_run(client):

@@ -64,6 +64,9 @@ class Estimation:
         Channels, 1 or more.
     options
         Of the local methods.
+    taken_off
+        Shapes (drives) and (responses): what was taken off the channels before, for what is said of them; nothing where
+        not given.
 
     Raises
     ------
@@ -72,7 +75,14 @@ class Estimation:
     """
 
     def __init__(
-        self, kind: EstimatorKind, layout: Layout, *, drives: int, responses: int, options: EstimatorOptions
+        self,
+        kind: EstimatorKind,
+        layout: Layout,
+        *,
+        drives: int,
+        responses: int,
+        options: EstimatorOptions,
+        taken_off: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> None:
         if kind is EstimatorKind.H2 and drives != responses:
             raise ValueError(
@@ -87,8 +97,9 @@ class Estimation:
             self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
             degrees_of_freedom(self._local, equations=self._local.equations_to_come)
         self._used = UsedStretches(layout)
-        self._drive_check = ChannelCheck(drives, name="drive", of_drive=True)
-        self._response_check = ChannelCheck(responses, name="response", of_drive=False)
+        of_drives, of_responses = taken_off or (None, None)
+        self._drive_check = ChannelCheck(drives, name="drive", of_drive=True, taken_off=of_drives)
+        self._response_check = ChannelCheck(responses, name="response", of_drive=False, taken_off=of_responses)
         self._periodicity = PeriodicityCheck(layout, responses=responses)
 
     def add(self, drive: ArrayLike, response: ArrayLike) -> None:
@@ -164,6 +175,8 @@ def estimate(
     response: ArrayLike,
     layout: Layout,
     options: EstimatorOptions | None = None,
+    *,
+    taken_off: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> FrfEstimate:
     """Estimate an FRF matrix from the record of an experiment.
 
@@ -179,6 +192,8 @@ def estimate(
         Of the drive.
     options
         Of the local methods; their defaults where None.
+    taken_off
+        See `Estimation`.
 
     Returns
     -------
@@ -196,7 +211,12 @@ def estimate(
     """
     inputs, outputs = np.atleast_2d(drive), np.atleast_2d(response)
     running = Estimation(
-        kind, layout, drives=inputs.shape[0], responses=outputs.shape[0], options=options or EstimatorOptions()
+        kind,
+        layout,
+        drives=inputs.shape[0],
+        responses=outputs.shape[0],
+        options=options or EstimatorOptions(),
+        taken_off=taken_off,
     )
     running.add(inputs, outputs)
     return running.estimate()

@@ -28,10 +28,16 @@ class ChannelCheck:
         What a channel is called in a sentence: "drive" or "response".
     of_drive
         Whether the warnings concern drives.
+    taken_off
+        Shape (channels): what was taken off each channel before; sentences tell the values that were measured. Nothing
+        where not given.
     """
 
-    def __init__(self, channels: int, *, name: str, of_drive: bool) -> None:
+    def __init__(
+        self, channels: int, *, name: str, of_drive: bool, taken_off: NDArray[np.float64] | None = None
+    ) -> None:
         self._name, self._of_drive = name, of_drive
+        self._taken_off = np.zeros(channels) if taken_off is None else taken_off
         self._samples = 0
         self._tops = _FlatTops(channels, sign=1.0)
         self._bottoms = _FlatTops(channels, sign=-1.0)
@@ -87,7 +93,7 @@ class ChannelCheck:
         highest, lowest = self._tops.extreme + 0.0, -self._bottoms.extreme  # never a minus zero in a sentence
         dead = np.flatnonzero(highest - lowest < SMALLEST_MAGNITUDE)
         if dead.size:
-            values = ", ".join(f"{self._name} {row} stays at {highest[row]:g}" for row in dead)
+            values = ", ".join(f"{self._name} {row} stays at {highest[row] + self._taken_off[row]:g}" for row in dead)
             raise ValueError(
                 f"These channels are dead: {values}; "
                 + ("excite every drive." if self._of_drive else "check their sensors or leave them out.")
@@ -97,11 +103,11 @@ class ChannelCheck:
 
     def _clipped(self, row: int, flat: int) -> ModelWarning:
         share = flat / self._samples
+        lowest, highest = np.array([-self._bottoms.extreme[row], self._tops.extreme[row]]) + self._taken_off[row]
         return ModelWarning(
             WarningCode.CLIPPED,
             f"{self._name.capitalize()} {row} is clipped: {100.0 * share:.3g} % of its samples stand in flat tops at "
-            f"{-self._bottoms.extreme[row]:g} or {self._tops.extreme[row]:g}; the FRF is distorted: widen its range or "
-            "lower the level.",
+            f"{lowest:g} or {highest:g}; the FRF is distorted: widen its range or lower the level.",
             channel=row,
             of_drive=self._of_drive,
             size=share,

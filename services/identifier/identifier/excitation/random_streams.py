@@ -6,7 +6,10 @@ import numpy as np
 
 
 class Purpose(IntEnum):
-    """What a stream is for; part of its key, so that no two purposes share numbers."""
+    """What a stream is for: the first number of its key.
+
+    Pure random, which draws nothing else, has the drive's number in its place.
+    """
 
     DRIVE_PHASES = 1
     EXPERIMENT_PHASES = 2

@@ -23,11 +23,12 @@ class Convergence:
     frequency
         Shape (lines), in hertz.
     spectral_radius
-        Shape (lines): of ``I - [I + H Delta]^-1 Q`` for the likeliest rig; it converges if and only if this is below 1.
+        Shape (lines): of ``I - H Hm^+ Q``, ``Hm`` the model, for the likeliest rig; it converges if and only if this is
+        below 1.
     spectral_radius_95
         Shape (lines): what 95 % of the rigs that the uncertainty allows stay below.
     largest_singular_value
-        Shape (lines): of the same matrix, responses scaled to their RMS; below 1 the error falls monotonely.
+        Shape (lines): of the same matrix, responses scaled to their RMS; below 1 the error falls in every iteration.
     converging_share
         Share of the rigs drawn that converge at every line, 0 to 1.
     """
@@ -57,12 +58,13 @@ class Convergence:
                 "for longer or take smaller gains."
             )
         return (
-            f"It converges: the error falls at least by the factor {bound:.3g} in each iteration, slowest at {where}."
+            f"It converges: in the long run the error falls by the factor {bound:.3g} or more in each iteration, "
+            f"slowest at {where}."
         )
 
 
 def spectral_radius(rig: ArrayLike, *, model: ArrayLike, gain: ArrayLike) -> NDArray[np.float64]:
-    """Spectral radius of ``I - [I + H Delta]^-1 Q = I - H Hm^+ Q`` at each line, ``Hm`` the model (Eq. 6).
+    """Spectral radius of ``I - H Hm^+ Q = I - [I + Hm (H^+ - Hm^+)]^-1 Q`` at each line, ``Hm`` the model (Eq. 6).
 
     With more responses than drives it is that of the part of the error which the drives can reach.
 
