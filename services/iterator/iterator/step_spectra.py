@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iterator.iteration_history import IterationHistory, Playback
-from spectra import CrossSpectra, count_blocks, hann_periodic, independent_averages, smooth_lines
+from spectra import CrossSpectra, count_blocks, hann_periodic, hop_samples, independent_averages, smooth_lines
 
 SMOOTHED_LINES: Final = 5
 """Lines that a smoothed one is made of."""
@@ -68,7 +68,7 @@ class StepBlocks:
 
     def independent_averages(self, samples: int) -> float:
         """Return how many independent blocks the spectra of a step of so many samples are averaged over."""
-        hop = round(self.block_samples * (1.0 - self.overlap))
+        hop = hop_samples(self.block_samples, self.overlap)
         blocks = count_blocks(samples + self.block_samples, self.block_samples, self.overlap)
         return independent_averages(hann_periodic(self.block_samples), hop, blocks)
 

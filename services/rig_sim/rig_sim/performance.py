@@ -118,9 +118,12 @@ class Performance:
                 self._poses.flush()
             publisher.close()
         self._log.info("played", run=request.run, seconds=seconds, real_time_factor=factor)
+        return self._result(request.run, playback, publish, factor)
+
+    def _result(self, run: str, playback: PlayableRun, publish: _Publishing, factor: float) -> rig_pb2.PlayResult:
         return rig_pb2.PlayResult(
-            run=request.run,
-            response=to_record(self._responses, rate, playback.response),
+            run=run,
+            response=to_record(self._responses, self._rig.specimen.sample_rate, playback.response),
             actuators=[
                 rig_pb2.ActuatorUse(
                     drive=use.drive,
@@ -132,7 +135,7 @@ class Performance:
                 )
                 for use in playback.uses()
             ],
-            epoch=publisher.epoch,
+            epoch=publish.publisher.epoch,
             blocks=publish.blocks,
             real_time_factor=factor,
         )
