@@ -7,11 +7,13 @@ import synthetic_campaign
 from test_catalogue import information
 
 from duralab.cli.run_display import RunDisplay
-from duralab.lab_status import lab_status
+from duralab.cli.status_command import _service_table
+from duralab.health import Figure, ServiceHealth
+from duralab.lab_status import LabStatus, lab_status
 from duralab.rig_state import RigMode
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import FaultError
+from labbus import FaultError, FigureKind
 
 ALL = {("rig_sim", "front_axle"), ("identifier", "main"), ("iterator", "main"), ("recorder", "main")}
 
@@ -55,6 +57,16 @@ def test_a_service_that_is_gone_is_named(service):
     assert found.missing == (service,)
     assert not found.whole
     assert (found.recorder is None) == (service == "recorder")
+
+
+def test_of_a_rigs_figures_its_own_is_shown():
+    figure = Figure("duralab_rig_real_time_factor", "", FigureKind.GAUGE, {"rig": "played"}, 120.0)
+    waiting = Figure("duralab_queries_waiting", "", FigureKind.GAUGE, {}, 3.0)
+    services = tuple(ServiceHealth("rig_sim", rig, figures=(figure, waiting)) for rig in ("idle", "played"))
+    table = _service_table(LabStatus(missing=(), services=services, rigs=(), campaigns=(), recorder=None))
+    shown = {column.header: list(column.cells) for column in table.columns}
+    assert shown["× real time"] == ["", "120"]
+    assert shown["waiting"] == ["3", "3"]
 
 
 def test_a_rig_that_does_not_answer_hides_none_of_the_rest():

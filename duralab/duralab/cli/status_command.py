@@ -16,6 +16,7 @@ from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
 from duralab.cli.run_display import remaining_words
 from duralab.errors import LabError
+from duralab.health import ServiceHealth
 from duralab.lab_opening import join_bus
 from duralab.lab_status import LabStatus, lab_status
 from duralab.rig_state import RigMode
@@ -29,6 +30,7 @@ _FIGURES = {
     "duralab_rig_real_time_factor": "× real time",
 }
 """What is shown of each service that tells it, by the name that Prometheus knows too."""
+_OF_A_RIG = "duralab_rig_"
 _MEBIBYTE = 1024 * 1024
 _STYLES = {RigMode.INTERLOCKED: "bold red", RigMode.UNKNOWN: "red", RigMode.PLAYING: "green"}
 
@@ -90,11 +92,16 @@ def _service_table(found: LabStatus) -> Table:
     table.add_column("trouble", overflow="fold")
     for health in found.services:
         name = health.service if health.instance == MAIN_INSTANCE else f"{health.service} {health.instance}"
-        values = [health.value(figure) for figure in _FIGURES]
+        values = [_value(health, figure) for figure in _FIGURES]
         shown = ["" if value is None else f"{value:.3g}" for value in values]
         up = "" if math.isnan(health.up_seconds) else f"{timedelta(seconds=round(health.up_seconds))}"
         table.add_row(name, up, *shown, health.trouble)
     return table
+
+
+def _value(health: ServiceHealth, figure: str) -> float | None:
+    """Return a figure of a service: of a rig its own, though all rigs of one process tell those of each other."""
+    return health.value(figure, rig=health.instance) if figure.startswith(_OF_A_RIG) else health.value(figure)
 
 
 def _rig_table(found: LabStatus) -> Table:
