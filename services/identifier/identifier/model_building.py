@@ -106,7 +106,9 @@ def model_of(
     filled, band = fill_lines(estimate), valid_band(layout)
     names = [channel.name for channel in rig.responses]
     if levels is not None:
-        verdicts = separated_verdicts(levels, responses=names)
+        transients = [warning.channel for warning in estimate.warnings if warning.code is WarningCode.TRANSIENT]
+        unsettled = {channel for channel in transients if channel is not None}
+        verdicts = separated_verdicts(levels, responses=names, unsettled=unsettled)
     elif not has_other_phases(layout) or not np.any(estimate.degrees_of_freedom > 0.0):
         verdicts = unknown_verdicts(responses=names)
     else:
@@ -173,8 +175,6 @@ def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWa
     return identifier_pb2.ModelWarning(
         code=_WARNING_CODES.get(warning.code, identifier_pb2.MODEL_WARNING_CODE_OTHER),
         channel=name,
-        lowest_frequency=warning.lowest or 0.0,
-        highest_frequency=warning.highest or 0.0,
         sentence=with_names(warning.sentence, rig),
     )
 

@@ -60,6 +60,11 @@ def test_a_linear_plant_with_noise_is_noisy_and_not_nonlinear():
         assert sentence.startswith("No nonlinearity beyond the noise in ")
 
 
+def test_of_a_response_that_is_not_settled_the_verdict_says_that_it_may_be_the_transient():
+    sentences = separated_verdicts(played(SETTINGS, linear, noise=0.1), responses=("a", "b"), unsettled={1})
+    assert ["transient" in sentence for sentence in sentences] == [False, True]
+
+
 def test_a_linear_plant_without_noise_has_neither():
     levels = played(SETTINGS, linear)
     floor = 1e-20 * np.max(levels.response_psd)

@@ -51,8 +51,6 @@ class ModelWarning:
         Whether `channel` counts drives; responses otherwise.
     size
         Share between 0 and 1 (clipped: of the samples; transient: of the channel's RMS), None where there is none.
-    lowest, highest
-        Frequencies it concerns, in hertz; None where it is all of them.
     """
 
     code: WarningCode
@@ -60,8 +58,6 @@ class ModelWarning:
     channel: int | None = None
     of_drive: bool = False
     size: float | None = None
-    lowest: float | None = None
-    highest: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """How linear a rig is, in plain words: one sentence for each response."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,7 +132,9 @@ def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDAr
     return share(levels.odd_psd, levels.left_out_noise_psd), share(levels.even_psd, levels.left_out_noise_psd)
 
 
-def separated_verdicts(levels: DistortionLevels, *, responses: Sequence[str]) -> tuple[str, ...]:
+def separated_verdicts(
+    levels: DistortionLevels, *, responses: Sequence[str], unsettled: Collection[int] = ()
+) -> tuple[str, ...]:
     """Say how nonlinear and how noisy each response is.
 
     Parameters
@@ -141,6 +143,9 @@ def separated_verdicts(levels: DistortionLevels, *, responses: Sequence[str]) ->
         From the robust method.
     responses
         Names of the channels, in order.
+    unsettled
+        Those, by number, of which a transient is left in the captures: it changes from period to period and from one
+        experiment to the next, as noise and distortion do.
 
     Returns
     -------
@@ -152,6 +157,8 @@ def separated_verdicts(levels: DistortionLevels, *, responses: Sequence[str]) ->
     for i, name in enumerate(responses):
         channel = name.replace("_", " ")
         share = f"noise {_percent(noise.over_band[i])} over the band"
+        if i in unsettled:
+            share += "; a transient that is left counts as either, so take more delay blocks to tell"
         parity = "" if left_out is None else f" (odd {_percent(left_out[0][i])}, even {_percent(left_out[1][i])})"
         if nonlinear.worst_frequency[i] > 0.0:
             sentences.append(
