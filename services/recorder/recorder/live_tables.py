@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from duralab_proto.v1 import iterator_pb2, rig_pb2
@@ -36,10 +37,10 @@ COLUMNS_SHOWN = 7
 
 
 def best_iteration(iterations: Sequence[iterator_pb2.IterationMetrics]) -> int:
-    """Return the number of the iteration with the smallest overall error; 0 where there is none."""
-    if not iterations:
-        return 0
-    return min(iterations, key=lambda metrics: metrics.overall_relative_rms_error).iteration
+    """Return the number of the playback of the whole target with the smallest overall error; 0 where there is none."""
+    # Older recordings tell no level: all of them played the whole target.
+    whole = [metrics for metrics in iterations if metrics.level in (0.0, 1.0)]
+    return min(whole, key=lambda metrics: metrics.overall_relative_rms_error).iteration if whole else 0
 
 
 def error_table(iterations: Sequence[iterator_pb2.IterationMetrics]) -> str:
@@ -52,6 +53,9 @@ def error_table(iterations: Sequence[iterator_pb2.IterationMetrics]) -> str:
         shown = [shown[0], *shown[1 - COLUMNS_SHOWN :]]
 
     def cell(value: float, iteration: int) -> str:
+        if math.isnan(value):
+            # A watched channel without a target.
+            return "–"
         text = f"{100 * value:.1f}"
         return f"**{text}**" if iteration == best else text
 

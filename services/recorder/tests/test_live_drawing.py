@@ -115,6 +115,24 @@ def test_the_best_iteration_is_bold(campaign):
     assert table.splitlines()[2] == "| left_vertical | 50.0 | **10.0** | 20.0 |"
 
 
+def at_level(metrics, level):
+    metrics.level = level
+    return metrics
+
+
+def test_only_a_playback_of_the_whole_target_is_the_best(campaign):
+    half, whole = at_level(campaign.metrics(1, 0.1), 0.5), at_level(campaign.metrics(2, 0.4), 1.0)
+    assert "**" not in error_table([half])
+    assert error_table([half, whole]).splitlines()[2] == "| left_vertical | 10.0 | **40.0** |"
+
+
+def test_a_watched_channel_without_a_target_has_no_error(campaign):
+    metrics = campaign.metrics(1, 0.2)
+    metrics.channels[1].watched = True
+    metrics.channels[1].relative_rms_error = float("nan")
+    assert error_table([metrics]).splitlines()[3] == "| right_vertical | – |"
+
+
 def test_a_long_table_shows_the_first_and_the_last_iterations(campaign):
     table = error_table([campaign.metrics(number, 0.5) for number in range(1, 20)])
     header = table.splitlines()[0]
