@@ -20,6 +20,8 @@ _OUTCOMES = {
     iterator_pb2.OUTCOME_REACHED: "every channel is at or below the asked error",
     iterator_pb2.OUTCOME_ITERATIONS_USED: "all playbacks were used",
     iterator_pb2.OUTCOME_DIVERGED: "the error grew: diverged",
+    iterator_pb2.OUTCOME_NO_IMPROVEMENT: "the last playbacks improved the best error too little",
+    iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: "one more playback would do more damage than is allowed",
 }
 
 _MODES = {

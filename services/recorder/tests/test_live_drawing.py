@@ -147,6 +147,15 @@ def test_a_fault_is_told(campaign):
     assert "The rig is interlocked." in status_document(status, [])
 
 
+def test_every_outcome_is_told_in_words_of_its_own(campaign):
+    told = set()
+    for outcome in iterator_pb2.Outcome.values():
+        status = campaign.status(iterator_pb2.CAMPAIGN_PHASE_FINISHED)
+        status.outcome = outcome
+        told.add(status_document(status, []))
+    assert len(told) == len(iterator_pb2.Outcome.values())
+
+
 def test_a_latched_interlock_is_the_heading_with_its_reason(campaign):
     state = campaign.state(rig_pb2.RIG_MODE_INTERLOCKED, reason="left_vertical left its limit")
     document = status_document(campaign.status(iterator_pb2.CAMPAIGN_PHASE_ITERATING), [], state=state)
