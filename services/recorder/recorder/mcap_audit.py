@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from google.protobuf.message import DecodeError
 from mcap.records import Footer
 from mcap.stream_reader import StreamReader
 
 from duralab_proto.v1 import recorder_pb2
-from recorder.mcap_damage import DAMAGE
+from recorder.mcap_damage import DAMAGE, reason_of
+from recorder.mcap_ending import check_begin
 from recorder.recording_content import Content
 from recorder.recording_files import sha256_of
 from recorder.step_types import type_name_of
@@ -110,6 +110,7 @@ def _read_file(found: Audit, path: Path) -> None:
     first = found.content.messages
     before = len(found.findings)
     try:
+        check_begin(path)
         with path.open("rb") as stream:
             for record in StreamReader(stream, validate_crcs=True).records:
                 if isinstance(record, Footer):
@@ -118,11 +119,9 @@ def _read_file(found: Audit, path: Path) -> None:
                     found.content.take(record)
             if footer is not None and not _index_is_sound(path, footer):
                 found.findings.append(f"The index at the end of {path.name} is damaged.")
-    except (*DAMAGE, DecodeError) as error:
+    except DAMAGE as error:
         messages = found.content.messages - first
-        found.findings.append(
-            f"The file {path.name} is damaged or ends after {messages} messages: {error}".rstrip(".") + "."
-        )
+        found.findings.append(f"The file {path.name} is damaged or ends after {messages} messages: {reason_of(error)}.")
     except MemoryError:
         # The reader believes a length inside a chunk; a flipped bit makes it larger than any memory.
         found.findings.append(f"The file {path.name} is damaged: a length in it is impossible.")

@@ -85,6 +85,14 @@ def is_finished(path: Path) -> bool:
         return (opcode, length) == (Opcode.FOOTER, _FOOTER_BYTES) and stream.read()[-len(MAGIC) :] == MAGIC
 
 
+def check_begin(path: Path) -> None:
+    """Raise McapError where a file begins otherwise than an MCAP file, be it as short as it may."""
+    with path.open("rb") as stream:
+        begin = stream.read(len(MAGIC))
+    if not MAGIC.startswith(begin):
+        raise McapError("it does not begin as an MCAP file")
+
+
 def scan(path: Path, take: Take) -> Unfinished:
     """Read a file from its start as far as it is whole, with all checksums, one record in memory at a time.
 

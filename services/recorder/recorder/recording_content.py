@@ -70,7 +70,7 @@ class Content:
         self._schemas, self._channels = {}, {}
 
     def take(self, record: McapRecord) -> None:
-        """Add a record; raises one of DAMAGE, or a DecodeError, where it is not what a recorder writes."""
+        """Add a record; raises one of DAMAGE where it is not what a recorder writes."""
         match record:
             case Schema():
                 self._schemas[record.id] = record.name

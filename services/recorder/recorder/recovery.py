@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Final
 
 import structlog
-from google.protobuf.message import DecodeError
 from mcap.reader import SeekingReader
 
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
-from recorder.mcap_damage import DAMAGE
-from recorder.mcap_ending import MAGIC, finish, is_finished, scan
+from recorder.mcap_damage import DAMAGE, reason_of
+from recorder.mcap_ending import check_begin, finish, is_finished, scan
 from recorder.mcap_log import sync_folder
 from recorder.recording import Recording, Stored
 from recorder.recording_content import SCENARIO_METADATA, STEP_TOPIC, Content
@@ -99,8 +98,8 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
             content.begin_file()
             if not _repair(files[-1], content, name=name, keep_original=keep_original, reason=reason):
                 _put_aside(files.pop())
-    except (*DAMAGE, DecodeError) as error:
-        raise _unreadable(name, files[-1], str(error)) from error
+    except DAMAGE as error:
+        raise _unreadable(name, files[-1], reason_of(error)) from error
     if not files:
         return None
     if not content.steps:
@@ -155,10 +154,7 @@ def _take_over(content: Content, summary: Summary) -> None:
 
 def _repair(path: Path, content: Content, *, name: str, keep_original: bool, reason: str) -> bool:
     """Give a file an ending; return False where it was only begun and there is nothing in it to end."""
-    with path.open("rb") as stream:
-        begin = stream.read(len(MAGIC))
-    if not MAGIC.startswith(begin):
-        raise ValueError("it is no MCAP file")
+    check_begin(path)
     found = scan(path, content.take)
     if not content.messages:
         return False

@@ -14,7 +14,7 @@ from mcap.records import Channel, ChunkIndex
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
 from recorder.file_index import count_messages, index_of, last_metadata, messages_of
-from recorder.mcap_damage import DAMAGE
+from recorder.mcap_damage import DAMAGE, reason_of
 from recorder.mcap_ending import is_finished
 from recorder.recording_content import EPOCH, STEP_TOPIC
 from recorder.recording_files import files_of
@@ -70,13 +70,13 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
                 field="run",
             )
         blocks, first, last = _blocks(places, request)
+        return _joined(request.run, blocks, first=first, last=last, channels=channels)
     except DAMAGE as error:
         raise RefusedError(
             query_pb2.FAULT_CODE_DATA_LOSS,
-            f"Recording {name!r} is damaged: {error}; `verify` says more.",
+            f"Recording {name!r} is damaged: {reason_of(error)}; `verify` says more.",
             field="recording",
         ) from error
-    return _joined(request.run, blocks, first=first, last=last, channels=channels)
 
 
 def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:

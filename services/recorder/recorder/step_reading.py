@@ -11,7 +11,7 @@ from mcap.records import ChunkIndex, Message
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from recorder.file_index import count_messages, index_of, messages_of
-from recorder.mcap_damage import DAMAGE
+from recorder.mcap_damage import DAMAGE, reason_of
 from recorder.recording_content import STEP_TOPIC
 from recorder.refused import RefusedError, invalid
 
@@ -64,7 +64,7 @@ def read_steps(
             answer.steps.append(step)
             room -= len(step.payload)
     except DAMAGE as error:
-        raise _damaged(name, str(error).rstrip(".") or type(error).__name__) from error
+        raise _damaged(name, reason_of(error)) from error
     return answer
 
 

@@ -99,6 +99,20 @@ def test_a_run_that_was_broken_off_is_told_how_far_it_goes(tmp_path, campaign, s
         window(tmp_path, 1.0, 1.0)
 
 
+def test_a_block_that_cannot_be_decoded_is_damage_and_no_wrong_request(tmp_path, campaign, step_of, monkeypatch):
+    archive = begun(tmp_path, campaign, step_of)
+    blocks = campaign.blocks(RUN)
+    # Its checksum is right: it was stored like that.
+    blocks[1].response.data = blocks[1].response.data[:-3]
+    monkeypatch.setattr("recorder.archive.check_block", lambda *_, **__: None)
+    for seq, block in enumerate(blocks):
+        archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, block))
+    archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="done")))
+    with pytest.raises(RefusedError, match="is damaged: response has") as caught:
+        window(tmp_path, 0.6, 0.2)
+    assert caught.value.code == query_pb2.FAULT_CODE_DATA_LOSS
+
+
 def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(tmp_path, campaign, step_of):
     archive = begun(tmp_path, campaign, step_of)
     key = Keys().rig_signal(campaign.rig, RUN)
