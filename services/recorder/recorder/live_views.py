@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
@@ -12,7 +12,7 @@ import structlog
 from google.protobuf.message import Message
 
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from recorder.live_rebuild import show_log
+from recorder.live_rebuild import UnreadableFileError, show_log
 from recorder.live_stream import release_streams
 from recorder.live_view import LiveView
 from recorder.recording_files import Part, files_of, recording_path
@@ -106,11 +106,18 @@ class LiveViews:
             # A recorder that was started again goes on with a recording: the view begins with what its log holds.
             before = files_of(self._folder, recording) if path is not None and path.exists() else []
             view = LiveView(recording, file=path, viewer=self._viewer)
-            show_log(view, before)
+            self._show_before(view, recording, before)
             return view
         except Exception:  # noqa: BLE001 - Rerun raises what it likes; none of it may harm the recording
             self._log.exception("the live view cannot be opened", recording=recording)
             return None
+
+    def _show_before(self, view: LiveView, recording: str, files: Sequence[Path]) -> None:
+        try:
+            show_log(view, files)
+        except UnreadableFileError as error:
+            # What comes from now on is drawn all the same.
+            self._log.warning("the live view lacks what is damaged in the log", recording=recording, why=str(error))
 
     def _close(self, recording: str) -> None:
         view = self._views.pop(recording, None)

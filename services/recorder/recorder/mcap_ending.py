@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.exceptions import McapError
+from mcap.exceptions import InvalidMagic, McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -86,11 +86,11 @@ def is_finished(path: Path) -> bool:
 
 
 def check_begin(path: Path) -> None:
-    """Raise McapError where a file begins otherwise than an MCAP file, be it as short as it may."""
+    """Raise InvalidMagic where a file begins otherwise than an MCAP file, be it as short as it may."""
     with path.open("rb") as stream:
         begin = stream.read(len(MAGIC))
     if not MAGIC.startswith(begin):
-        raise McapError("it does not begin as an MCAP file")
+        raise InvalidMagic(begin)
 
 
 def scan(path: Path, take: Take) -> Unfinished:

@@ -7,30 +7,51 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from recorder.live_rebuild import recording_of, show_log
+from recorder.live_rebuild import Shown, UnreadableFileError, recording_of, show_log
 from recorder.live_view import LiveView
-from recorder.mcap_damage import DAMAGE
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the view of a recording; 0 where it is written."""
+    """Write the view of a recording; 0 where it is written, also of a file that was cut off, which is told of."""
     parser = argparse.ArgumentParser(description="Make the live view of a recording again from its log.")
     parser.add_argument("files", type=Path, nargs="+", help="the recording's files, the first one first")
     parser.add_argument("--out", type=Path, required=True, help="the .rrd file to write")
     given = parser.parse_args(arguments)
     try:
-        view = LiveView(recording_of(given.files), file=given.out, viewer=None)
-        try:
-            shown = show_log(view, given.files)
-        finally:
-            view.close()
-    except (OSError, *DAMAGE) as error:
-        sys.stderr.write(f"The recording {given.files[0]} cannot be shown: {error}.\n")
-        return 1
-    if not shown:
-        sys.stderr.write(f"The recording {given.files[0]} cannot be shown: it holds no message that has a picture.\n")
-        return 1
+        shown = _write(given.files, given.out)
+    except UnreadableFileError as error:
+        return _refuse(given.files, str(error))
+    except OSError as error:
+        return _refuse(given.files, f"{error.filename} cannot be read ({error.strerror}); give its .mcap files")
+    except RuntimeError as error:
+        # Of Rerun; those of a damaged file are told above.
+        return _refuse(given.files, f"its view {given.out} cannot be written ({error}); give another --out")
+    if not shown.messages:
+        return _refuse(given.files, "it holds no message that has a picture")
+    for path in shown.cut:
+        sys.stderr.write(
+            f"The file {path} has no end and is shown as far as it is whole; where its recorder was killed, it repairs "
+            "the file when it is started again.\n"
+        )
     return 0
+
+
+def _write(files: Sequence[Path], out: Path) -> Shown:
+    """Write the view; nothing is left where it is not that of the whole recording."""
+    view = LiveView(recording_of(files), file=out, viewer=None)
+    shown = Shown()
+    try:
+        shown = show_log(view, files)
+    finally:
+        view.close()
+        if not shown.messages and out.is_file():
+            out.unlink()
+    return shown
+
+
+def _refuse(files: Sequence[Path], why: str) -> int:
+    sys.stderr.write(f"The recording {files[0]} cannot be shown: {why}.\n")
+    return 1
 
 
 if __name__ == "__main__":

@@ -190,12 +190,6 @@ def test_the_view_of_a_log_is_the_view_that_was_watched(
     assert "/rig/lines" in " ".join(entities[0])
 
 
-def test_a_log_that_is_none_is_told(tmp_path, capsys):
-    (tmp_path / "x.mcap").write_bytes(b"hello, this is no recording")
-    assert rebuild_view.main([str(tmp_path / "x.mcap"), "--out", str(tmp_path / "x.rrd")]) == 1
-    assert "cannot be shown" in capsys.readouterr().err
-
-
 def test_a_recorder_that_goes_on_with_a_recording_shows_all_of_it(
     tmp_path, campaign, rerun_program, viewer_environment
 ):
