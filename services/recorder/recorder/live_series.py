@@ -14,6 +14,7 @@ from typing import Any, Final, TypeAlias
 import rerun as rr
 
 from duralab_proto.v1 import array_pb2
+from recorder.live_playbacks import Playback
 
 RUN_TIME: Final = "run_time"
 """Timeline of all signals: time since the start of the playback."""
@@ -21,7 +22,7 @@ RUN_TIME: Final = "run_time"
 ITERATION: Final = "iteration"
 """Timeline of the figures, which the bar charts show as well."""
 
-TARGET: Final = "0 target"
+TARGET: Final = Playback("0 target")
 """Playback of the curve that every response is held against. Curves are drawn in the order of their paths: the digit
 puts the target beneath the responses, where its broad line stays visible on both sides of them."""
 
@@ -60,6 +61,8 @@ class Look(Enum):
     LATEST = "latest"
     FIRST = "first"
     EARLIER = "earlier"
+    REPEATED = "repeated"
+    """Of an attempt after which another one came."""
 
 
 @dataclass(frozen=True)
@@ -72,32 +75,36 @@ class Curve:
         What it is.
     channel : str
         Name of the channel, as the rig describes it.
-    playback : str
-        `TARGET`, or the name of the playback within its campaign.
+    playback : Playback
+        `TARGET`, or a playback of the campaign.
     """
 
     group: Group
     channel: str
-    playback: str
+    playback: Playback
 
     @property
     def path(self) -> str:
         """Its entity path; names from outside are escaped, so that none of them can add levels to the tree."""
         return f"{self.group.value}/{rr.escape_entity_path_part(self.channel)}/" + rr.escape_entity_path_part(
-            self.playback
+            self.playback.entity
         )
 
     def style(self, look: Look) -> rr.SeriesLines:
         """Return how it is drawn: name, colour, width, and whether before a click in the legend."""
+        name = self.playback.name
         match look:
             case Look.TARGET:
                 return _line(names="target", colors=TARGET_COLOUR, widths=4.0)
             case Look.LATEST:
-                return _line(names=f"{self.playback} (latest)", colors=LATEST_COLOUR, widths=1.2)
+                return _line(names=f"{name} (latest)", colors=LATEST_COLOUR, widths=1.2)
             case Look.FIRST:
-                return _line(names=f"{self.playback} (first)", colors=FIRST_COLOUR, widths=0.8)
+                return _line(names=f"{name} (first)", colors=FIRST_COLOUR, widths=0.8)
             case Look.EARLIER:
-                return _line(names=self.playback, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
+                return _line(names=name, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
+            case Look.REPEATED:
+                told = f"{name} (attempt {self.playback.attempt})"
+                return _line(names=told, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
 
 
 def _line(**look: Any) -> rr.SeriesLines:

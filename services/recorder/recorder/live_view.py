@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -22,6 +21,7 @@ from recorder.live_figures import draw_figures, dress_figures
 from recorder.live_frf import draw_frf
 from recorder.live_limits import DriveLimits
 from recorder.live_pieces import Piece
+from recorder.live_playbacks import Playback, iteration, playback_of
 from recorder.live_rig import RigDrawing
 from recorder.live_scene import read_scene
 from recorder.live_series import RUN_TIME, TARGET, Curve, Group, Look, with_unit
@@ -61,7 +61,7 @@ class LiveView:
         self._description: rig_pb2.RigDescription | None = None
         self._status: iterator_pb2.CampaignStatus | None = None
         self._iterations: list[iterator_pb2.IterationMetrics] = []
-        self._playbacks: dict[Group, list[str]] = {group: [] for group in Group}
+        self._playbacks: dict[Group, list[Playback]] = {group: [] for group in Group}
         self._pending: Piece[rig_pb2.SignalBlock] = Piece()
         self._log_lines: deque[str] = deque(maxlen=LOG_LINES)
         self._state: rig_pb2.RigState | None = None
@@ -107,7 +107,7 @@ class LiveView:
     def show_pose(self, block: rig_pb2.PoseBlock) -> None:
         """Move the rig; poses of playbacks of the target's drive stay on the timeline, the newest over the others."""
         if self._rig is not None:
-            self._rig.show(block, on_run_time=_is_iteration(block.run.removeprefix(f"{self._recording}.")))
+            self._rig.show(block, on_run_time=playback_of(block.run, recording=self._recording).is_iteration)
 
     def show_block(self, block: rig_pb2.SignalBlock) -> None:
         """Draw a block of a playback, together with its neighbours."""
@@ -188,13 +188,20 @@ class LiveView:
             return
         channels, sample_rate, measured = from_record(step.response, field="response")
         response = from_array(step.response_in_band, field="response_in_band", shape=measured.shape, dtype=np.float64)
-        playback = _iteration_name(step.iteration)
+        playback = self._played(step)
         self._dress(Group.RESPONSE, [channel.name for channel in channels], playback)
         for row, channel in enumerate(channels):
             self._send(Curve(Group.RESPONSE, channel.name, playback), response[row], start=0.0, sample_rate=sample_rate)
         self._iterations.append(step.metrics)
         draw_figures(self._stream, self._iterations)
         self._write_status()
+
+    def _played(self, step: iterator_pb2.IterationStep) -> Playback:
+        """Return the attempt that a step tells the result of, so that its response stands beside its measured one."""
+        own = iteration(step.iteration)
+        told = playback_of(step.run, recording=self._recording)
+        # A step that was taken over names a run of another recording.
+        return told if told.name == own.name else own
 
     def _draw_pending(self) -> None:
         if self._rig is not None:
@@ -203,7 +210,7 @@ class LiveView:
         if not blocks or self._description is None:
             return
         first = blocks[0]
-        playback = _playback_name(first.run.removeprefix(f"{self._recording}."))
+        playback = playback_of(first.run, recording=self._recording)
         start = first.first_sample / first.sample_rate
         for group, channels, field in (
             (Group.DRIVE, self._description.drives, "drive"),
@@ -217,7 +224,7 @@ class LiveView:
             if group is Group.DRIVE and self._limits is not None:
                 self._limits.reach(start + samples.shape[1] / first.sample_rate)
 
-    def _dress(self, group: Group, channels: Sequence[str], playback: str) -> None:
+    def _dress(self, group: Group, channels: Sequence[str], playback: Playback) -> None:
         """Let the newest playback of a group stand out and hide the one before it, once for each playback."""
         earlier = self._playbacks[group]
         if playback in earlier:
@@ -226,6 +233,8 @@ class LiveView:
             if earlier:
                 # The first response shows how far the iteration has come; other earlier curves would only hide it.
                 look = Look.FIRST if len(earlier) == 1 and group is Group.RESPONSE else Look.EARLIER
+                if playback.repeats(earlier[-1]):
+                    look = Look.REPEATED
                 curve = Curve(group, channel, earlier[-1])
                 self._stream.log(curve.path, curve.style(look), static=True)
             curve = Curve(group, channel, playback)
@@ -246,20 +255,6 @@ class LiveView:
 
     def _write(self, path: str, markdown: str) -> None:
         self._stream.log(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
-def _iteration_name(iteration: int) -> str:
-    # Two digits, because the viewer sorts by letters.
-    return f"iteration {iteration:02d}"
-
-
-def _playback_name(run: str) -> str:
-    """Return the name of a playback for the legend: "i03" of a run's name is an iteration, anything else is kept."""
-    return _iteration_name(int(run[1:])) if _is_iteration(run) else run
-
-
-def _is_iteration(run: str) -> bool:
-    return re.fullmatch(r"i\d{1,6}", run) is not None
 
 
 def _detail(target: np.ndarray, sample_rate: float) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from headless_viewer import START_SECONDS, picture_of, pixels, viewer_of
 
+from recorder.live_playbacks import iteration
 from recorder.live_series import LATEST_COLOUR, RUN_TIME, Curve, Group, Look
 from recorder.live_stream import close_stream, open_stream, send_blueprint
 
@@ -21,7 +22,7 @@ def spiked_file(tmp_path):
     values[SAMPLES // 2] = 1.0
     path = tmp_path / "spike.rrd"
     stream = open_stream("spike", file=path, viewer=None).stream
-    curve = Curve(Group.DRIVE, "left", "iteration 01")
+    curve = Curve(Group.DRIVE, "left", iteration(1))
     plot = rrb.TimeSeriesView(origin="drive/left", axis_y=rrb.ScalarAxis(range=(-1.0, 1.0), zoom_lock=True))
     hidden = (rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden"), rrb.TimePanel(state="hidden"))
     send_blueprint(stream, rrb.Blueprint(plot, *hidden, auto_layout=False, auto_views=False))

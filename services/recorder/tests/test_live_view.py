@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import re
 import socket
-import subprocess
 import time
 from collections import Counter
 from contextlib import suppress
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 from headless_viewer import START_SECONDS, picture_of, pixels, viewer_of
 from mcap.writer import Writer
+from printed_view import run_rerun
 
 from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
 from recorder import rebuild_view
@@ -63,12 +63,6 @@ def live_file(tmp_path, campaign):
     show_campaign(view, campaign)
     view.close()
     return path
-
-
-def run_rerun(program, environment, *arguments):
-    return subprocess.run(
-        [program, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=120, check=True
-    ).stdout
 
 
 def test_the_file_is_whole_and_holds_every_curve(live_file, rerun_program, viewer_environment):
