@@ -54,7 +54,8 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
     Raises
     ------
     RefusedError
-        INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run, DATA_LOSS where blocks are
+        INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run, FAILED_PRECONDITION where
+        it may lie in a file that is not finished, DATA_LOSS where blocks are
         missing within the window or a file is damaged.
     """
     _check_time(request)
@@ -63,6 +64,7 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
         channels = _Channels.of(_description(folder, name, rig=rig), request.channels)
         places = _of_epoch(list(_places(folder, name, request.run, rig=rig)), epoch)
         if not places:
+            _refuse_unfinished(folder, name)
             raise RefusedError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
                 f"Recording {name!r} holds no finished signals of a run {request.run!r}; its RunPlanned steps name the "
@@ -116,6 +118,19 @@ def _finished_files(folder: Path, name: str) -> list[Path]:
     return [path for path in files_of(folder, name) if is_finished(path)]
 
 
+def _refuse_unfinished(folder: Path, name: str) -> None:
+    """Refuse where what is asked for may lie in a file without an end."""
+    for path in files_of(folder, name):
+        if not is_finished(path):
+            raise RefusedError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"Recording {name!r} is not finished: {path.name} has no end, and signals are read from finished "
+                f"files; go on with it (`duralab resume {name}`), or end the lab and start it again, which ends the "
+                "file where it is whole.",
+                field="recording",
+            )
+
+
 def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
     """Return on which rig a run was announced, and the epoch that was played to its end: empty and 0 where none is."""
     for path in reversed(_finished_files(folder, name)):
@@ -137,6 +152,7 @@ def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription
                     description = rig_pb2.RigDescription.FromString(message.data)
                     if rig in ("", description.rig):
                         return description
+    _refuse_unfinished(folder, name)
     raise RefusedError(
         query_pb2.FAULT_CODE_NOT_FOUND, f"Recording {name!r} holds no description of its rig.", field="recording"
     )

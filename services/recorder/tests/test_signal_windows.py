@@ -113,6 +113,23 @@ def test_a_block_that_cannot_be_decoded_is_damage_and_no_wrong_request(tmp_path,
     assert caught.value.code == query_pb2.FAULT_CODE_DATA_LOSS
 
 
+def test_a_recording_without_an_end_is_said_to_be_not_finished(tmp_path, campaign, step_of):
+    archive = begun(tmp_path, campaign, step_of)
+    archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, 0, campaign.blocks(RUN)[0]))
+    archive.sync()
+    left = tmp_path / "left"
+    left.mkdir()
+    # As a killed recorder leaves it: after a part with the rig's description, and before it.
+    (left / "demo.mcap").write_bytes((tmp_path / "demo.mcap").read_bytes())
+    archive.close()
+    (left / "split.mcap").write_bytes((tmp_path / "demo.mcap").read_bytes())
+    (left / "split.part02.mcap").write_bytes((left / "demo.mcap").read_bytes())
+    for name, run in (("demo", RUN), ("split", "demo.i02")):
+        with pytest.raises(RefusedError, match=rf"is not finished: .*`duralab resume {name}`") as caught:
+            read_window(left, name, recorder_pb2.SignalWindowRequest(run=run, seconds=1.0))
+        assert caught.value.code == query_pb2.FAULT_CODE_FAILED_PRECONDITION
+
+
 def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(tmp_path, campaign, step_of):
     archive = begun(tmp_path, campaign, step_of)
     key = Keys().rig_signal(campaign.rig, RUN)
