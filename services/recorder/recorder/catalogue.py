@@ -20,7 +20,12 @@ _REMEMBERED: Final = 65_536
 
 
 def describe(
-    folder: Path, name: str, *, written: recorder_pb2.RecordingInfo | None = None, hashed: bool = True
+    folder: Path,
+    name: str,
+    *,
+    written: recorder_pb2.RecordingInfo | None = None,
+    waiting: str = "",
+    hashed: bool = True,
 ) -> recorder_pb2.RecordingInfo:
     """Describe a recording by its files.
 
@@ -32,13 +37,16 @@ def describe(
         Its id; its first file is there.
     written : RecordingInfo, optional
         What is known of it by who writes it now; its last file is then not closed.
+    waiting : str
+        Why nothing can be written to it now; empty where it can, and where nobody writes it.
     hashed : bool
         Whether closed files are read for their SHA-256; else it stays empty.
 
     Returns
     -------
     recorder_pb2.RecordingInfo
-        `closed` is false where a file ends without its index, because it is written or its recorder was killed.
+        `closed` is false while it is written, and where its file waits for an end. A file without an end that nobody
+        writes is closed, for nothing comes any more; `ended` tells whether its last step is there.
     """
     files = files_of(folder, name)
     information = recorder_pb2.RecordingInfo(recording=name)
@@ -50,10 +58,12 @@ def describe(
     else:
         found = audit(files)
         information.MergeFrom(_told(found.content.summary_now(name, reason="")))
+        information.closed = not waiting
         information.missing_blocks = found.missing_blocks
     for path in files:
         closed = information.closed or path != files[-1]
         information.files.append(_file(path, hashed=hashed and closed))
+    information.waiting = waiting
     information.bytes = sum(file.bytes for file in information.files)
     information.file = files[0].name
     if len(files) > 1 or information.closed:
@@ -64,6 +74,7 @@ def describe(
 def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
     return recorder_pb2.RecordingInfo(
         steps=summary.steps,
+        ended=summary.ended,
         signal_blocks=summary.signal_blocks,
         missing_blocks=summary.missing_blocks,
         rig=summary.story.rig,
@@ -100,7 +111,6 @@ def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.Recordi
         return None
     information = _told(summary)
     information.closed = True
-    information.ended = summary.ended
     return information
 
 

@@ -160,11 +160,14 @@ class RecorderService:
         return verify(self._folder, name)
 
     def _describe(self, name: str, call: Call, *, hashed: bool = True) -> recorder_pb2.RecordingInfo:
-        written, waiting = self._on_writer(lambda: (self._archive.information(name), self._archive.waiting(name)), call)
-        existing_file(self._folder, name)
-        information = describe(self._folder, name, written=written, hashed=hashed)
-        information.waiting = waiting
-        return information
+        archive = self._archive
+        while True:
+            written, waiting = self._on_writer(lambda: (archive.information(name), archive.waiting(name)), call)
+            existing_file(self._folder, name)
+            information = describe(self._folder, name, written=written, waiting=waiting, hashed=hashed)
+            # Once more where its writing began meanwhile: the file without an end is then not an abandoned one.
+            if written is not None or name not in self._on_writer(archive.open_names, call):
+                return information
 
     def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
         """Describe a recording, or nothing where somebody deletes it meanwhile; unhashed: a thousand are 100 GB."""

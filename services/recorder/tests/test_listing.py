@@ -1,0 +1,55 @@
+"""The list of recordings, of files that nobody writes any more."""
+
+from __future__ import annotations
+
+import shutil
+from unittest import mock
+
+import pytest
+
+from duralab_proto.v1 import recorder_pb2
+from labbus import Call
+from recorder.config import RecorderConfig
+from recorder.service import RecorderService
+
+
+@pytest.fixture
+def service(tmp_path):
+    found = RecorderService(RecorderConfig(folder=tmp_path, live_file=False, least_free_mebibytes=0))
+    yield found
+    found.close()
+
+
+def listed(service):
+    call = mock.create_autospec(Call, instance=True)
+    found = service.list_recordings(recorder_pb2.ListRecordingsRequest(), call).recordings
+    return {information.recording: information for information in found}
+
+
+def test_a_file_that_is_no_whole_recording_and_that_nobody_writes_is_not_said_to_be_written(
+    service, tmp_path, campaign, request_of
+):
+    call = mock.create_autospec(Call, instance=True)
+    for number, message in enumerate([campaign.specification(), campaign.description()]):
+        service.commit(mock.Mock(), request_of(number, message), call)
+    # Put there while the recorder runs; it takes up what it finds when it starts.
+    shutil.copy(tmp_path / "demo.mcap", tmp_path / "cut.mcap")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    (tmp_path / "text.mcap").write_bytes(b"hello, this is no recording")
+    found = listed(service)
+    assert {name: (one.closed, one.ended, one.steps) for name, one in found.items()} == {
+        "demo": (False, False, 2),
+        "cut": (True, False, 2),
+        "empty": (True, False, 0),
+        "text": (True, False, 0),
+    }
+
+
+def test_a_recording_whose_writing_begins_while_it_is_described_is_said_to_be_written(
+    service, campaign, request_of, monkeypatch
+):
+    call = mock.create_autospec(Call, instance=True)
+    service.commit(mock.Mock(), request_of(0, campaign.specification()), call)
+    information, calls = service._archive.information, iter([None])
+    monkeypatch.setattr(service._archive, "information", lambda name: next(calls, information(name)))
+    assert not listed(service)["demo"].closed
