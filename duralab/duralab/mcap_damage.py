@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +13,7 @@ from mcap.exceptions import EndOfFile, McapError
 from zstandard import ZstdError
 
 from duralab.errors import InputError
+from duralab_proto.arrays import ArrayError
 
 DAMAGE: Final = (
     McapError,
@@ -29,6 +32,15 @@ def damaged(path: Path, error: Exception | str) -> InputError:
     """Return the sentence for a file that is damaged, of what was raised or in words."""
     reason = error if isinstance(error, str) else _reason(error)
     return InputError(f"The recording {path} is damaged ({reason}); `verify` of the recorder says where.")
+
+
+@contextmanager
+def within_contract(path: Path) -> Iterator[None]:
+    """Refuse a recording whose arrays are none of the contract while they are decoded; raises InputError."""
+    try:
+        yield
+    except ArrayError as error:
+        raise InputError(f"The recording {path} holds what its contract does not allow: {error}") from error
 
 
 def _reason(error: Exception) -> str:

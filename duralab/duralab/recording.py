@@ -5,21 +5,22 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
 from google.protobuf.message import Message
 
 from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
+from duralab.mcap_damage import within_contract
 from duralab.mcap_reading import McapFile
 from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
+from duralab.run_epochs import played_epochs
 from duralab.signal_windows import SignalWindows
 from duralab.signals import Signals, channels_of
-from duralab_proto.arrays import ArrayError, from_array
+from duralab.whole_runs import whole_run
+from duralab_proto.arrays import from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 
 if TYPE_CHECKING:
@@ -81,13 +82,6 @@ class Recording:
             raise InputError(f"The recording {self.path} holds no {what}; it ended before one was committed.")
         return message
 
-    @contextmanager
-    def _decoding(self) -> Iterator[None]:
-        try:
-            yield
-        except ArrayError as error:
-            raise InputError(f"The recording {self.path} holds what its contract does not allow: {error}") from error
-
     @cached_property
     def specification(self) -> iterator_pb2.CampaignSpec:
         """What was asked for, as it was committed."""
@@ -114,7 +108,7 @@ class Recording:
         """The target as it is judged: in the control band."""
         message = self._first(iterator_pb2.TargetInBand, "target")
         given = self.specification.target
-        with self._decoding():
+        with within_contract(self.path):
             samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
         return Signals(channels_of(given.channels), given.sample_rate, samples)
 
@@ -122,7 +116,7 @@ class Recording:
     def model(self) -> Model | None:
         """The identified rig; None where the campaign did not come so far."""
         message = next(self.messages(identifier_pb2.Model), None)
-        with self._decoding():
+        with within_contract(self.path):
             return Model.from_message(message) if message is not None else None
 
     @cached_property
@@ -167,13 +161,16 @@ class Recording:
         """
         for step in self.messages(iterator_pb2.IterationStep):
             if step.iteration == number:
-                with self._decoding():
+                with within_contract(self.path):
                     return playback_of(step)
         numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
 
     def signal(self, run: str) -> tuple[Signals, Signals]:
         """Put the blocks of one run on the rig together again, e.g. of the identification.
+
+        Of a run that was repeated after a fault, what was played to its end counts, as for `responses`; where nothing
+        was, what was written last.
 
         Parameters
         ----------
@@ -189,48 +186,11 @@ class Recording:
         InputError
             No block of that run was recorded, or a block is missing: the last one too, where the run was broken off.
         """
-        epoch, sample_rate, end = -1, 0.0, -1
-        blocks: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        for number, block in self._file.with_epochs(rig_pb2.SignalBlock):
-            if block.run != run or number < epoch:
-                continue
-            if number > epoch:
-                # The run was repeated: the newest counts, as for `responses`.
-                epoch, blocks, end = number, {}, -1
-            with self._decoding():
-                drive = from_array(block.drive, field="drive", shape=(len(self.rig.drives), None))
-                response = from_array(block.response, field="response", shape=(len(self.rig.responses), None))
-            blocks[block.first_sample], sample_rate = (drive, response), block.sample_rate
-            end = block.first_sample if block.last else end
-        if not blocks:
-            raise InputError(
-                f"{self.path} holds no signals of a run {run!r}; it holds {', '.join(self.runs) or 'none'}."
-            )
-        drives, responses = zip(*self._in_order(blocks, run), strict=True)
-        if end != max(blocks):
-            reached = max(blocks) + drives[-1].shape[1]
-            repair = "" if self.whole else "start the recorder on its folder, which repairs it, then "
-            raise InputError(
-                f"{self.path} holds the run {run!r} up to sample {reached - 1} ({reached / sample_rate:g} s) only and "
-                f"not its last block; {repair}read what is there with `responses({run!r})` and `drives({run!r})`."
-            )
+        found = whole_run(self._file, run, rig=self.rig, played=self._played_epochs)
         return (
-            Signals(channels_of(self.rig.drives), sample_rate, np.concatenate(drives, axis=1)),
-            Signals(channels_of(self.rig.responses), sample_rate, np.concatenate(responses, axis=1)),
+            Signals(channels_of(self.rig.drives), found.sample_rate, found.drive),
+            Signals(channels_of(self.rig.responses), found.sample_rate, found.response),
         )
-
-    def _in_order(
-        self, blocks: dict[int, tuple[np.ndarray, np.ndarray]], run: str
-    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield blocks by their first sample: one that was lost on the way and fetched later is written late."""
-        reached = 0
-        for first in sorted(blocks):
-            if first > reached:
-                raise InputError(f"{self.path} lacks the samples {reached} to {first - 1} of the run {run!r}.")
-            if first < reached:
-                raise InputError(f"{self.path} holds the samples {first} to {reached - 1} of the run {run!r} twice.")
-            yield blocks[first]
-            reached += blocks[first][0].shape[1]
 
     def drives(self, *runs: str) -> xarray.Dataset:
         """Return what was commanded in runs; see `responses`."""
@@ -282,7 +242,11 @@ class Recording:
 
     @cached_property
     def _windows(self) -> SignalWindows:
-        return SignalWindows(self._file.paths)
+        return SignalWindows(self._file.paths, played=self._played_epochs)
+
+    @cached_property
+    def _played_epochs(self) -> dict[str, int]:
+        return played_epochs(self.messages(recorder_pb2.RunPlayed))
 
     @cached_property
     def _iteration_runs(self) -> dict[str, int]:

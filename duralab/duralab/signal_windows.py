@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from mcap.stream_reader import breakup_chunk
 from duralab.errors import InputError
 from duralab.mcap_damage import DAMAGE, damaged
 from duralab.mcap_reading import epoch_of
+from duralab.run_epochs import counting_epoch
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 
@@ -57,25 +58,33 @@ class SignalWindows:
     ----------
     files : sequence of Path
         The files of one recording, in order.
+    played : mapping of str to int
+        The epoch in which each run was played to its end.
     """
 
-    def __init__(self, files: Sequence[Path]) -> None:
+    def __init__(self, files: Sequence[Path], *, played: Mapping[str, int]) -> None:
         self._files = list(files)
+        self._played = played
         self._cache: OrderedDict[tuple[str, int, int], Window] = OrderedDict()
         self._sizes: dict[str, tuple[int, float]] = {}
 
     @cached_property
     def _places(self) -> dict[str, list[_Place]]:
-        """Where the blocks of each run are: those of its newest epoch, for a repeated run has several."""
-        found: dict[str, dict[int, list[_Place]]] = {}
+        """Where the blocks of each run are: those of the epoch that counts, for a repeated run has several."""
+        found: dict[str, list[tuple[int, _Place]]] = {}
         for path in self._files:
             try:
                 with path.open("rb") as stream:
                     for run, epoch, place in _places_in(path, stream):
-                        found.setdefault(run, {}).setdefault(epoch, []).append(place)
+                        found.setdefault(run, []).append((epoch, place))
             except DAMAGE as error:
                 raise damaged(path, error) from error
-        return {run: epochs[max(epochs)] for run, epochs in found.items()}
+        counting = {
+            run: counting_epoch([epoch for epoch, _ in places], played=self._played.get(run, 0))
+            for run, places in found.items()
+        }
+        chosen = {run: [place for of, place in places if of == counting[run]] for run, places in found.items()}
+        return {run: places for run, places in chosen.items() if places}
 
     @property
     def runs(self) -> tuple[str, ...]:

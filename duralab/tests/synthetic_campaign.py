@@ -298,9 +298,10 @@ def write(
 ) -> Path:
     """Write messages on the topics of the recorder, with the standard MCAP writer; those of epochs after the others.
 
+    Blocks among the messages are of epoch 1, as the steps say of every playback.
     Where a part is given, recording and number, the file says at its start and at its end what a recorder's says.
     """
-    told = [(message, "") for message in messages]
+    told = [(message, "1" if isinstance(message, rig_pb2.SignalBlock) else "") for message in messages]
     told += [(block, str(epoch)) for epoch, blocks in (epochs or {}).items() for block in blocks]
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=chunk_size)

@@ -5,7 +5,7 @@ import synthetic_campaign
 from duralab.errors import InputError
 from duralab.recording import open_recording
 from duralab_proto.arrays import from_array
-from duralab_proto.v1 import iterator_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
 
 def test_figures_equal_those_that_were_written(recording_path, campaign):
@@ -70,19 +70,39 @@ def test_a_block_that_came_late_is_put_where_it_belongs(tmp_path, campaign, fini
     np.testing.assert_array_equal(measured.samples, campaign.responses[0])
 
 
-@pytest.mark.parametrize("finish", [True, False])
-@pytest.mark.parametrize("order", [(7, 9), (9, 7)])
-def test_of_a_repeated_run_the_newest_epoch_counts(tmp_path, campaign, order, finish):
-    """The first was broken off after five blocks; which of the two stands first in the file does not matter."""
+def before_playbacks(campaign):
+    """Return the steps of a campaign that tell of no playback that it reached its end."""
+    return [step for step in synthetic_campaign.steps(campaign) if not isinstance(step, recorder_pb2.RunPlayed)]
+
+
+def repeated(path, campaign, epochs, *, played, finish):
+    """Write a recording whose first playback was broken off after five blocks in one epoch and repeated in the other.
+
+    The epochs are in the order in which they were written; played to its end was the one told, or none.
+    """
     first, second = (
         synthetic_campaign.signal_blocks(campaign.drives[i], campaign.responses[i], run="demo.i01") for i in (0, 1)
     )
-    epochs = {7: first[:5], 9: second}
-    path = synthetic_campaign.write(
-        tmp_path / "r.mcap", synthetic_campaign.steps(campaign), finish=finish, epochs={n: epochs[n] for n in order}
+    told = [recorder_pb2.RunPlayed(run="demo.i01", rig="front_axle", epoch=played, blocks=120)] if played else []
+    blocks = dict(zip(epochs, (first[:5], second), strict=True))
+    if played == epochs[0]:
+        blocks = dict(zip(epochs, (second, first[:5]), strict=True))
+    return open_recording(
+        synthetic_campaign.write(path, [*before_playbacks(campaign), *told], finish=finish, epochs=blocks)
     )
-    _, measured = open_recording(path).signal("demo.i01")
+
+
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize(("epochs", "played"), [((7, 9), 0), ((9, 7), 0), ((7, 9), 9), ((9, 7), 7), ((7, 9), 7)])
+def test_of_a_repeated_run_the_epoch_counts_that_was_played_to_its_end_or_was_written_last(
+    tmp_path, campaign, epochs, played, finish
+):
+    """Whichever number is larger: epochs come from a clock, which may have been set back."""
+    recording = repeated(tmp_path / "r.mcap", campaign, epochs, played=played, finish=finish)
+    _, measured = recording.signal("demo.i01")
     np.testing.assert_array_equal(measured.samples, campaign.responses[1])
+    if finish:
+        np.testing.assert_array_equal(recording.responses("demo.i01").to_array().values, campaign.responses[1])
 
 
 @pytest.mark.parametrize("finish", [True, False])
@@ -104,9 +124,7 @@ def test_a_run_that_was_broken_off_is_not_taken_for_a_whole_one(tmp_path, campai
 
 def test_the_end_of_a_repetition_that_was_broken_off_is_not_that_of_the_one_before(tmp_path, campaign):
     blocks = synthetic_campaign.signal_blocks(campaign.drives[0], campaign.responses[0], run="demo.i01")
-    path = synthetic_campaign.write(
-        tmp_path / "r.mcap", synthetic_campaign.steps(campaign), epochs={7: blocks, 9: blocks[:5]}
-    )
+    path = synthetic_campaign.write(tmp_path / "r.mcap", before_playbacks(campaign), epochs={7: blocks, 9: blocks[:5]})
     with pytest.raises(InputError, match="up to sample 499"):
         open_recording(path).signal("demo.i01")
 
@@ -127,8 +145,18 @@ def test_unknown_playback_and_run_name_what_there_is(recording_path):
     recording = open_recording(recording_path)
     with pytest.raises(InputError, match=r"no playback 9; it holds 1, 2, 3, 4"):
         recording.playback(9)
-    with pytest.raises(InputError, match=r"no signals of a run 'x'; it holds demo.identify, demo.i01"):
+    with pytest.raises(InputError, match=r"no signals of a run 'x'; it holds none\."):
         recording.signal("x")
+
+
+@pytest.mark.parametrize("finish", [True, False])
+def test_an_unknown_run_names_those_whose_signals_are_there(tmp_path, campaign, finish):
+    """Not one that was planned and of which no block is in what is left of the file."""
+    blocks = synthetic_campaign.signal_blocks(campaign.drives[0], campaign.responses[0], run="demo.i01")
+    messages = [*synthetic_campaign.steps(campaign), *blocks]
+    recording = open_recording(synthetic_campaign.write(tmp_path / "r.mcap", messages, finish=finish))
+    with pytest.raises(InputError, match=r"no signals of a run 'demo.i02'; it holds demo.i01\.$"):
+        recording.signal("demo.i02")
 
 
 def test_recording_of_a_killed_writer_is_read_up_to_its_end(tmp_path, campaign):
