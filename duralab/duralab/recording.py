@@ -204,8 +204,9 @@ class Recording:
         Parameters
         ----------
         *runs : str
-            Names of runs of one length; the iterations where none is given. One run alone has no dimension `run`; one
-            that was broken off is as long as what there is of it.
+            Names of runs of one length; where none is given, the iterations but those that a resumed campaign took
+            over: their signals are in the recording of its parent, `specification.parent`. One run alone has no
+            dimension `run`; one that was broken off is as long as what there is of it.
 
         Returns
         -------
@@ -216,7 +217,8 @@ class Recording:
         Raises
         ------
         InputError
-            No signals of such a run, runs of different lengths, or a file that is damaged or was never finished.
+            No signals of such a run or of any iteration, runs of different lengths, or a file that is damaged or was
+            never finished.
         """
         from duralab.recording_arrays import Direction
 
@@ -234,7 +236,7 @@ class Recording:
         return signal_dataset(
             self._windows,
             channels_of(channels),
-            runs or tuple(self._iteration_runs),
+            runs or self._iterations_played_here(),
             direction=direction,
             iterations=self._iteration_runs,
             flat=len(runs) == 1,
@@ -251,6 +253,17 @@ class Recording:
     @cached_property
     def _iteration_runs(self) -> dict[str, int]:
         return {step.run: step.iteration for step in self.messages(iterator_pb2.IterationStep)}
+
+    def _iterations_played_here(self) -> tuple[str, ...]:
+        """Return the runs of the iterations whose signals belong here: of those taken over only the steps do."""
+        specification = self.specification
+        found = tuple(run for run, number in self._iteration_runs.items() if number > specification.parent_iteration)
+        if self._iteration_runs and not found:
+            raise InputError(
+                f"{self.path} holds no signals of its iterations, which were all taken over; open the recording of its "
+                f"parent {specification.parent!r} for them."
+            )
+        return found
 
     @cached_property
     def runs(self) -> tuple[str, ...]:
