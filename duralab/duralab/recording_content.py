@@ -155,7 +155,8 @@ class Model:
     frequency : np.ndarray, shape (lines)
         In hertz.
     frf : np.ndarray, shape (lines, responses, drives)
-        Complex, response unit per drive unit.
+        Complex, response unit per drive unit; NaN at lines where nothing was estimated, like its deviation, the
+        coherence and the condition number.
     coherence : np.ndarray, shape (lines, responses)
         Multiple coherence, 0 to 1.
     condition_number : np.ndarray, shape (lines)
@@ -194,27 +195,33 @@ class Model:
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
-        """Decode a model; lines without excitation may hold NaN."""
+        """Decode a model; where nothing was estimated it says nothing: NaN."""
         lines = len(from_array(message.frequency, field="frequency", shape=(None,)))
         n_y, n_u = len(message.responses), len(message.drives)
 
         def spectrum(name: str, *columns: int) -> np.ndarray:
             return from_array(getattr(message, name), field=name, shape=(lines, *columns), finite=False)
 
+        # A condition number is 1 or more: the 0 is the identifier's word for a line outside the band.
+        unknown = spectrum("condition_number") == 0.0
+
+        def estimated(name: str, *columns: int) -> np.ndarray:
+            return np.where(unknown.reshape(-1, *(1,) * len(columns)), np.nan, spectrum(name, *columns))
+
         return cls(
             id=message.id,
             drives=channels_of(message.drives),
             responses=channels_of(message.responses),
             frequency=spectrum("frequency"),
-            frf=spectrum("frf", n_y, n_u),
-            coherence=spectrum("coherence", n_y),
-            condition_number=spectrum("condition_number"),
+            frf=estimated("frf", n_y, n_u),
+            coherence=estimated("coherence", n_y),
+            condition_number=estimated("condition_number"),
             drive_psd=spectrum("drive_psd", n_u),
             response_psd=spectrum("response_psd", n_y),
             blocks=message.blocks,
             independent_averages=message.independent_averages,
             frf_deviation=(
-                np.sqrt(spectrum("frf_variance", n_y, n_u))
+                np.sqrt(estimated("frf_variance", n_y, n_u))
                 if message.HasField("frf_variance")
                 else np.zeros((lines, n_y, n_u))
             ),
@@ -228,20 +235,43 @@ class Model:
         )
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return frf, its deviation, coherence and condition number over `frequency`, `response` and `drive`."""
+        """Return frf, its deviation, coherence and condition number over `frequency`, `response` and `drive`.
+
+        Returns
+        -------
+        xarray.Dataset
+            NaN where nothing was estimated. What is what and its unit are in the attributes `long_name` and `units`;
+            where elements of `frf` differ in it, the coordinates `response_unit` and `drive_unit` tell each one's.
+        """
         import xarray
 
+        units = {f"{response.unit}/{drive.unit}" for response in self.responses for drive in self.drives}
+        of_frf = {"units": units.pop() if len(units) == 1 else "response_unit/drive_unit"}
+        elements = ("frequency", "response", "drive")
         return xarray.Dataset(
             {
-                "frf": (("frequency", "response", "drive"), self.frf),
-                "frf_deviation": (("frequency", "response", "drive"), self.frf_deviation),
-                "coherence": (("frequency", "response"), self.coherence),
-                "condition_number": (("frequency",), self.condition_number),
+                "frf": (elements, self.frf, {"long_name": "frequency response", **of_frf}),
+                "frf_deviation": (
+                    elements,
+                    self.frf_deviation,
+                    {"long_name": "standard deviation of the frequency response", **of_frf},
+                ),
+                "coherence": (elements[:2], self.coherence, {"long_name": "multiple coherence", "units": "1"}),
+                "condition_number": (
+                    elements[:1],
+                    self.condition_number,
+                    {
+                        "long_name": "condition number of the drives' cross-spectrum, scaled to unit diagonal",
+                        "units": "1",
+                    },
+                ),
             },
             coords={
                 "frequency": ("frequency", self.frequency, {"units": "Hz"}),
                 "response": [channel.name for channel in self.responses],
                 "drive": [channel.name for channel in self.drives],
+                "response_unit": ("response", [channel.unit for channel in self.responses]),
+                "drive_unit": ("drive", [channel.unit for channel in self.drives]),
             },
             attrs={"id": self.id},
         )

@@ -30,7 +30,8 @@ def contributions(model: Model, band: tuple[float, float]) -> np.ndarray:
         sqrt(sum |H_ij|² S_uu,jj / sum S_yy,ii) over the lines in the band, about 0 to 1.
     """
     lines = (model.frequency >= band[0]) & (model.frequency <= band[1])
-    caused = np.sum(np.abs(model.frf[lines]) ** 2 * model.drive_psd[lines][:, np.newaxis, :], axis=0)
+    # A line of the band at which nothing was estimated adds nothing.
+    caused = np.nansum(np.abs(model.frf[lines]) ** 2 * model.drive_psd[lines][:, np.newaxis, :], axis=0)
     whole = np.sum(model.response_psd[lines], axis=0)
     return np.sqrt(caused / np.where(whole > 0, whole, np.nan)[:, np.newaxis])
 
