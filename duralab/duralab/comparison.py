@@ -266,7 +266,8 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
 
 def _entry(name: str, recording: Recording) -> ComparedRecording:
     table = recording.iterations
-    verdict = judge(table, limit=accepted_error(recording.specification), status=recording.status)
+    limit = accepted_error(recording.specification)
+    verdict = judge(table, limit=limit, status=recording.status, open_end=recording.open_end)
     return ComparedRecording(name=name, recording=recording, iterations=table, verdict=verdict)
 
 

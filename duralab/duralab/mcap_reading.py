@@ -24,7 +24,7 @@ EPOCH: Final = "epoch"
 """Entry of a stream channel's metadata: the epoch of its publisher."""
 
 _PART: Final = "part"
-_SUMMARY: Final = "summary"
+SUMMARY: Final = "summary"
 """Named sets of texts of a recorder's file: which part it is, at its start, and what it goes on in, at its end."""
 
 
@@ -130,7 +130,7 @@ class _OneFile:
             path=self.path,
             recording=said.get("recording", ""),
             number=int(said.get("number", "0")),
-            next_file=texts.get(_SUMMARY, {}).get("next_file", ""),
+            next_file=texts.get(SUMMARY, {}).get("next_file", ""),
             is_empty=is_empty and _PART not in texts,
         )
 

@@ -14,8 +14,9 @@ from google.protobuf.message import Message
 from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
 from duralab.mcap_damage import within_contract
-from duralab.mcap_reading import McapFile
+from duralab.mcap_reading import SUMMARY, McapFile
 from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
+from duralab.recording_parts import open_end
 from duralab.run_epochs import played_epochs
 from duralab.signal_windows import SignalWindows
 from duralab.signals import Signals, channels_of
@@ -58,8 +59,20 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """False where the file was never finished; what was written is read all the same."""
+        """False where a file was never finished; what was written is read all the same.
+
+        One that was repaired after its recorder was killed is finished; whether the recording ends there, `closed` and
+        `open_end` tell.
+        """
         return self._file.whole
+
+    @cached_property
+    def open_end(self) -> str:
+        """Why it may go on in a file that is not here, in words; empty where it was closed, or a file not finished."""
+        if self.closed is not None or not self.whole:
+            return ""
+        reason = self.metadata.get(SUMMARY, {}).get("reason", "")
+        return open_end(self.path, parts=len(self.files), reason=reason)
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
         """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time.

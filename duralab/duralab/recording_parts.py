@@ -126,3 +126,22 @@ def require_chain(parts: Sequence[Part]) -> None:
             f"The recording {first.path} goes on in {part_path(first.path, len(parts) + 1).name}, which is missing; "
             "copy all its parts beside it."
         )
+
+
+def open_end(path: Path, *, parts: int, reason: str) -> str:
+    """Return in words that a recording ends with a file after which its recorder may have gone on in another.
+
+    A file that was repaired after its recorder was killed names no next one: when it was repaired there was none.
+
+    Parameters
+    ----------
+    path : Path
+        Its first file.
+    parts : int
+        How many are there.
+    reason : str
+        Why the last of them ends, as it says.
+    """
+    why = f"{reason[:1].lower()}{reason[1:]}".rstrip(".") or "it was not closed"
+    following = part_path(path, parts + 1).name
+    return f"{why}, and the recording may go on in {following} and further, which are not beside {path.name}."

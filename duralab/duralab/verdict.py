@@ -73,7 +73,9 @@ def accepted_error(specification: iterator_pb2.CampaignSpec) -> float | None:
     return specification.stop.relative_rms_error or None
 
 
-def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.CampaignStatus | None) -> Verdict:
+def judge(
+    table: IterationTable, *, limit: float | None, status: iterator_pb2.CampaignStatus | None, open_end: str = ""
+) -> Verdict:
     """Judge a campaign by its last playback.
 
     Parameters
@@ -84,10 +86,12 @@ def judge(table: IterationTable, *, limit: float | None, status: iterator_pb2.Ca
         Largest relative RMS error of any channel that is accepted.
     status : CampaignStatus or None
         How it ended; None where it did not.
+    open_end : str
+        Why its recording may go on elsewhere, in words; empty where it does not.
     """
     if status is None or status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED or not len(table):
         fault = status.fault.message if status is not None and status.HasField("fault") else ""
-        reason = fault or "the recording ends before the campaign does."
+        reason = fault or open_end or "the recording ends before the campaign does."
         done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
         return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {reason}", limit)
     errors = table.judged_error[-1]

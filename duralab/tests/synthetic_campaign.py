@@ -295,6 +295,7 @@ def write(
     epochs: dict[int, list[rig_pb2.SignalBlock]] | None = None,
     part: tuple[str, int] | None = None,
     next_file: str = "",
+    reason: str = "",
 ) -> Path:
     """Write messages on the topics of the recorder, with the standard MCAP writer; those of epochs after the others.
 
@@ -323,7 +324,7 @@ def write(
             writer.add_message(channel, log_time=number, publish_time=number, data=message.SerializeToString())
         if finish:
             if part is not None:
-                writer.add_metadata("summary", {"recording": part[0], "next_file": next_file})
+                writer.add_metadata("summary", {"recording": part[0], "reason": reason, "next_file": next_file})
             writer.finish()
         else:
             writer.flush()

@@ -8,6 +8,7 @@ import synthetic_campaign
 
 import duralab
 from duralab.errors import InputError
+from duralab.report import write_report
 from duralab_proto.v1 import iterator_pb2
 
 PARTS = 4
@@ -138,3 +139,24 @@ def test_a_link_to_the_first_file_looks_for_parts_beside_itself(folder, tmp_path
     for number in range(2, PARTS + 1):
         shutil.copy(folder / name(number), elsewhere)
     assert numbers_in(elsewhere) == [1, 2, 3, 4, 5, 6, 7, 8]
+
+
+def test_a_first_part_of_which_the_recorder_was_killed_says_that_the_recording_may_go_on(tmp_path, campaign):
+    """Repaired, it names no next file: there was none yet."""
+    path = tmp_path / "alone.mcap"
+    steps = synthetic_campaign.steps(campaign)
+    synthetic_campaign.write(path, steps[:8], part=("demo", 1), reason="Its recorder was killed.")
+    recording = duralab.open(path)
+    assert recording.whole
+    said = "its recorder was killed, and the recording may go on in alone.part02.mcap and further, which are not beside"
+    assert recording.open_end.startswith(said)
+    assert said in str(recording)
+    html = write_report(path, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"The campaign ended early, 1 playback done: {said} alone.mcap." in html
+    synthetic_campaign.write(tmp_path / "alone.part02.mcap", steps[8:], part=("demo", 2), reason="finished")
+    recording = duralab.open(path)
+    assert recording.open_end == ""
+    assert "killed" not in str(recording)
+    # A second kill, and so on.
+    synthetic_campaign.write(tmp_path / "alone.part02.mcap", steps[8:-2], part=("demo", 2))
+    assert "it was not closed, and the recording may go on in alone.part03" in duralab.open(path).open_end

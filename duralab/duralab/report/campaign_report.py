@@ -66,7 +66,7 @@ def render_report(recording: Recording) -> str:
             f"The recording {recording.path} holds no playback of the target, so there is nothing to report."
         )
     specification = recording.specification
-    verdict = judge(table, limit=accepted_error(specification), status=recording.status)
+    verdict = judge(table, limit=accepted_error(specification), status=recording.status, open_end=recording.open_end)
     shown, model = _shown(recording), recording.model
     held = held_stretches(shown.last.drive)
     window = waveforms.zoom_window(shown.target)

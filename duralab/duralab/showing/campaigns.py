@@ -59,7 +59,7 @@ def result_html(result: CampaignResult) -> str:
 
 
 def _recording_title(recording: Recording) -> str:
-    whole = "" if recording.whole else "; never finished"
+    whole = f"; {recording.open_end}".rstrip("; .") if recording.whole else "; never finished"
     specification = recording.specification
     return f"{specification.id} on {recording.rig.rig}, {len(recording.runs)} runs, {recording.path}{whole}"
 
