@@ -54,6 +54,8 @@ class Asking:
 
     def key(self, what: str, make: Callable[[str], str], name: str) -> str:
         """Return the key made of a name; raises InputError with `what` as its field where none can be made."""
+        if not isinstance(name, str):
+            raise InputError(f"{what} is {name!r}; give its name as a text.", field=what)
         try:
             return make(name)
         except ValueError as error:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
+from numbers import Real
 from typing import Final
 
 from duralab._asking import Asking
@@ -148,10 +149,27 @@ def _result(given: object) -> Result | None:
         ) from None
 
 
-def _text(given: object, *, field: str) -> str:
-    if not isinstance(given, str):
-        raise InputError(f"{field} is {given!r}; give a text, or leave it out.", field=field)
-    return given
+def _text(given: object, *, field: str, may_be_left_out: bool = True) -> str:
+    if isinstance(given, str):
+        return given
+    otherwise = ", or leave it out" if may_be_left_out else ""
+    raise InputError(f"{field} is {given!r}; give a text{otherwise}.", field=field)
+
+
+def _number(given: object, *, field: str) -> float:
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise InputError(f"{field} is {given!r}; give a number of seconds.", field=field)
+    return float(given)
+
+
+def _channel_names(given: object) -> list[str]:
+    # A text is a sequence of texts too: its letters.
+    names = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [None]
+    if all(isinstance(name, str) for name in names):
+        return names
+    raise InputError(
+        f"channels is {given!r}; give a sequence of names, e.g. ['left_vertical'], or leave it out.", field="channels"
+    )
 
 
 class Catalogue:
@@ -253,11 +271,14 @@ class Catalogue:
         Raises
         ------
         InputError
-            There is no such recording, run, time or channel.
+            There is no such recording, run, time or channel, or a value is none of those kinds.
         """
         key = self._ask.key("id", self._ask.bus.keys.recording_signals, id)
         request = recorder_pb2.SignalWindowRequest(
-            run=run, first_second=first_second, seconds=seconds, channels=channels
+            run=_text(run, field="run", may_be_left_out=False),
+            first_second=_number(first_second, field="first_second"),
+            seconds=_number(seconds, field="seconds"),
+            channels=_channel_names(channels),
         )
         answer = self._ask.query(key, request, recorder_pb2.SignalWindow)
         return (

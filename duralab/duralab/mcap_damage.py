@@ -1,4 +1,4 @@
-"""What reading a damaged MCAP file raises, and the sentence that it becomes."""
+"""What reading a damaged or missing MCAP file raises, and the sentence that it becomes."""
 
 from __future__ import annotations
 
@@ -32,6 +32,12 @@ def damaged(path: Path, error: Exception | str) -> InputError:
     """Return the sentence for a file that is damaged, of what was raised or in words."""
     reason = error if isinstance(error, str) else _reason(error)
     return InputError(f"The recording {path} is damaged ({reason}); `verify` of the recorder says where.")
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Return the sentence for a file that the system does not give, e.g. one that was deleted since it was opened."""
+    reason = error.strerror or error
+    return InputError(f"The recording {path} cannot be read: {reason}; give the path of an .mcap file.")
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.records import Message as McapMessage
 
 from duralab.errors import InputError
-from duralab.mcap_damage import DAMAGE, damaged
+from duralab.mcap_damage import DAMAGE, damaged, unreadable
 from duralab.mcap_index import MAGIC, has_index
 from duralab.mcap_whole_records import end_of_whole_records, whole_records
 from duralab.recording_parts import Part, files_of, require_chain
@@ -144,16 +144,12 @@ class _OneFile:
         except IsADirectoryError as error:
             raise InputError(f"{str(self.path)!r} is a folder; give the path of an .mcap file.") from error
         except OSError as error:
-            raise self._unreadable(error) from error
+            raise unreadable(self.path, error) from error
         with stream:
             try:
                 yield stream
             except OSError as error:
-                raise self._unreadable(error) from error
-
-    def _unreadable(self, error: OSError) -> InputError:
-        reason = error.strerror or error
-        return InputError(f"The recording {self.path} cannot be read: {reason}; give the path of an .mcap file.")
+                raise unreadable(self.path, error) from error
 
     def with_epochs(self, kind: type[MessageT]) -> Iterator[tuple[int, MessageT]]:
         """Yield the messages of one type; see `McapFile.with_epochs`."""

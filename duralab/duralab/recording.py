@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -13,14 +14,14 @@ from google.protobuf.message import Message
 
 from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
-from duralab.mcap_damage import within_contract
+from duralab.mcap_damage import unreadable, within_contract
 from duralab.mcap_reading import SUMMARY, McapFile
 from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
 from duralab.recording_parts import open_end
 from duralab.run_epochs import played_epochs
 from duralab.signal_windows import SignalWindows
 from duralab.signals import Signals, channels_of
-from duralab.whole_runs import whole_run
+from duralab.whole_runs import require_run_name, whole_run
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 
@@ -43,10 +44,12 @@ class Recording:
     Raises
     ------
     InputError
-        There is no such file, or it is no recording of a campaign.
+        It is no path, there is no such file, or it is no recording of a campaign.
     """
 
     def __init__(self, path: str | Path) -> None:
+        if not isinstance(path, str | os.PathLike):
+            raise InputError(f"The recording is {path!r}; give the path of an .mcap file, a text or a pathlib.Path.")
         if not str(path):
             raise InputError("There is no recording ''; give the path of an .mcap file.")
         self.path = Path(path)
@@ -197,8 +200,10 @@ class Recording:
         Raises
         ------
         InputError
-            No block of that run was recorded, or a block is missing: the last one too, where the run was broken off.
+            It is no text, no block of that run was recorded, or a block is missing: the last one too, where the run
+            was broken off.
         """
+        require_run_name(run, example="signal('demo.i01')")
         found = whole_run(self._file, run, rig=self.rig, played=self._played_epochs)
         return (
             Signals(channels_of(self.rig.drives), found.sample_rate, found.drive),
@@ -217,9 +222,10 @@ class Recording:
         Parameters
         ----------
         *runs : str
-            Names of runs of one length; where none is given, the iterations but those that a resumed campaign took
-            over: their signals are in the recording of its parent, `specification.parent`. One run alone has no
-            dimension `run`; one that was broken off is as long as what there is of it.
+            Names of runs of one length, e.g. `responses("demo.i01", "demo.i02")` or `responses(*names)`; where none is
+            given, the iterations but those that a resumed campaign took over: their signals are in the recording of its
+            parent, `specification.parent`. One run alone has no dimension `run`; one that was broken off is as long as
+            what there is of it.
 
         Returns
         -------
@@ -230,8 +236,8 @@ class Recording:
         Raises
         ------
         InputError
-            No signals of such a run or of any iteration, runs of different lengths, or a file that is damaged or was
-            never finished.
+            A run that is no text, no signals of such a run or of any iteration, runs of different lengths, or a file
+            that is damaged or was never finished.
         """
         from duralab.recording_arrays import Direction
 
@@ -240,6 +246,8 @@ class Recording:
     def _signals(self, runs: Sequence[str], direction: Direction) -> xarray.Dataset:
         from duralab.recording_arrays import Direction, signal_dataset
 
+        for run in runs:
+            require_run_name(run, example=f"{direction.value}s('demo.i01', 'demo.i02') or {direction.value}s(*names)")
         if not self.whole:
             raise InputError(
                 f"{self.path} was never finished and has no index; start the recorder on its folder, which repairs it, "
@@ -290,9 +298,12 @@ class Recording:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the file, hexadecimal."""
-        with self.path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        """SHA-256 of the file, hexadecimal; raises InputError where it is not there any more."""
+        try:
+            with self.path.open("rb") as stream:
+                return hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError as error:
+            raise unreadable(self.path, error) from error
 
     def __repr__(self) -> str:
         """Return it on one line, without arrays."""

@@ -18,7 +18,7 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
 from duralab.errors import InputError
-from duralab.mcap_damage import DAMAGE, damaged
+from duralab.mcap_damage import DAMAGE, damaged, unreadable
 from duralab.mcap_reading import epoch_of
 from duralab.run_epochs import counting_epoch
 from duralab_proto.arrays import from_array
@@ -77,6 +77,8 @@ class SignalWindows:
                 with path.open("rb") as stream:
                     for run, epoch, place in _places_in(path, stream):
                         found.setdefault(run, []).append((epoch, place))
+            except OSError as error:
+                raise unreadable(path, error) from error
             except DAMAGE as error:
                 raise damaged(path, error) from error
         counting = {
@@ -110,7 +112,7 @@ class SignalWindows:
         Raises
         ------
         InputError
-            There are no signals of such a run, samples are missing, or a file is damaged.
+            There are no signals of such a run, samples are missing, or a file is damaged or not there any more.
         """
         key = (run, first, last)
         if key not in self._cache:
@@ -192,6 +194,8 @@ def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
             for record in records
             if isinstance(record, McapMessage) and record.channel_id == place.channel
         ]
+    except OSError as error:
+        raise unreadable(place.path, error) from error
     except DAMAGE as error:
         raise damaged(place.path, error) from error
 

@@ -27,6 +27,12 @@ class WholeRun:
     response: np.ndarray
 
 
+def require_run_name(run: object, *, example: str) -> None:
+    """Refuse what is no name of a run, e.g. a list of names; raises InputError with an example of how to ask."""
+    if not isinstance(run, str):
+        raise InputError(f"A run is {run!r}; give the name of each as a text of its own, e.g. {example}.")
+
+
 def whole_run(file: McapFile, run: str, *, rig: rig_pb2.RigDescription, played: Mapping[str, int]) -> WholeRun:
     """Put the blocks of one run together again.
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from duralab._asking import Asking
 from duralab.catalogue import Catalogue
 from duralab.cli import app
 from duralab.errors import InputError
@@ -144,6 +145,37 @@ def test_a_window_of_signals_is_decoded():
     key, request = ask.asked[0]
     assert key == Keys().recording_signals("demo")
     assert (request.first_second, request.seconds, list(request.channels)) == (1.0, 0.05, ["left"])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("run", None, "give a text."),
+        ("first_second", "x", "give a number of seconds."),
+        ("seconds", [1.0], "give a number of seconds."),
+        ("seconds", True, "give a number of seconds."),
+        ("channels", "left_vertical", "give a sequence of names, e.g. ['left_vertical'], or leave it out."),
+        ("channels", ["left", 3], "give a sequence of names"),
+        ("channels", 3, "give a sequence of names"),
+    ],
+)
+def test_a_window_that_cannot_be_asked_for_is_refused_before_anybody_is_asked(ask, field, value, allowed):
+    wanted = {"run": "demo.i01", "first_second": 1.0, "seconds": 0.05} | {field: value}
+    with pytest.raises(InputError) as caught:
+        Catalogue(ask).signals("demo", **wanted)
+    assert str(caught.value).startswith(f"{field} is {value!r}; {allowed}")
+    assert caught.value.field == field
+    assert ask.asked == []
+
+
+@pytest.mark.parametrize("id", [5, None, b"demo"])
+def test_an_id_that_is_no_text_is_refused(id):
+    class Named:
+        keys = Keys()
+
+    with pytest.raises(InputError, match=f"^id is {id!r}; give its name as a text\\.$") as caught:
+        Catalogue(Asking(Named(), lambda: None)).verify(id)
+    assert caught.value.field == "id"
 
 
 @pytest.fixture
