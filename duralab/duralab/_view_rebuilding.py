@@ -13,6 +13,8 @@ from duralab.mcap_reading import McapFile
 
 _RECORDING: Final = b"\x89MCAP"
 _LIVE_VIEW: Final = b"RRF"
+_CUT_SHORT: Final = "unpack requires a buffer"
+"""Python's words for a record that is cut in its first bytes, which the recorder's code passes on."""
 
 
 def is_recording(file: Path) -> bool:
@@ -21,12 +23,14 @@ def is_recording(file: Path) -> bool:
     Raises
     ------
     InputError
-        There is no such file, it cannot be read, or it is neither.
+        There is no such file, it is a folder, it cannot be read, or it is neither.
     """
     try:
         with file.open("rb") as stream:
             start = stream.read(len(_RECORDING))
-    except (FileNotFoundError, IsADirectoryError, ValueError) as error:
+    except IsADirectoryError as error:
+        raise InputError(f"{str(file)!r} is a folder; give the path of a live.rrd or a recording.mcap.") from error
+    except (FileNotFoundError, ValueError) as error:
         raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd or a recording.mcap.") from error
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}; give a live.rrd or a recording.mcap.") from error
@@ -55,12 +59,12 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
     LabError
         The recorder's code failed; with the last lines that it said.
     """
-    files = McapFile(recording).paths
+    file = McapFile(recording)
     said = target.with_suffix(".log")
     # A process of its own: the SDK imports no service, and Rerun keeps what it took.
     with said.open("wb") as log:
         code = subprocess.run(
-            [sys.executable, "-m", "recorder.rebuild_view", *map(str, files), "--out", str(target)],
+            [sys.executable, "-m", "recorder.rebuild_view", *map(str, file.paths), "--out", str(target)],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
@@ -69,6 +73,8 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
     if code != 0:
         # The recorder says it in a sentence of its own; of that, what comes after the recording's name is the reason.
         _, known, reason = last_lines(said).rpartition(" cannot be shown: ")
+        if known and not file.whole and reason.startswith(_CUT_SHORT):
+            reason = "it was never finished and ends within a record; let a recorder on its folder repair it"
         kind = InputError if known else LabError
         raise kind(f"The live view of {recording} cannot be made: {reason.rstrip('.')}.")
     return target

@@ -62,3 +62,24 @@ def test_a_recording_under_another_name_is_made_a_view_of(tmp_path):
     path = synthetic_campaign.write(tmp_path / "kept.log", synthetic_campaign.steps(campaign))
     assert is_recording(path)
     assert rebuilt_view(path, tmp_path / "live.rrd").read_bytes().startswith(b"RRF")
+
+
+def test_a_folder_is_called_one(tmp_path):
+    code, _, error = invoke("view", tmp_path)
+    assert code == 2
+    said = f"{str(tmp_path)!r} is a folder; give the path of a live.rrd or a recording.mcap."
+    assert said in " ".join(error.split())
+
+
+def test_a_recording_that_was_cut_within_a_record_says_so_in_words(tmp_path):
+    path = tmp_path / "cut.mcap"
+    content = foreign(tmp_path / "whole.mcap").read_bytes()
+    # The header's record, whole; then opcode and length of the next, and two of its bytes.
+    header = 8 + 9 + int.from_bytes(content[9:17], "little")
+    path.write_bytes(content[: header + 9 + 2])
+    with pytest.raises(InputError) as caught:
+        rebuilt_view(path, tmp_path / "live.rrd")
+    assert str(caught.value) == (
+        f"The live view of {path} cannot be made: it was never finished and ends within a record; let a recorder on "
+        "its folder repair it."
+    )
