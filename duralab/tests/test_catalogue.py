@@ -270,3 +270,37 @@ def test_a_damaged_recording_ends_the_command_with_its_findings_and_a_code(comma
     assert done.exit_code == 1
     assert "A step is missing." in done.stdout
     assert json.loads(command("verify", "late", "--json").stdout)["whole"] is False
+
+
+def said(done):
+    return " ".join(done.stderr.split())
+
+
+def test_a_recording_that_is_not_there_is_refused_in_the_words_of_the_command_line(command, ask, monkeypatch):
+    answer = ask.query
+
+    def query(key, request, kind):
+        if kind is recorder_pb2.VerifyResult:
+            sentence = "There is no file nope.mcap; recorder/recording/list names the recordings."
+            raise InputError(sentence, field="recording", service="recorder")
+        return answer(key, request, kind)
+
+    monkeypatch.setattr(ask, "query", query)
+    done = command("verify", "nope")
+    assert done.exit_code == 2
+    assert said(done) == "Error: There is no recording 'nope'; `duralab catalogue` lists those there are."
+    # What is wrong with one that is there is said as it is.
+    assert "There is no file" in said(command("verify", "late"))
+
+
+@pytest.mark.parametrize("option", ["--from", "--before"])
+def test_a_time_is_refused_by_the_name_of_its_option(command, option):
+    done = command("catalogue", option, "1900-01-01")
+    assert done.exit_code == 2
+    assert said(done).startswith(f"Error: {option} is 1900-01-01T00:00:00; it must be after the beginning of 1970")
+
+
+def test_a_result_that_is_none_is_refused_without_words_of_python(command):
+    done = command("catalogue", "--result", "foo")
+    assert done.exit_code == 2
+    assert "'--result': 'foo' is not one of 'reached', " in said(done)

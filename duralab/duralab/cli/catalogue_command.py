@@ -19,10 +19,12 @@ from duralab.catalogue import CatalogueEntry
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
+from duralab.errors import InputError
 from duralab.lab_opening import connect
 from duralab.recorded_result import Result
 
 _MEBIBYTE: Final = 1024 * 1024
+_OPTIONS: Final = {"begun_from": "--from", "begun_before": "--before"}
 _GAP: Final = 2
 """Columns between two of the table."""
 _SHORTEST_TARGET: Final = 12
@@ -42,11 +44,18 @@ def list_recordings(
     result: Result | None,
     as_json: bool,
 ) -> None:
-    """Print the recordings of a lab that are looked for."""
+    """Print the recordings of a lab that are looked for; an error names an option as it is typed."""
     with connect(endpoint_of_lab(endpoint)) as lab:
-        entries = lab.catalogue.search(
-            rig=rig, target=target, begun_from=begun_from, begun_before=begun_before, result=result
-        )
+        try:
+            entries = lab.catalogue.search(
+                rig=rig, target=target, begun_from=begun_from, begun_before=begun_before, result=result
+            )
+        except InputError as error:
+            option = _OPTIONS.get(error.field)
+            if option is None:
+                raise
+            sentence = f"{option}{error.message.removeprefix(error.field)}"
+            raise InputError(sentence, field=option, service=error.service) from error
     if as_json:
         write_json([_plain(entry) for entry in entries])
         return
@@ -121,9 +130,17 @@ def verify(id: str, *, endpoint: str | None, as_json: bool) -> None:
     ------
     typer.Exit
         With code 1 where something is.
+    InputError
+        There is no such recording.
     """
     with connect(endpoint_of_lab(endpoint)) as lab:
-        findings = lab.catalogue.verify(id)
+        try:
+            findings = lab.catalogue.verify(id)
+        except InputError as error:
+            if id in {entry.id for entry in lab.catalogue.search()}:
+                raise
+            sentence = f"There is no recording {id!r}; `duralab catalogue` lists those there are."
+            raise InputError(sentence, field="recording", service=error.service) from error
     if as_json:
         write_json({"recording": id, "whole": not findings, "findings": findings})
     else:

@@ -131,7 +131,8 @@ class CommandGroup(TyperGroup):
 
 def _usage_sentence(error: typer.TyperException) -> str:
     context = getattr(error, "ctx", None)
-    sentence = " ".join(error.format_message().split()).rstrip(".")
+    # The words of a Python error inside the sentence are none of the user's.
+    sentence = " ".join(error.format_message().split()).replace(": Value error, ", ": ").rstrip(".")
     if context is None:
         return f"{sentence}."
     return f"{sentence}{'' if sentence.endswith('?') else ';'} `{context.command_path} --help` shows what is allowed."
