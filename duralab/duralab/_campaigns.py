@@ -13,6 +13,7 @@ from duralab._following import ENDED, OnProgress, follow_campaign, progress_of
 from duralab._patience import FOREVER, Patience
 from duralab.campaign_result import CampaignResult
 from duralab.errors import CampaignFaultError, LabError, LabTimeoutError, StoppedError
+from duralab.sentences import ended
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import BusError, FaultError
 
@@ -43,8 +44,8 @@ def followed(
     """Begin a campaign and follow it to its end; an interrupt and the end of the patience stop it."""
 
     def on_status(status: iterator_pb2.CampaignStatus) -> None:
-        if (ended := ask.failure()) is not None:
-            raise ended
+        if (failure := ask.failure()) is not None:
+            raise failure
         tell(progress_of(status))
         if patience.is_set() and status.phase not in ENDED:
             raise patience.error(f"The campaign {id!r}")
@@ -56,7 +57,7 @@ def followed(
     except (StoppedError, LabTimeoutError) as error:
         with suppress(FaultError, BusError):
             stop_campaign(ask, id, reason=str(error))
-        raise type(error)(f"{error} What was played until then is in its recording.") from error
+        raise type(error)(f"{ended(str(error))} What was played until then is in its recording.") from error
     except KeyboardInterrupt:
         # Best effort: whoever interrupts does not want to wait for a service that is gone.
         with suppress(FaultError, BusError):
@@ -81,9 +82,9 @@ def collect(
 ) -> CampaignResult:
     """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is."""
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
-        if (ended := ask.failure()) is not None:
-            raise ended
-        sentence = status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}."
+        if (failure := ask.failure()) is not None:
+            raise failure
+        sentence = ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}")
         if status.iterations:
             with suppress(FaultError, LabError):
                 kept = fetch_result(ask.bus, specification, status, folder=folder).recording_path

@@ -20,6 +20,7 @@ from duralab.played import Played
 from duralab.recording_content import actuator_use
 from duralab.rig import Rig
 from duralab.rig_state import RigState
+from duralab.sentences import ended
 from duralab.signals import Signals
 from duralab_proto.v1 import query_pb2, rig_pb2
 
@@ -86,7 +87,7 @@ def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
         # The rig ramps down by itself when nobody waits any more; asked for it, it says when it rests.
         with suppress(LabError):
             stop_rig(ask, rig, reason=str(error))
-        sentence = f"{error} The rig was stopped and is latched: look at it, then reset it."
+        sentence = f"{ended(str(error))} The rig was stopped and is latched: look at it, then reset it."
         raise type(error)(sentence, service=error.service) from error
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
+from duralab.sentences import ended
 from duralab_proto.v1 import iterator_pb2
 
 _ENDS: Final = MappingProxyType(
@@ -93,7 +94,7 @@ def judge(
         fault = status.fault.message if status is not None and status.HasField("fault") else ""
         reason = fault or open_end or "the recording ends before the campaign does."
         done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
-        return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {reason}", limit)
+        return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {ended(reason)}", limit)
     errors = table.judged_error[-1]
     worst = int(np.argmax(errors))
     largest = f"{errors[worst]:.3f} ({_words(table.judged[worst])})"

@@ -175,6 +175,17 @@ def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
     assert caught.value.service == "rig_sim"
 
 
+@pytest.mark.parametrize("end", ["", ".", " "])
+def test_a_fault_without_a_full_stop_does_not_run_into_the_sentence_after_it(lab, tmp_path, monkeypatch, end):
+    status = fake_lab.final_status("mine", iterations=2)
+    status.phase = iterator_pb2.CAMPAIGN_PHASE_FAULTED
+    status.fault.message = f"The rig was stopped: no reason was given{end}"
+    monkeypatch.setattr("duralab._campaigns.follow_campaign", lambda *_, **__: status)
+    with pytest.raises(CampaignFaultError) as caught:
+        lab.run(short_campaign(tmp_path), out=tmp_path / "out")
+    assert "stopped: no reason was given. What was played until then is in " in str(caught.value)
+
+
 def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
     def with_a_wrong_hash(_bus, id):
         return recorder_pb2.RecordingInfo(recording=id, closed=True, file_hash="0" * 64)

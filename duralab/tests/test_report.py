@@ -254,6 +254,8 @@ def test_verdict_of_a_diverged_or_broken_campaign_says_so():
     assert verdict.judgement is Judgement.ENDED_EARLY
     assert "The oil is cold." in verdict.sentence
     assert judge(table, limit=0.9, status=None).judgement is Judgement.ENDED_EARLY
+    status = iterator_pb2.CampaignStatus(fault=query_pb2.Fault(message="no reason was given"))
+    assert judge(table, limit=0.9, status=status).sentence.endswith("done: no reason was given.")
 
 
 @pytest.mark.parametrize(
