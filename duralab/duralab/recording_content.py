@@ -44,6 +44,16 @@ class ActuatorUse:
     largest_load_pressure_share: float = 0.0
     lowest_supply_pressure: float = 0.0
 
+    @property
+    def tells_of_a_valve(self) -> bool:
+        """Whether the rig has a valve and a supply there, as far as it tells: one without leaves their figures at 0."""
+        return any((self.saturated_share, self.largest_load_pressure_share, self.lowest_supply_pressure))
+
+    @property
+    def tells_what_was_achieved(self) -> bool:
+        """Whether the achieved value was compared with the command: an actuator never follows to the last bit."""
+        return self.largest_following_error != 0.0
+
 
 def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
     """Decode how the actuators were used, in the order of the drives."""

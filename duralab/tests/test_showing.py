@@ -1,5 +1,6 @@
 """How results look: text that fits on a line, and HTML that parses, escapes and needs no network."""
 
+import dataclasses
 import re
 from datetime import UTC, datetime
 from xml.etree import ElementTree
@@ -15,6 +16,7 @@ from duralab.iteration_table import IterationTable
 from duralab.played import Played
 from duralab.recorded_result import Result
 from duralab.recording_content import ActuatorUse
+from duralab.report.actuator_rows import actuator_rows
 from duralab.rig import Rig, Rigs
 from duralab.showing.charts import Axis, Curve, line_chart
 from duralab.showing.page import to_html
@@ -136,3 +138,16 @@ def test_a_page_holds_results_and_whatever_else_it_is_given():
     assert "<pre>a &lt; b</pre>" in page
     assert "left_vertical" in page
     assert NASTY not in page
+
+
+def test_a_figure_that_a_rig_without_valves_does_not_tell_is_a_dash():
+    """Nothing was measured there: 0.00 % and 0 N would say that it was, and that all is well."""
+    drive = Signals((Channel("nose", "N", minimum=-1.0, maximum=1.0),), 100.0, np.zeros((1, 10)))
+    without = ActuatorUse(drive="nose", peak_command_ratio=0.5, saturated_share=0.0, largest_following_error=0.0)
+    (row,) = actuator_rows([without], drive)
+    assert (row.saturated, row.load_pressure, row.supply_pressure, row.following_error) == ("–", "–", "–", "–")
+    assert str(Played("x", drive, (without,), 1.0)).splitlines()[-1].split() == ["nose", "50%", "–", "–"]
+    told = {"largest_following_error": 0.25, "largest_load_pressure_share": 0.5, "lowest_supply_pressure": 2.8e7}
+    (row,) = actuator_rows([dataclasses.replace(without, **told)], drive)
+    figures = (row.saturated, row.load_pressure, row.supply_pressure, row.following_error)
+    assert figures == ("0.00 %", "50 %", "280 bar", "0.25 N")

@@ -12,7 +12,10 @@ from duralab.signals import Channel, Signals
 
 @dataclass(frozen=True)
 class ActuatorRow:
-    """The use of one actuator in the last playback; `speed_percent` is None where no limit of speed is stated."""
+    """The use of one actuator in the last playback, with a dash for what the rig has not or does not tell.
+
+    `speed_percent` is None where no limit of speed is stated.
+    """
 
     title: str
     limit: str
@@ -33,10 +36,14 @@ def actuator_rows(uses: Sequence[ActuatorUse], drive: Signals) -> list[ActuatorR
             limit=_limits(drive.channels[rows[use.drive]]),
             peak_percent=100 * use.peak_command_ratio,
             speed_percent=_speed_percent(drive, rows[use.drive]),
-            saturated=f"{100 * use.saturated_share:.2f} %",
+            saturated=f"{100 * use.saturated_share:.2f} %" if use.tells_of_a_valve else "–",
             load_pressure=f"{100 * use.largest_load_pressure_share:.0f} %" if use.largest_load_pressure_share else "–",
             supply_pressure=f"{use.lowest_supply_pressure / 1e5:.0f} bar" if use.lowest_supply_pressure else "–",
-            following_error=_length(use.largest_following_error, drive.channels[rows[use.drive]].unit),
+            following_error=(
+                _length(use.largest_following_error, drive.channels[rows[use.drive]].unit)
+                if use.tells_what_was_achieved
+                else "–"
+            ),
         )
         for use in uses
         if use.drive in rows
