@@ -164,9 +164,10 @@ def _number(given: object, *, field: str) -> float:
 
 def _channel_names(given: object) -> list[str]:
     # A text is a sequence of texts too: its letters.
-    names = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [None]
-    if all(isinstance(name, str) for name in names):
-        return names
+    if isinstance(given, Iterable) and not isinstance(given, str):
+        names = list(given)
+        if all(isinstance(name, str) for name in names):
+            return names
     raise InputError(
         f"channels is {given!r}; give a sequence of names, e.g. ['left_vertical'], or leave it out.", field="channels"
     )
