@@ -22,6 +22,7 @@ from duralab.rig import Rig
 from duralab.rig_state import RigState
 from duralab.sentences import ended
 from duralab.signals import Signals
+from duralab_proto.arrays import ArrayError
 from duralab_proto.v1 import query_pb2, rig_pb2
 
 if TYPE_CHECKING:
@@ -70,9 +71,38 @@ def play_drive(
         result = ask.query(key, request, rig_pb2.PlayResult, on_progress=report, patience=patience, what=what)
     return Played(
         run=result.run,
-        response=Signals.from_message(result.response, field="response"),
+        response=_checked_response(result, rig, run=name, samples=signals.samples.shape[1]),
         actuators=actuator_use(result.actuators),
         real_time_factor=result.real_time_factor,
+    )
+
+
+def _checked_response(result: rig_pb2.PlayResult, rig: Rig, *, run: str, samples: int) -> Signals:
+    """Return what a rig answered; raises LabError where it is not the answer to what was asked."""
+    try:
+        response = Signals.from_message(result.response, field="response")
+    except ArrayError as error:
+        raise _wrong_answer(rig, f"a damaged response: {str(error).rstrip('.')}", field=error.field) from error
+    if result.run != run:
+        raise _wrong_answer(rig, f"run {result.run!r}, asked was {run!r}", field="run")
+    wanted = tuple(channel.name for channel in rig.responses)
+    if response.names != wanted or response.sample_rate != rig.sample_rate:
+        raise _wrong_answer(
+            rig,
+            f"{', '.join(response.names) or 'no channel'} at {response.sample_rate:g} Hz, not its responses "
+            f"{', '.join(wanted)} at {rig.sample_rate:g} Hz",
+            field="response",
+        )
+    if response.samples.shape[1] != samples:
+        raise _wrong_answer(
+            rig, f"{response.samples.shape[1]} samples to a drive of {samples}", field="response.samples"
+        )
+    return response
+
+
+def _wrong_answer(rig: Rig, what: str, *, field: str) -> LabError:
+    return LabError(
+        f"The rig {rig.name!r} answered {what}; see what `duralab check-rig {rig.name}` finds.", field=field
     )
 
 
