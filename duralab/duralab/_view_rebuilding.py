@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -13,8 +14,6 @@ from duralab.mcap_reading import McapFile
 
 _RECORDING: Final = b"\x89MCAP"
 _LIVE_VIEW: Final = b"RRF"
-_CUT_SHORT: Final = "unpack requires a buffer"
-"""Python's words for a record that is cut in its first bytes, which the recorder's code passes on."""
 
 
 def is_recording(file: Path) -> bool:
@@ -42,7 +41,7 @@ def is_recording(file: Path) -> bool:
     return start.startswith(_RECORDING)
 
 
-def rebuilt_view(recording: Path, target: Path) -> Path:
+def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
     """Write the live view of a recording and return its path.
 
     Parameters
@@ -51,6 +50,8 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
         The first .mcap file; those that follow lie beside it.
     target : Path
         The .rrd to write.
+    tell : callable
+        Told in a sentence where it ends before the recording's end.
 
     Raises
     ------
@@ -60,6 +61,8 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
         The recorder's code failed; with the last lines that it said.
     """
     file = McapFile(recording)
+    if not file.whole:
+        tell(f"{recording} was never finished; it is shown as far as it is whole.")
     said = target.with_suffix(".log")
     # A process of its own: the SDK imports no service, and Rerun keeps what it took.
     with said.open("wb") as log:
@@ -73,8 +76,6 @@ def rebuilt_view(recording: Path, target: Path) -> Path:
     if code != 0:
         # The recorder says it in a sentence of its own; of that, what comes after the recording's name is the reason.
         _, known, reason = last_lines(said).rpartition(" cannot be shown: ")
-        if known and not file.whole and reason.startswith(_CUT_SHORT):
-            reason = "it was never finished and ends within a record; let a recorder on its folder repair it"
         kind = InputError if known else LabError
         raise kind(f"The live view of {recording} cannot be made: {reason.rstrip('.')}.")
     return target

@@ -250,8 +250,8 @@ class Recording:
             require_run_name(run, example=f"{direction.value}s('demo.i01', 'demo.i02') or {direction.value}s(*names)")
         if not self.whole:
             raise InputError(
-                f"{self.path} was never finished and has no index; start the recorder on its folder, which repairs it, "
-                "or read whole runs with `signal`."
+                f"{self.path} was never finished and has no index; go on with it (`duralab resume`), start the "
+                "recorder on its folder anew, which repairs it, or read whole runs with `signal`."
             )
         channels = self.rig.drives if direction is Direction.DRIVE else self.rig.responses
         return signal_dataset(

@@ -80,7 +80,9 @@ def run_viewer(file: Path | None, *, port: int, web_port: int, web: bool, as_jso
         if file is not None and is_recording(file):
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
             console.print("Making the live view again from the log …", highlight=False, markup=False)
-            file = rebuilt_view(file, folder / "live.rrd")
+            file = rebuilt_view(
+                file, folder / "live.rrd", tell=lambda said: console.print(said, highlight=False, markup=False)
+            )
         viewer = stack.enter_context(Viewer(port=port, web_port=web_port, native=False if web else None, file=file))
         if as_json:
             write_json({"address": viewer.address, "page": viewer.page}, on_one_line=True)

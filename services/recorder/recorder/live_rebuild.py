@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -139,7 +140,7 @@ def _named_in(path: Path) -> str:
                 match decoder.decode(record):
                     case iterator_pb2.CampaignSpec() as specification, _ if specification.id:
                         return specification.id
-        except EndOfFile:
+        except (EndOfFile, struct.error):
             # Of a killed recorder; `show_log` tells whether it is that.
             return ""
     return ""
