@@ -129,3 +129,11 @@ def test_the_shipped_campaigns_tell_noise_and_distortion_apart():
     for name in shipped_campaigns():
         shipped = load_campaign(name).excitation
         assert (shipped.kind, shipped.capture_blocks) == (ExcitationKind.RANDOM_ORTHOGONAL, 2)
+
+
+@pytest.mark.parametrize(("fall", "told"), [(0.0, "1 to 40 Hz, flat,"), (3.0, "1 to 40 Hz, flat to 5 Hz, then −3 dB")])
+def test_a_spectrum_that_does_not_fall_is_flat(fall, told):
+    message = identifier_pb2.Excitation()
+    message.spectrum.lowest_frequency, message.spectrum.highest_frequency = 1.0, 40.0
+    message.spectrum.corner_frequency, message.spectrum.decibels_per_octave = 5.0, fall
+    assert told in identification_in_words(message, identifier_pb2.Estimator())

@@ -45,10 +45,10 @@ def _spectrum(excitation: identifier_pb2.Excitation) -> str:
     if excitation.drive_spectra:
         return "a spectrum for each drive"
     spectrum = excitation.spectrum
-    return (
-        f"{spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz, flat to "
-        f"{spectrum.corner_frequency:g} Hz, then −{spectrum.decibels_per_octave:g} dB per octave"
-    )
+    band = f"{spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz, flat"
+    if spectrum.decibels_per_octave == 0.0:
+        return band
+    return f"{band} to {spectrum.corner_frequency:g} Hz, then −{spectrum.decibels_per_octave:g} dB per octave"
 
 
 def _blocks(excitation: identifier_pb2.Excitation, estimator: identifier_pb2.Estimator) -> str:
