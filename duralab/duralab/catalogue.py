@@ -47,7 +47,7 @@ class CatalogueEntry:
     result : Result
         How it ended.
     closed : bool
-        Whether its files are complete; not so while it is written.
+        Whether nothing is written to it any more; `result` tells whether it was brought to its end.
     steps, signal_blocks, missing_blocks : int
         What it holds, and what is known to be missing.
     files : tuple of str
