@@ -41,7 +41,7 @@ def view(tmp_path_factory):
                 )
             )
     folder = tmp_path_factory.mktemp("view")
-    return rebuilt_view(synthetic_campaign.write(folder / "recording.mcap", messages), folder / "live.rrd")
+    return rebuilt_view(synthetic_campaign.write(folder / "recording.mcap", messages), folder / "live.rrd", tell=print)
 
 
 def of_colour(picture, colour):
@@ -78,4 +78,4 @@ def test_a_recording_that_cannot_be_shown_is_told(tmp_path):
     path = tmp_path / "recording.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
     with pytest.raises(LabError, match="cannot be made"):
-        rebuilt_view(path, tmp_path / "live.rrd")
+        rebuilt_view(path, tmp_path / "live.rrd", tell=print)
