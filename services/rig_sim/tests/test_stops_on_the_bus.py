@@ -126,15 +126,21 @@ def test_a_rig_that_fails_on_its_way_to_rest_latches_and_answers_with_all_that_w
     client.reset()
 
 
-def test_a_rig_that_fails_within_its_drive_has_published_all_that_it_measured(client, monkeypatch):
+def fail_from_half_a_second(monkeypatch, error):
     advance = Playback._advance
 
     def failing(playback, commands, first, *, counted):
         if first >= 500:
-            raise RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+            raise error
         return advance(playback, commands, first, counted=counted)
 
     monkeypatch.setattr(Playback, "_advance", failing)
+
+
+def test_a_rig_that_fails_within_its_drive_has_published_all_that_it_measured(client, monkeypatch):
+    fail_from_half_a_second(
+        monkeypatch, RigFaultError("the piston of left_vertical met its end stop; lower the drive.")
+    )
     drive = wave(1.0)
     assert client.fault("fails_within", drive).code_name == "FAILED_PRECONDITION"
     client.wait_for(lambda: sum(block.drive.shape[1] for block in client.blocks if block.run == "fails_within") == 500)
@@ -144,14 +150,7 @@ def test_a_rig_that_fails_within_its_drive_has_published_all_that_it_measured(cl
 
 
 def test_a_defect_within_a_drive_latches_the_rig(client, monkeypatch):
-    advance = Playback._advance
-
-    def failing(playback, commands, first, *, counted):
-        if first >= 500:
-            raise TypeError("no such thing")
-        return advance(playback, commands, first, counted=counted)
-
-    monkeypatch.setattr(Playback, "_advance", failing)
+    fail_from_half_a_second(monkeypatch, TypeError("no such thing"))
     assert client.fault("defect", wave(1.0)).code_name == "INTERNAL"
     state = client.state()
     assert state.mode == rig_pb2.RIG_MODE_INTERLOCKED
