@@ -74,12 +74,15 @@ class Tally:
         amount : float
             0 or more.
         """
-        if len(labels) != len(self._labels):
-            raise ValueError(
-                f"{labels} are {len(labels)} labels; this counter has {len(self._labels)}: {self._labels}."
-            )
         with self._lock:
-            self._values[labels] = self._values.get(labels, 0.0) + amount
+            if labels in self._values:
+                self._values[labels] += amount
+                return
+            if len(labels) != len(self._labels):
+                raise ValueError(
+                    f"{labels} are {len(labels)} labels; this counter has {len(self._labels)}: {self._labels}."
+                )
+            self._values[labels] = amount
 
     def read(self) -> Mapping[Labels, float]:
         """Return what was counted."""

@@ -56,7 +56,8 @@ def read_item(
         DATA_LOSS without epoch and sequence number, INVALID_ARGUMENT where it is not the message expected.
     """
     try:
-        position = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        attachment = sample.attachment
+        position = b"" if attachment is None else attachment.to_bytes()
         if len(position) != POSITION.size:
             raise FaultError(
                 query_pb2.FAULT_CODE_DATA_LOSS,

@@ -9,7 +9,7 @@ from typing import Final
 import zenoh
 from google.protobuf.message import Message
 
-from labbus._encoding import encode, encoding_of
+from labbus._encoding import encode, encoding_of, zenoh_encoding_of
 from labbus._faults import BusError
 from labbus._figures import Tally
 from labbus._rejoining import BusSession
@@ -59,8 +59,6 @@ class StreamPublisher:
         self._largest_bytes = largest_bytes
         self._lock = threading.Lock()
         self._closed = False
-        # Zenoh would read the text again for each message.
-        self._encodings: dict[str, zenoh.Encoding] = {}
         self._session = session
         self._publisher = session.declare(
             lambda joined: joined.declare_publisher(
@@ -112,26 +110,22 @@ class StreamPublisher:
             The publisher or its bus is closed.
         """
         payload = encode(message, largest_bytes=self._largest_bytes)
-        encoding = encoding_of(message)
         # One lock around number and sending, so that the order on the wire is the order of the numbers.
         with self._lock:
             if self._closed:
                 raise BusError(f"The publisher of {self.key} is closed.")
             # Kept first: whatever anybody received can be asked for again, also of a process that was killed.
-            seq = self._spool.append(payload, encoding)
-            self._send(payload, encoding=encoding, seq=seq)
+            seq = self._spool.append(payload, encoding_of(message))
+            self._send(payload, encoding=zenoh_encoding_of(type(message)), seq=seq)
             self._published.add(message.DESCRIPTOR.name)
             return seq
 
-    def _send(self, payload: bytes, *, encoding: str, seq: int) -> None:
+    def _send(self, payload: bytes, *, encoding: zenoh.Encoding, seq: int) -> None:
         publisher = self._publisher.current
         if publisher is None:
             return
-        known = self._encodings.get(encoding)
-        if known is None:
-            known = self._encodings[encoding] = zenoh.Encoding(encoding)
         try:
-            publisher.put(payload, encoding=known, attachment=POSITION.pack(self.epoch, seq))
+            publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
         except zenoh.ZError as error:
             # While the router is away nobody receives it: it is asked for afterwards.
             if self._session.closed:

@@ -172,9 +172,12 @@ def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], lay
 def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWarning:
     channels = rig.drives if warning.of_drive else rig.responses
     name = "" if warning.channel is None else channels[warning.channel].name
+    lowest, highest = warning.band or (0.0, 0.0)
     return identifier_pb2.ModelWarning(
         code=_WARNING_CODES.get(warning.code, identifier_pb2.MODEL_WARNING_CODE_OTHER),
         channel=name,
+        lowest_frequency=lowest,
+        highest_frequency=highest,
         sentence=with_names(warning.sentence, rig),
     )
 

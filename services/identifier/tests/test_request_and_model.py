@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,10 @@ from identifier import (
     EstimatorKind,
     EstimatorSettings,
     ExcitationKind,
+    ModelWarning,
     RigUnderTest,
     SettingError,
+    WarningCode,
     check_against_rig,
     content_hash,
     estimate_experiment,
@@ -226,21 +230,35 @@ def test_the_fades_are_dropped():
     np.testing.assert_array_equal(first.frf, second.frf)
 
 
-def make_model(message=None):
+def make_model(message=None, *, warnings=()):
     message = message or request()
     settings, experiment = settings_of(message), plan(message)
     drive, layout = experiment.drive, experiment.layout
     noise = np.random.default_rng(0).standard_normal((3, drive.shape[1]))
     response = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) @ drive + 0.001 * noise
+    found = estimate_experiment(settings.estimator, layout, drive=drive, response=response)
     return model_of(
         message,
         settings=settings.excitation,
         rig=RIG,
         layout=layout,
-        estimate=estimate_experiment(settings.estimator, layout, drive=drive, response=response),
+        estimate=replace(found, warnings=(*found.warnings, *warnings)),
         played=rig_pb2.PlayResult(epoch=2**63 + 1, blocks=200),
         levels=distortion_of(drive, response, layout),
     )
+
+
+def test_a_warning_names_its_channel_and_its_band():
+    smoothed = ModelWarning(WarningCode.SMOOTHED, "Response 1 bends.", channel=1, size=0.3, band=(19.5, 20.5))
+    clipped = ModelWarning(WarningCode.CLIPPED, "Drive 1 is clipped.", channel=1, of_drive=True, size=0.01)
+    told = [
+        (warning.code, warning.channel, warning.lowest_frequency, warning.highest_frequency)
+        for warning in to_message(make_model(warnings=(smoothed, clipped))).warnings
+    ]
+    assert told == [
+        (identifier_pb2.MODEL_WARNING_CODE_SMOOTHED, "force_1", 19.5, 20.5),
+        (identifier_pb2.MODEL_WARNING_CODE_CLIPPED, "drive_1", 0.0, 0.0),
+    ]
 
 
 @pytest.mark.parametrize("message", [request(), multisine(), multisine(excitation__odd_lines=True)])

@@ -34,6 +34,15 @@ def test_a_resonance_narrower_than_the_lines_is_named_with_the_size_of_the_error
     assert all(warning.size > 0.1 for warning in smoothed(result))
 
 
+def test_the_warning_names_the_band_of_the_resonance_that_was_smoothed():
+    result, _ = identified(0.002, noise=0.0)
+    for warning, resonance in zip(smoothed(result), (20.0, 37.0), strict=True):
+        lowest, highest = warning.band
+        assert lowest <= resonance <= highest + 0.5
+        assert highest - lowest < 2.0
+        assert f"between {lowest:.4g} and {highest:.4g} Hz" in warning.sentence
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_broad_resonances_in_noise_are_not_suspected(noise):
     result, _ = identified(0.6, noise=noise)

@@ -50,7 +50,10 @@ class ModelWarning:
     of_drive
         Whether `channel` counts drives; responses otherwise.
     size
-        Share between 0 and 1 (clipped: of the samples; transient: of the channel's RMS), None where there is none.
+        Share between 0 and 1 (clipped: of the samples; transient, smoothed: of the channel's RMS), None where there is
+        none.
+    band
+        Lowest and highest frequency concerned, in Hz; None where it concerns all.
     """
 
     code: WarningCode
@@ -58,6 +61,7 @@ class ModelWarning:
     channel: int | None = None
     of_drive: bool = False
     size: float | None = None
+    band: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ NOTICED_SHARE = 0.02
 
 _TIMES_CHANCE = 2.0
 
+_LEFT_OUT = 0.05
+"""Share of the difference below the band that a warning names, and above it."""
+
 
 def smoothing_warnings(
     spectra: AveragedSpectra, frf: NDArray[np.complex128], residual_psd: NDArray[np.float64]
@@ -34,7 +37,8 @@ def smoothing_warnings(
     Returns
     -------
     tuple of ModelWarning
-        One for each response concerned; `size` is the difference as a share of the response's RMS.
+        One for each response concerned; `size` is the difference as a share of the response's RMS, `band` holds nine
+        tenths of its power.
     """
     lines = np.flatnonzero(spectra.lines)
     s_uu, s_yu, auto_y = spectra.s_uu[lines], spectra.s_yu[lines], spectra.auto_y[lines]
@@ -47,19 +51,29 @@ def smoothing_warnings(
     if freedom > 0.0:
         explained = np.einsum("fij,fij->fi", unsmoothed, s_yu.conj()).real
         residual_psd = (auto_y - explained) * spectra.independent_averages / freedom
-    chance = drives / spectra.independent_averages * np.sum(residual_psd, axis=0)
+    beyond_chance = power - _TIMES_CHANCE * drives / spectra.independent_averages * residual_psd
     total = np.sum(auto_y, axis=0)
-    share = np.sqrt(np.maximum(np.sum(power, axis=0) - _TIMES_CHANCE * chance, 0.0) / total)
+    share = np.sqrt(np.maximum(np.sum(beyond_chance, axis=0), 0.0) / total)
     return tuple(
-        ModelWarning(
-            code=WarningCode.SMOOTHED,
-            sentence=(
-                f"What the local method says of response {channel} differs by {100.0 * share[channel]:.2g} % of its "
-                "RMS from h1 of the same captures: the FRF bends too much over the neighbouring lines, so take h1, a "
-                "smaller half-width or longer blocks."
-            ),
-            channel=int(channel),
-            size=float(share[channel]),
-        )
+        _warning(int(channel), float(share[channel]), spectra.frequency[lines], beyond_chance[:, channel])
         for channel in np.flatnonzero(share > NOTICED_SHARE)
+    )
+
+
+def _warning(
+    channel: int, share: float, frequency: NDArray[np.float64], beyond_chance: NDArray[np.float64]
+) -> ModelWarning:
+    below = np.cumsum(np.maximum(beyond_chance, 0.0))
+    first, last = np.searchsorted(below, [_LEFT_OUT * below[-1], (1.0 - _LEFT_OUT) * below[-1]])
+    lowest, highest = float(frequency[first]), float(frequency[last])
+    return ModelWarning(
+        code=WarningCode.SMOOTHED,
+        sentence=(
+            f"What the local method says of response {channel} differs by {100.0 * share:.2g} % of its RMS from h1 of "
+            f"the same captures, most of it between {lowest:.4g} and {highest:.4g} Hz: the FRF bends too much over the "
+            "neighbouring lines, so take h1, a smaller half-width or longer blocks."
+        ),
+        channel=channel,
+        size=share,
+        band=(lowest, highest),
     )
