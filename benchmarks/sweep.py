@@ -10,10 +10,13 @@ import argparse
 import json
 import os
 import resource
+import shutil
+import signal
 import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,6 +30,10 @@ from duralab.sweeps.results import read_results
 
 SHIPPED = "fifty_gains_and_seeds"
 EMPTY_TASKS = 500
+STILL_SECONDS = 240.0
+"""A sweep on two cores that takes longer has been seen once, and stood still for nine minutes."""
+ANSWER_SECONDS = 2.0
+STILL = Path("out/sweep-still")
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,15 @@ def run(folder: Path, *, cores: int, campaigns: int, cell: str) -> Run:
     if len(allowed) < cores:
         raise SystemExit(f"{cores} cores are asked for and {len(allowed)} are here.")
     before, begun = _processor_of_children(), time.perf_counter()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, preexec_fn=lambda: os.sched_setaffinity(0, allowed))
+    whole = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, allowed)
+    asking = threading.Timer(STILL_SECONDS * 2 / cores, _keep_stacks, (folder / "logs",))
+    asking.start()
+    try:
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    finally:
+        asking.cancel()
+        os.sched_setaffinity(0, whole)
     wall, used = time.perf_counter() - begun, _processor_of_children() - before
     results = read_results(folder)
     if results.failed or len(results.finished) != campaigns:
@@ -93,6 +108,15 @@ def run(folder: Path, *, cores: int, campaigns: int, cell: str) -> Run:
         campaign_seconds=statistics.median(row["seconds_campaign"] for row in warm),
         mebibytes=statistics.median(row["bytes"] for row in results.rows) / 2**20,
     )
+
+
+def _keep_stacks(logs: Path) -> None:
+    """Ask the workers of a sweep that seems to stand still where their threads are, and keep their logs."""
+    for log in logs.glob("worker-*.log"):
+        os.kill(int(log.stem.rpartition("-")[2]), signal.SIGUSR1)
+    time.sleep(ANSWER_SECONDS)
+    shutil.copytree(logs, STILL, dirs_exist_ok=True)
+    sys.stderr.write(f"A sweep takes long; where its threads are stands in {STILL}.\n")
 
 
 def empty_task_seconds() -> float:

@@ -178,3 +178,19 @@ def test_as_many_workers_as_cores_keep_to_a_core_each(tmp_path):
     with open_workers(tmp_path, workers=None, scheduler=None) as client:
         kept = client.run(lambda: tuple(os.sched_getaffinity(0)))
     assert sorted(kept.values()) == [(core,) for core in sorted(os.sched_getaffinity(0))]
+
+
+def test_a_worker_that_seems_to_stand_still_is_asked_where_its_threads_are(tmp_path):
+    def told():
+        lines = (line for log in (tmp_path / "logs").glob("worker-*.log") for line in log.read_text().splitlines())
+        return [event["threads"] for event in map(json.loads, lines) if "threads" in event]
+
+    with open_workers(tmp_path, workers=1, scheduler=None) as client:
+        (pid,) = client.run(os.getpid).values()
+        os.kill(pid, signal.SIGUSR1)
+        deadline = time.monotonic() + SECONDS
+        while not told() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        # It went on all the same.
+        assert list(client.run(os.getpid).values()) == [pid]
+    assert any(thread.startswith("MainThread") for thread in told()[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from duralab.sweeps.cell import KeptCell
 from duralab.sweeps.outcome import Costs, Outcome, State, outcome_of, write_outcome
 from duralab.sweeps.points import Point
 from duralab.sweeps.sweep_file import CellKind, Kept
-from labbus import configure_logs
+from labbus import configure_logs, tell_stacks_on_signal
 
 CAMPAIGN: Final = "campaign.yaml"
 """Of a point, in its folder: `duralab run` runs it again."""
@@ -122,3 +123,6 @@ def prepare_worker(folder: Path) -> None:
             "(--out) that all workers share."
         ) from error
     configure_logs("cell", stream=stream)
+    # Where Dask keeps its workers as threads of another process, that one is not ours to change.
+    if threading.current_thread() is threading.main_thread():
+        tell_stacks_on_signal()

@@ -21,6 +21,7 @@ from labbus._service import ServiceConfig, run_service, service_main
 from labbus._spool import SpoolFullError
 from labbus._spool_folder import SpoolFolder
 from labbus._spool_space import SpoolSpace
+from labbus._stacks import tell_stacks_on_signal
 from labbus._stream_item import StreamItem
 from labbus._stream_order import StreamProof
 from labbus._streams import StreamPublisher
@@ -68,4 +69,5 @@ __all__ = [
     "router_configuration",
     "run_service",
     "service_main",
+    "tell_stacks_on_signal",
 ]

@@ -25,6 +25,7 @@ from labbus._logs import configure_logs
 from labbus._metrics import MetricsConfig, tell_prometheus
 from labbus._opening import open_bus
 from labbus._settings import configured
+from labbus._stacks import tell_stacks
 from labbus._yaml import ConfigError
 
 EXIT_MISCONFIGURED: Final = 2
@@ -70,7 +71,8 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
     ------
     SystemExit
         With code 2 after one sentence on standard error when the bus or the service cannot be set up as configured.
-        SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within 3 s.
+        SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within 3 s. SIGUSR1
+        makes it log where its threads are.
     """
     configure_logs(name)
     log = structlog.get_logger(name)
@@ -156,6 +158,8 @@ class _StopSignal:
         os.set_blocking(self._signal_writes, False)
         signal.set_wakeup_fd(self._signal_writes)
         threading.Thread(target=self._watch, name="labbus-watchdog", daemon=True).start()
+        # So that it writes its byte, and ends nothing.
+        signal.signal(signal.SIGUSR1, lambda _number, _frame: None)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_signal)
         if standard_input:
@@ -186,8 +190,12 @@ class _StopSignal:
         os.kill(os.getpid(), signal.SIGTERM)
 
     def _watch(self) -> None:
-        """End the process when it has not ended by itself, whatever is stuck."""
-        os.read(self._signal_reads, 1)
+        """Tell where the threads are when asked; end the process when it does not by itself, whatever is stuck."""
+        while os.read(self._signal_reads, 1)[0] == signal.SIGUSR1:
+            tell_stacks()
+        # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
+        # Python's handler runs on the main one alone, and that would go on waiting.
+        os.write(self._main_writes, b"!")
         time.sleep(_EXIT_SECONDS)
         self._log.error("Something is stuck; the process ends without it.", after_seconds=_EXIT_SECONDS)
         os._exit(EXIT_STUCK)

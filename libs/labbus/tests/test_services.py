@@ -1,5 +1,6 @@
 """Services as processes: they say what is wrong, log as JSON, and end in time whatever is stuck."""
 
+import ctypes
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import socket
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -78,6 +80,33 @@ def test_service_ends_on_signal_in_order_and_logs_json(hub, processes):
     assert "ZeroDivisionError" in lines[1]["exception"]
     assert lines[1]["key"] == hub.keys.rig_play("bench")
     assert lines[2]["why"] == "SIGINT"
+
+
+def test_a_service_that_seems_to_stand_still_is_asked_where_its_threads_are(hub, processes):
+    process = processes.start({"bus": {"connect": list(hub.listening)}}, stderr=subprocess.PIPE, text=True)
+    hub.wait_for_live({("rig_sim", "bench")}, WAIT)
+    process.send_signal(signal.SIGUSR1)
+    lines = iter(process.stderr.readline, "")
+    told = next(json.loads(line) for line in lines if "asked where" in line)
+    process.terminate()
+    code, error = ended(process, 3.5)
+    assert code == 0
+    assert '"ended"' in error
+    (main,) = (calls for thread, calls in told["threads"].items() if thread.startswith("MainThread"))
+    assert any(call.endswith(" run_service") for call in main)
+    assert any(thread.startswith("labbus-keep-alive") for thread in told["threads"])
+
+
+def test_a_signal_that_comes_to_another_thread_ends_the_service_in_order(hub, processes):
+    process = processes.start({"bus": {"connect": list(hub.listening)}}, stderr=subprocess.PIPE, text=True)
+    hub.wait_for_live({("rig_sim", "bench")}, WAIT)
+    threads = sorted(int(thread.name) for thread in Path(f"/proc/{process.pid}/task").iterdir())
+    assert threads[0] == process.pid
+    assert ctypes.CDLL(None).tgkill(process.pid, threads[-1], signal.SIGTERM) == 0
+    code, error = ended(process, 3.5)
+    assert code == 0
+    assert [json.loads(line)["event"] for line in error.splitlines()][-1] == "ended"
+    assert '"why": "SIGTERM"' in error
 
 
 def test_handlers_end_before_what_they_use_is_taken_apart(hub, processes):
