@@ -22,7 +22,7 @@ from duralab.formats.rpc3_layout import DataType
 from duralab.formats.rpc3_reading import open_rpc3, read_rpc3
 from duralab.formats.rpc3_writing import Rpc3Settings, write_rpc3
 
-REPETITIONS = 3
+REPETITIONS = 5
 BLOCK_SAMPLES = 1 << 16
 
 
@@ -32,7 +32,7 @@ def write(path: Path, *, data_type: DataType, minutes: float, channels: int, rat
     noise = np.random.default_rng(0).normal(size=(channels, BLOCK_SAMPLES))
     repeated = np.take(noise, np.arange(samples) % BLOCK_SAMPLES, axis=1)
     signals = Signals(tuple(Channel(f"channel_{row}", "N") for row in range(channels)), rate, repeated)
-    return _seconds(lambda: write_rpc3(signals, path, Rpc3Settings(data_type=data_type)), repetitions=1)
+    return _seconds(lambda: write_rpc3(signals, path, Rpc3Settings(data_type=data_type)))
 
 
 def numpy_of_its_bytes(path: Path) -> np.ndarray:
@@ -41,14 +41,19 @@ def numpy_of_its_bytes(path: Path) -> np.ndarray:
     return np.fromfile(path, dtype=file.layout.dtype, offset=file.header.size).astype(np.float64)
 
 
-def _seconds(action: Callable[[], object], *, repetitions: int = REPETITIONS) -> float:
-    """Return the shortest of some times; the first also brings the file into the system's cache."""
-    times = []
-    for _ in range(repetitions):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return min(times)
+def _seconds(action: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    action()
+    return time.perf_counter() - start
+
+
+def _shortest_in_turns(*actions: Callable[[], object]) -> list[float]:
+    """Return the shortest of some times of each, in turns: a neighbour's minute is the same for all.
+
+    The first also brings the file into the system's cache.
+    """
+    rounds = [[_seconds(action) for action in actions] for _ in range(REPETITIONS)]
+    return [min(times) for times in zip(*rounds, strict=True)]
 
 
 def measure_formats(
@@ -73,7 +78,7 @@ def measure_formats(
         for data_type in DataType:
             path = Path(name) / "long.rsp"
             written = write(path, data_type=data_type, minutes=minutes, channels=channels, rate=rate)
-            peer, own = _seconds(lambda p=path: numpy_of_its_bytes(p)), _seconds(lambda p=path: read_rpc3(p))
+            peer, own = _shortest_in_turns(lambda p=path: numpy_of_its_bytes(p), lambda p=path: read_rpc3(p))
             figures[data_type.value] = {
                 "mebibytes": path.stat().st_size / 2**20,
                 "write_seconds": written,
