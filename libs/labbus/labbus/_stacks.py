@@ -13,7 +13,8 @@ import structlog
 def stacks() -> dict[str, list[str]]:
     """Return where every thread is, the outermost call first.
 
-    Not by faulthandler, which reads the frames of threads that run: one process in a few dozen did not survive it.
+    Not by faulthandler, which reads the frames of threads while they run: of three dozen processes that were told to
+    end meanwhile, one crashed.
 
     Returns
     -------
