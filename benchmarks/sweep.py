@@ -7,6 +7,7 @@ which any neighbour spoils, the processor time of each campaign is told: neighbo
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import resource
@@ -113,7 +114,9 @@ def run(folder: Path, *, cores: int, campaigns: int, cell: str) -> Run:
 def _keep_stacks(logs: Path) -> None:
     """Ask the workers of a sweep that seems to stand still where their threads are, and keep their logs."""
     for log in logs.glob("worker-*.log"):
-        os.kill(int(log.stem.rpartition("-")[2]), signal.SIGUSR1)
+        # One that died was replaced; its log is kept all the same.
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(int(log.stem.rpartition("-")[2]), signal.SIGUSR1)
     time.sleep(ANSWER_SECONDS)
     shutil.copytree(logs, STILL, dirs_exist_ok=True)
     sys.stderr.write(f"A sweep takes long; where its threads are stands in {STILL}.\n")

@@ -23,8 +23,10 @@ def stacks() -> dict[str, list[str]]:
     """
     names = {thread.ident: thread.name for thread in threading.enumerate()}
     return {
+        # Without the lines' text: no file is read while a rig plays.
         f"{names.get(number, 'native')} {number}": [
-            f"{call.filename}:{call.lineno} {call.name}" for call in traceback.extract_stack(frame)
+            f"{call.f_code.co_filename}:{line} {call.f_code.co_name}"
+            for call, line in reversed(list(traceback.walk_stack(frame)))
         ]
         for number, frame in sys._current_frames().items()  # noqa: SLF001 - the only way, and documented
     }

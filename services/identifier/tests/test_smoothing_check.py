@@ -38,7 +38,7 @@ def test_the_warning_names_the_band_of_the_resonance_that_was_smoothed():
     result, _ = identified(0.002, noise=0.0)
     for warning, resonance in zip(smoothed(result), (20.0, 37.0), strict=True):
         lowest, highest = warning.band
-        assert lowest <= resonance <= highest + 0.5
+        assert lowest <= resonance <= highest
         assert highest - lowest < 2.0
         assert f"between {lowest:.4g} and {highest:.4g} Hz" in warning.sentence
 
