@@ -12,6 +12,7 @@ import structlog
 from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
+from recorder.ended_lately import EndedLately
 from recorder.free_room import LEAST_FREE_BYTES, MEBIBYTE, FreeRoom
 from recorder.interruptions import Interruptions
 from recorder.recording import DiskError, Recording, as_disk_error
@@ -25,7 +26,6 @@ from recorder.step_order import Placement, StepOrder
 from recorder.step_types import Step
 
 STOPPED: Final = "the recorder was stopped"
-REMEMBERED: Final = 50
 SPLIT_BYTES: Final = 512 * MEBIBYTE
 
 
@@ -49,8 +49,7 @@ class Archive:
         self._split_bytes = split_bytes
         self._room = FreeRoom(folder, least_free_bytes)
         self._open: dict[str, Recording] = {}
-        # What ended lately: a last step that is sent again is acknowledged without reading the files.
-        self._closed: dict[str, StepOrder] = {}
+        self._ended = EndedLately(folder)
         self._runs = RunBook()
         self._descriptions: dict[tuple[str, str], rig_pb2.RigDescription] = {}
         self._interruptions = Interruptions()
@@ -65,19 +64,19 @@ class Archive:
             try:
                 if not is_ended(self._folder, name):
                     self._take_up(name)
-            except OSError as error:
-                self._interruptions.begin(name, why=error.strerror or str(error), file=None, unread=True)
+            except (OSError, DiskError) as error:
+                self._interruptions.begin_unread(name, error)
                 self._log.error("a recording waits for its repair", recording=name, why=str(error))
             except RefusedError as refusal:
                 self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
 
     def _take_up(self, name: str, *, reason: str = "") -> Recording | None:
         how = {"keep_original": False, "reason": f"The disk refused it: {reason}."} if reason else {}
-        found = reopen(self._folder, name, **how)
+        found = reopen(self._folder, name, least_free_bytes=self._room.least_bytes, **how)
         if found is None:
             return None
         if found.ended:
-            self._remember(found.recording)
+            self._ended.remember(name, found.recording.order)
             return None
         self._open[name] = found.recording
         self._runs.forget(name)
@@ -86,11 +85,6 @@ class Archive:
             self._descriptions[name, rig] = description
         self._log.info("recording taken up", recording=name, steps=found.recording.order.count)
         return found.recording
-
-    def _remember(self, recording: Recording) -> None:
-        self._closed[recording.name] = recording.order
-        if len(self._closed) > REMEMBERED:
-            del self._closed[next(iter(self._closed))]
 
     def commit(self, name: str, step: Step) -> Placement:
         """Store a step and return when it is on the disk, or find that it is there already.
@@ -113,11 +107,12 @@ class Archive:
             # The disk refused again what had been held back.
             raise DiskError(name, self._interruptions.why(name))
         recording = self._open.get(name)
-        if recording is None and name not in self._closed:
-            with as_disk_error(name):
+        with as_disk_error(name):
+            if recording is None and self._ended.find(name) is None:
                 recording = self._take_up(name)
-        if name in self._closed:
-            return self._closed[name].place(step)
+            ended = self._ended.find(name)
+        if ended is not None:
+            return ended.place(step)
         placement = StepOrder(name).place(step) if recording is None else recording.place(step)
         if placement is Placement.STORED:
             return placement
@@ -285,6 +280,9 @@ class Archive:
                         recording.split(self._runs.of_recording(name))
             except DiskError:
                 continue
+        if given_up := self._interruptions.take_given_up():
+            self._log.error("what may be of a recording that cannot be read is not kept", messages=len(given_up))
+            self._settled += given_up
         for name in self._interruptions.due():
             try:
                 self._take_up_interrupted(name)
@@ -345,5 +343,5 @@ class Archive:
         del self._open[name]
         self._forget(name)
         if recording.order.ended:
-            self._remember(recording)
+            self._ended.remember(name, recording.order)
         self._log.info("recording closed", recording=name, steps=recording.order.count, reason=reason)

@@ -16,7 +16,7 @@ from mcap.records import Chunk, ChunkIndex, Message, Metadata
 from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
-from recorder.mcap_ending import is_finished, scan
+from recorder.mcap_scan import is_finished, scan
 
 _RECORD_HEAD: Final = struct.Struct("<BQ")
 # Of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from recorder.recording import DiskError
+from recorder.recording import DiskError, as_disk_error
 
 MEBIBYTE: Final = 1024 * 1024
 LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
@@ -30,7 +30,8 @@ class FreeRoom:
 
     def expect(self, recording: str) -> None:
         """Raise a DiskError while too little is free: a playback that has begun should find its place."""
-        free = shutil.disk_usage(self.folder).free
+        with as_disk_error(recording):
+            free = shutil.disk_usage(self.folder).free
         if free < self.least_bytes:
             raise DiskError(
                 recording, f"{free // MEBIBYTE} MiB are free, {self.least_bytes // MEBIBYTE} MiB are kept free"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import math
 import os
 import time
 from collections.abc import Iterable
@@ -11,15 +13,22 @@ from pathlib import Path
 from typing import Any, Final
 
 from labbus import StreamItem
+from recorder.recording import DiskError
 
 RETRY_SECONDS: Final = 1.0
+
+CLAIM_SECONDS: Final = 30.0
+"""For so long what no known playback claims is kept for a recording that cannot be read; the lab would stand still."""
+
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 @dataclass
 class _Interruption:
     why: str
     file: tuple[Path, int] | None
-    unread: bool
+    unread: bool = False
+    claims_until: float = -math.inf
     held: list[StreamItem[Any]] = field(default_factory=list)
     retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
 
@@ -37,7 +46,7 @@ class Interruptions:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None, unread: bool = False) -> None:
+    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
         """Note that a recording waits.
 
         Parameters
@@ -49,12 +58,29 @@ class Interruptions:
         file : tuple of Path and int, optional
             The file that could not be written, and how many of its bytes are on the disk for certain. What follows
             them may be in memory only, though it reads well: it is cut off, now or when the disk allows.
-        unread : bool
-            Whether its files were left by a killed recorder and could not be taken up: its playbacks are not known.
         """
-        self._waiting[name] = _Interruption(why, file, unread)
+        self._waiting[name] = _Interruption(why, file)
         with contextlib.suppress(OSError):
             self.cut(name)
+
+    def begin_unread(self, name: str, error: OSError | DiskError) -> None:
+        """Note that the files of a recording that a recorder left could not be taken up: its playbacks are not known.
+
+        Where the disk has no room, that is soon mended, and all that may be of it is kept until then. A file that
+        cannot be read, perhaps of years ago, must not hold up the lab.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+        error : OSError or DiskError
+            What the disk said.
+        """
+        said = error.__cause__ if isinstance(error, DiskError) else error
+        no_room = not isinstance(said, OSError) or said.errno in _NO_ROOM
+        why = error.why if isinstance(error, DiskError) else error.strerror or str(error)
+        claims_until = math.inf if no_room else time.monotonic() + CLAIM_SECONDS
+        self._waiting[name] = _Interruption(why, None, unread=True, claims_until=claims_until)
 
     def cut(self, name: str) -> None:
         """Cut off what is not certain to be on the disk; raises OSError where the disk refuses even that."""
@@ -70,11 +96,20 @@ class Interruptions:
         self._waiting[name].held += items
 
     def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
-        """Keep a message that no known playback claims, where one of a recording that is unread may; tell whether."""
-        unread = any(waiting.unread for waiting in self._waiting.values())
-        if unread:
+        """Keep a message that no known playback claims, where one of a recording that is not read may; tell whether."""
+        claiming = self._claiming
+        if claiming:
             self._unclaimed.append(item)
-        return unread
+        return claiming
+
+    @property
+    def _claiming(self) -> bool:
+        now = time.monotonic()
+        return any(now < waiting.claims_until for waiting in self._waiting.values())
+
+    def take_given_up(self) -> list[StreamItem[Any]]:
+        """Return what nobody has claimed and is kept for no recording any longer."""
+        return [] if self._claiming else self.take_unclaimed()
 
     def unread(self, name: str) -> bool:
         """Whether the playbacks of a recording are not known."""

@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
 from recorder.live_view import LiveView
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_ending import Unfinished, check_begin, is_finished, scan
+from recorder.mcap_scan import Unfinished, check_begin, is_finished, scan
 
 SHOWN: Final[dict[str, type[Message]]] = {
     kind.DESCRIPTOR.full_name: kind

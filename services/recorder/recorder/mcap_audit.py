@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 
 from duralab_proto.v1 import recorder_pb2
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_ending import check_begin
+from recorder.mcap_scan import check_begin
 from recorder.recording_content import Content
 from recorder.recording_files import sha256_of
 from recorder.step_types import type_name_of
@@ -134,6 +134,9 @@ def _check_place(found: Audit, path: Path, *, number: int, before: Path | None) 
     part = found.content.part
     if part.get("number") not in (str(number), None if number == 1 else ""):
         found.findings.append(f"The file {path.name} says that it is number {part.get('number')!r}, not {number}.")
+    name = path.name.partition(".")[0]
+    if (own := part.get("recording", name)) != name:
+        found.findings.append(f"The file {path.name} is a copy: it says that it belongs to recording {own!r}.")
     if before is not None and part.get("previous_sha256") != sha256_of(before):
         found.findings.append(f"The file {before.name} is not the one that {path.name} follows: its hash differs.")
 

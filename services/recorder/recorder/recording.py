@@ -211,6 +211,11 @@ class Recording:
         self.close(runs, reason=f"It goes on in {following}.", next_file=following)
         self._write(lambda: self._writing().sync())
 
+    def write_empty_file(self, runs: Runs, *, reason: str) -> None:
+        """Write the next file with nothing in it but its place, where the one before names it and it is not there."""
+        self._write(lambda: self._writing().sync())
+        self.close(runs, reason=reason)
+
     def let_go(self) -> tuple[Path, int] | None:
         """Let go of a file that the disk refuses, without an end; return it and how much of it is safe."""
         log, self._log = self._log, None

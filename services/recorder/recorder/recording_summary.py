@@ -16,7 +16,7 @@ from mcap.reader import SeekingReader
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Continuity
 from recorder.mcap_damage import DAMAGE
-from recorder.mcap_ending import is_finished
+from recorder.mcap_scan import is_finished
 from recorder.run_book import MOST_BLOCKS, PlannedRun
 
 SUMMARY_METADATA: Final = "summary"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,9 +14,11 @@ import structlog
 from mcap.reader import SeekingReader
 
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from recorder.free_room import MEBIBYTE
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_ending import check_begin, finish, is_finished, scan
+from recorder.mcap_ending import finish
 from recorder.mcap_log import sync_folder
+from recorder.mcap_scan import check_begin, is_finished, scan
 from recorder.recording import Recording, Stored
 from recorder.recording_content import SCENARIO_METADATA, STEP_TOPIC, Content
 from recorder.recording_files import DAMAGED_FOLDER, files_after_a_gap, files_of, recording_path
@@ -56,7 +59,9 @@ def is_ended(folder: Path, name: str) -> bool:
     return summary is not None and summary.ended
 
 
-def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED) -> Reopened | None:
+def reopen(
+    folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED, least_free_bytes: int = 0
+) -> Reopened | None:
     """Take a recording up again; a file without an end is given one.
 
     Parameters
@@ -69,6 +74,8 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
         Whether a file that is repaired is copied as it is before.
     reason : str
         Why the file has no end.
+    least_free_bytes : int
+        How much has to be free on the disk beside the copy.
 
     Returns
     -------
@@ -78,7 +85,8 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
     Raises
     ------
     RefusedError
-        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with, or one of its files is gone.
+        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with, a copy of another one, or one
+        of its files is gone.
     OSError
         The disk refuses the repair; nothing is lost by that.
     """
@@ -90,12 +98,15 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
         return None
     content, unfinished = Content(), not is_finished(files[-1])
     try:
-        known = _seed(content, files[:-1] if unfinished else files)
+        known = _seed(content, files[:-1] if unfinished else files, name)
         for path in files[known : -1 if unfinished else None]:
             content.begin_file()
             scan(path, content.take)
+            _expect_own(content.part, name, path)
         if unfinished:
             content.begin_file()
+            if keep_original:
+                _expect_room_for_copy(files[-1], least_free_bytes)
             if not _repair(files[-1], content, name=name, keep_original=keep_original, reason=reason):
                 _put_aside(files.pop())
     except DAMAGE as error:
@@ -115,15 +126,26 @@ def reopen(folder: Path, name: str, *, keep_original: bool = True, reason: str =
         scenario=content.scenario,
         story=summary.story,
     )
-    return Reopened(Recording(name, folder, order=order, stored=stored), summary.runs, content.descriptions)
+    recording = Recording(name, folder, order=order, stored=stored)
+    if (last := read_summary(files[-1])) is not None and last.next_file:
+        # It says that the recording goes on there, and whoever reads it looks for that file.
+        recording.write_empty_file(summary.runs, reason=reason)
+    return Reopened(recording, summary.runs, content.descriptions)
 
 
-def _seed(content: Content, files: Sequence[Path]) -> int:
+def _expect_own(part: Mapping[str, str], name: str, path: Path) -> None:
+    """Refuse a copy: it would take the playbacks of the recording that it was copied from for its own."""
+    if (own := part.get("recording", name)) != name:
+        raise _unreadable(name, path, f"it is a copy of recording {own!r}")
+
+
+def _seed(content: Content, files: Sequence[Path], name: str) -> int:
     """Take over what the last finished file says about all before it; return how many files that spares reading."""
     for number in range(len(files), 0, -1):
         summary = read_summary(files[number - 1])
         if summary is None or len(summary.step_types) != len(summary.step_hashes) or not summary.step_types:
             continue
+        _expect_own({"recording": summary.recording}, name, files[number - 1])
         _take_over(content, summary)
         for path in files[:number]:
             with path.open("rb") as stream:
@@ -156,6 +178,7 @@ def _repair(path: Path, content: Content, *, name: str, keep_original: bool, rea
     """Give a file an ending; return False where it was only begun and there is nothing in it to end."""
     check_begin(path)
     found = scan(path, content.take)
+    _expect_own(content.part, name, path)
     if not content.messages:
         return False
     size = path.stat().st_size
@@ -171,6 +194,17 @@ def _repair(path: Path, content: Content, *, name: str, keep_original: bool, rea
         why=reason,
     )
     return True
+
+
+def _expect_room_for_copy(path: Path, least_free_bytes: int) -> None:
+    """Raise OSError where a copy would take what has to stay free, before the file is read for it in vain."""
+    free, size = shutil.disk_usage(path.parent).free, path.stat().st_size
+    if free < size + least_free_bytes:
+        raise OSError(
+            errno.ENOSPC,
+            f"{free // MEBIBYTE} MiB are free, a copy of {path.name} takes {size // MEBIBYTE} MiB and "
+            f"{least_free_bytes // MEBIBYTE} MiB are kept free",
+        )
 
 
 def _free_place(path: Path) -> Path:

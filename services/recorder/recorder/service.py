@@ -116,8 +116,9 @@ class RecorderService:
         step = decode_step(request)
         if isinstance(step.message, recorder_pb2.RunPlayed):
             self._await_blocks(bus, name, step.message, call)
-        placement = self._on_writer(lambda: self._store(name, step), call)
-        if placement is Placement.NEW and isinstance(step.message, recorder_pb2.RecordingClosed) and self._views:
+        self._on_writer(lambda: self._store(name, step), call)
+        # Also where it was stored before: the disk may have refused the ending then.
+        if isinstance(step.message, recorder_pb2.RecordingClosed) and self._views:
             self._views.finish(name)
         return recorder_pb2.CommitAck(recording=name, step=step.number, payload_hash=step.payload_hash)
 
@@ -170,13 +171,15 @@ class RecorderService:
                 return information
 
     def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
-        """Describe a recording, or nothing where somebody deletes it meanwhile; unhashed: a thousand are 100 GB."""
+        """Describe a recording without hashes, a thousand are 100 GB; one that is gone or unreadable hides no other."""
         try:
             return self._describe(name, call, hashed=False)
-        except (FileNotFoundError, IndexError, RefusedError):
-            if files_of(self._folder, name):
+        except (OSError, IndexError, RefusedError) as error:
+            if not files_of(self._folder, name):
+                return None
+            if not isinstance(error, OSError):
                 raise
-            return None
+            return recorder_pb2.RecordingInfo(recording=name, waiting=f"It cannot be read: {error.strerror or error}.")
 
     def _refuse_open(self, name: str, call: Call) -> None:
         if name in self._on_writer(self._archive.open_names, call):
@@ -212,12 +215,10 @@ class RecorderService:
             call.progress("waiting for signal blocks", max(0.0, 1.0 - missing / played.blocks))
             time.sleep(_POLL_SECONDS)
 
-    def _store(self, name: str, step: Step) -> Placement:
+    def _store(self, name: str, step: Step) -> None:
         """Store a step and pass it on to its view: on the writer's thread, so that the view sees the log's order."""
-        placement = self._archive.commit(name, step)
-        if placement is Placement.NEW and self._views is not None:
+        if self._archive.commit(name, step) is Placement.NEW and self._views is not None:
             self._views.show_step(name, step.message)
-        return placement
 
     def _taking(self, take: Callable[[StreamItem[Any]], object]) -> Callable[[StreamItem[Any]], None]:
         """Return what a subscription calls: it waits while too much is not yet on the disk."""
@@ -279,7 +280,6 @@ class RecorderService:
     def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
         """Have the writer's thread do something and wait for it; a disk that is slow is told of to the asker."""
         future = self._writer.call(job)
-        ending = "The recorder is ending; start it again."
         while True:
             try:
                 return future.result(None if call is None else _SLOW_SECONDS)
@@ -289,6 +289,7 @@ class RecorderService:
                 if call is not None:
                     call.progress("waiting for the recorder's disk", 0.0)
             except CancelledError as error:
+                ending = "The recorder is ending; start it again."
                 raise RefusedError(query_pb2.FAULT_CODE_UNAVAILABLE, ending) from error
 
 

@@ -15,7 +15,7 @@ from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
 from recorder.file_index import count_messages, index_of, last_metadata, messages_of
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_ending import is_finished
+from recorder.mcap_scan import is_finished
 from recorder.recording_content import EPOCH, STEP_TOPIC
 from recorder.recording_files import files_of
 from recorder.recording_summary import SUMMARY_METADATA, Summary

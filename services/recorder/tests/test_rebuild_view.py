@@ -10,7 +10,7 @@ from labbus import StreamItem
 from recorder import rebuild_view
 from recorder.archive import Archive
 from recorder.live_views import LiveViews
-from recorder.mcap_ending import scan
+from recorder.mcap_scan import scan
 
 RUN = "demo.i01"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -129,3 +131,39 @@ def test_every_file_passes_the_check_of_another_code_base(folder, rerun_program,
             check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_kill_right_after_a_split_leaves_a_recording_that_can_be_read_and_gone_on_with(tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, split_bytes=6000, least_free_bytes=0)
+    for number, message in enumerate([campaign.specification(), campaign.description(), campaign.model()]):
+        archive.commit("demo", step_of(number, message))
+    archive.sync()
+    begun = recording_path(tmp_path, "demo", number=2)
+    # As a kill leaves it: before its first bytes, within them, or with nothing but its place in it.
+    for kept in (begun.read_bytes(), begun.read_bytes()[:20], b"", None):
+        killed = tmp_path / f"killed_{'without' if kept is None else len(kept)}"
+        killed.mkdir()
+        shutil.copy(recording_path(tmp_path, "demo"), killed)
+        if kept is not None:
+            (killed / begun.name).write_bytes(kept)
+        again = Archive(killed, least_free_bytes=0)
+        again.recover()
+        assert verify(killed, "demo").findings == ["The last of its 3 steps is not RecordingClosed: it was cut short."]
+        again.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="done")))
+        assert verify(killed, "demo").whole
+    archive.close()
+
+
+def test_a_copy_is_not_gone_on_with_and_is_no_whole_recording(folder, campaign, step_of):
+    for name in ("killed", "ended"):
+        copied = folder / name
+        copied.mkdir()
+        content = recording_path(folder, "demo").read_bytes()
+        (copied / "backup.mcap").write_bytes(content if name == "ended" else content[: len(content) * 2 // 3])
+        archive = Archive(copied, least_free_bytes=0)
+        archive.recover()
+        with pytest.raises(RefusedError, match="it is a copy of recording 'demo'"):
+            archive.commit("backup", step_of(3, campaign.planned("demo.i01")))
+        assert "The file backup.mcap is a copy: it says that it belongs to recording 'demo'." in (
+            verify(copied, "backup").findings
+        )

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from duralab_proto.v1 import recorder_pb2
-from recorder import file_index, mcap_ending
+from recorder import file_index, mcap_scan
 from recorder.archive import Archive
 from recorder.refused import RefusedError
 from recorder.step_reading import read_steps
@@ -94,7 +94,7 @@ def test_each_part_reads_its_own_chunks_and_no_others(archive, campaign, step_of
     monkeypatch.setattr(
         "recorder.step_reading.messages_of", lambda *place: read_chunks.append(place) or file_index.messages_of(*place)
     )
-    monkeypatch.setattr(file_index, "scan", lambda *file: scanned.append(file) or mcap_ending.scan(*file))
+    monkeypatch.setattr(file_index, "scan", lambda *file: scanned.append(file) or mcap_scan.scan(*file))
     for number, message in enumerate(messages):
         answer = read(tmp_path / "demo.mcap", number, written=len(messages) if state == "open" else None)
         assert [step.payload for step in answer.steps] == [message.SerializeToString()]
