@@ -31,7 +31,7 @@ DAMAGE: Final = (
 def damaged(path: Path, error: Exception | str) -> InputError:
     """Return the sentence for a file that is damaged, of what was raised or in words."""
     reason = error if isinstance(error, str) else _reason(error)
-    return InputError(f"The recording {path} is damaged ({reason}); `verify` of the recorder says where.")
+    return InputError(f"The recording {path} is damaged ({reason}); `duralab verify {path}` says where.")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:

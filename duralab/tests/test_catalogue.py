@@ -288,7 +288,10 @@ def test_a_recording_that_is_not_there_is_refused_in_the_words_of_the_command_li
     monkeypatch.setattr(ask, "query", query)
     done = command("verify", "nope")
     assert done.exit_code == 2
-    assert said(done) == "Error: There is no recording 'nope'; `duralab catalogue` lists those there are."
+    assert said(done) == (
+        "Error: There is no recording 'nope'; `duralab catalogue` lists those there are, and the path of a "
+        "recording.mcap has its files verified."
+    )
     # What is wrong with one that is there is said as it is.
     assert "There is no file" in said(command("verify", "late"))
 

@@ -84,7 +84,7 @@ def test_a_flipped_bit_in_the_index_or_the_footer_is_damage(written, tmp_path):
         flipped = bytearray(content)
         flipped[position] ^= 1 << position % 8
         path.write_bytes(flipped)
-        with pytest.raises(InputError, match=r"is damaged \([a-z].*\); `verify` of the recorder says where\.$"):
+        with pytest.raises(InputError, match=r"is damaged \([a-z].*\); `duralab verify .*flipped\.mcap` says where\.$"):
             duralab.open(path)
 
 
@@ -159,3 +159,17 @@ def test_every_damage_has_a_reason_in_words(tmp_path, error):
     reason = re.search(r"is damaged \((.*)\);", str(damaged(tmp_path, error)))[1]
     assert len(reason) > 5
     assert not reason.isdigit()
+
+
+def test_verify_reads_a_file_without_a_lab(tmp_path, written):
+    content, _ = written
+    path = tmp_path / "recording.mcap"
+    path.write_bytes(content)
+    code, stdout, _ = invoke("verify", path)
+    assert code == 1
+    # It is no recorder's own.
+    assert "an entry 'reason' is missing in it" in " ".join(stdout.split())
+    assert f"{path} is not whole." in stdout
+    code, _, stderr = invoke("verify", tmp_path / "other.mcap")
+    assert code == 2
+    assert "There is no file" in stderr

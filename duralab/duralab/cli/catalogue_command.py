@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
+from pathlib import Path
 from textwrap import wrap
 from typing import Final
 
@@ -15,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from duralab._file_verification import findings_of
 from duralab.catalogue import CatalogueEntry
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.exit_codes import ExitCode
@@ -123,8 +125,8 @@ def _table(entries: Sequence[CatalogueEntry], *, target_width: int, folded: bool
     return table
 
 
-def verify(id: str, *, endpoint: str | None, as_json: bool) -> None:
-    """Have a recording read from end to end and print what is wrong with it.
+def verify(recording: str, *, endpoint: str | None, as_json: bool) -> None:
+    """Have a recording of a lab, or its files, read from end to end and print what is wrong with it.
 
     Raises
     ------
@@ -133,21 +135,30 @@ def verify(id: str, *, endpoint: str | None, as_json: bool) -> None:
     InputError
         There is no such recording.
     """
-    with connect(endpoint_of_lab(endpoint)) as lab:
-        try:
-            findings = lab.catalogue.verify(id)
-        except InputError as error:
-            if id in {entry.id for entry in lab.catalogue.search()}:
-                raise
-            sentence = f"There is no recording {id!r}; `duralab catalogue` lists those there are."
-            raise InputError(sentence, field="recording", service=error.service) from error
+    # No id holds a dot or a slash.
+    of_files = "." in recording or "/" in recording
+    findings = findings_of(Path(recording)) if of_files else _findings_of_lab(recording, endpoint)
     if as_json:
-        write_json({"recording": id, "whole": not findings, "findings": findings})
+        write_json({"recording": recording, "whole": not findings, "findings": findings})
     else:
         console = Console(soft_wrap=True)
         for finding in findings:
             console.print(finding, highlight=False, markup=False)
         verdict = "is not whole." if findings else "is whole: every checksum, hash, step and signal block is in place."
-        console.print(f"{id} {verdict}", highlight=False, markup=False)
+        console.print(f"{recording} {verdict}", highlight=False, markup=False)
     if findings:
         raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _findings_of_lab(id: str, endpoint: str | None) -> list[str]:
+    with connect(endpoint_of_lab(endpoint)) as lab:
+        try:
+            return lab.catalogue.verify(id)
+        except InputError as error:
+            if id in {entry.id for entry in lab.catalogue.search()}:
+                raise
+            sentence = (
+                f"There is no recording {id!r}; `duralab catalogue` lists those there are, and the path of a "
+                "recording.mcap has its files verified."
+            )
+            raise InputError(sentence, field="recording", service=error.service) from error

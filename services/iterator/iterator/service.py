@@ -277,7 +277,7 @@ class IteratorService:
         if entry is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
-                f"No campaign {campaign!r} was started since this iterator began; the recorder lists older ones.",
+                f"No campaign {campaign!r} was started since the iterator began; `duralab catalogue` lists older ones.",
                 field="id",
             )
         return entry

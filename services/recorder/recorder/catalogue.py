@@ -172,5 +172,5 @@ def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
         There is no such recording.
     """
     existing_file(folder, name)
-    findings = audit(files_of(folder, name)).findings
+    findings = audit(files_of(folder, name), name=name).findings
     return recorder_pb2.VerifyResult(recording=name, whole=not findings, findings=findings)

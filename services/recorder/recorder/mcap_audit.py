@@ -28,6 +28,8 @@ class Audit:
 
     findings: list[str] = field(default_factory=list)
     content: Content = field(default_factory=Content)
+    read_whole: bool = True
+    """Whether its last file was read to its end."""
 
     @property
     def signal_blocks(self) -> int:
@@ -50,7 +52,9 @@ class Audit:
         if numbers != list(range(len(numbers))):
             gap = next(number for number, found in enumerate([*numbers, -1]) if number != found)
             self.findings.append(f"Step {gap} is missing, though step {numbers[-1]} is there.")
-        if content.last_step_type != type_name_of(recorder_pb2.RecordingClosed):
+        if not self.read_whole:
+            self.findings.append(f"What follows was not read; {len(numbers)} steps lie before it.")
+        elif content.last_step_type != type_name_of(recorder_pb2.RecordingClosed):
             self.findings.append(f"The last of its {len(numbers)} steps is not RecordingClosed: it was cut short.")
         for played in content.played:
             if missing := self._missing_of(played):
@@ -81,13 +85,15 @@ class Audit:
             self.findings.append(f"The file {summary.next_file} is missing, with which the recording goes on.")
 
 
-def audit(files: Sequence[Path]) -> Audit:
+def audit(files: Sequence[Path], *, name: str = "") -> Audit:
     """Read a recording from its first byte to its last, with all checksums, in bounded memory.
 
     Parameters
     ----------
     files : sequence of Path
         The recorder's MCAP files of one recording in their order, whole or not.
+    name : str
+        Which recording they have to be; any where it is empty.
 
     Returns
     -------
@@ -98,7 +104,7 @@ def audit(files: Sequence[Path]) -> Audit:
     before: Path | None = None
     for number, path in enumerate(files, start=1):
         _read_file(found, path)
-        _check_place(found, path, number=number, before=before)
+        _check_place(found, path, number=number, before=before, name=name)
         before = path
     found.judge()
     return found
@@ -109,6 +115,7 @@ def _read_file(found: Audit, path: Path) -> None:
     footer: Footer | None = None
     first = found.content.messages
     before = len(found.findings)
+    found.read_whole = False
     try:
         check_begin(path)
         with path.open("rb") as stream:
@@ -119,9 +126,13 @@ def _read_file(found: Audit, path: Path) -> None:
                     found.content.take(record)
             if footer is not None and not _index_is_sound(path, footer):
                 found.findings.append(f"The index at the end of {path.name} is damaged.")
+        found.read_whole = True
     except DAMAGE as error:
         messages = found.content.messages - first
-        found.findings.append(f"The file {path.name} is damaged or ends after {messages} messages: {reason_of(error)}.")
+        # All before it was read: it is the end that lacks what ends an MCAP file.
+        found.read_whole = footer is not None
+        reason = "it does not end as an MCAP file" if found.read_whole else reason_of(error)
+        found.findings.append(f"The file {path.name} is damaged or ends after {messages} messages: {reason}.")
     except MemoryError:
         # The reader believes a length inside a chunk; a flipped bit makes it larger than any memory.
         found.findings.append(f"The file {path.name} is damaged: a length in it is impossible.")
@@ -129,13 +140,12 @@ def _read_file(found: Audit, path: Path) -> None:
         found.findings.append(f"The file {path.name} ends without its index.")
 
 
-def _check_place(found: Audit, path: Path, *, number: int, before: Path | None) -> None:
+def _check_place(found: Audit, path: Path, *, number: int, before: Path | None, name: str) -> None:
     """Check that a file belongs where it lies: after the one whose hash it names."""
     part = found.content.part
     if part.get("number") not in (str(number), None if number == 1 else ""):
         found.findings.append(f"The file {path.name} says that it is number {part.get('number')!r}, not {number}.")
-    name = path.name.partition(".")[0]
-    if (own := part.get("recording", name)) != name:
+    if name and (own := part.get("recording", name)) != name:
         found.findings.append(f"The file {path.name} is a copy: it says that it belongs to recording {own!r}.")
     if before is not None and part.get("previous_sha256") != sha256_of(before):
         found.findings.append(f"The file {before.name} is not the one that {path.name} follows: its hash differs.")

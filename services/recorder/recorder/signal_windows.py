@@ -22,6 +22,7 @@ from recorder.recording_summary import SUMMARY_METADATA, Summary
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
+_MOST_SAMPLES: Final = 2.0**53
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,8 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
             _refuse_unfinished(folder, name)
             raise RefusedError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
-                f"Recording {name!r} holds no finished signals of a run {request.run!r}; its RunPlanned steps name the "
-                "runs.",
+                f"Recording {name!r} holds no finished signals of a run {request.run!r}; it has "
+                f"{_named(folder, name)}.",
                 field="run",
             )
         blocks, first, last = _blocks(places, request)
@@ -79,6 +80,13 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
             f"Recording {name!r} is damaged: {reason_of(error)}; `verify` says more.",
             field="recording",
         ) from error
+
+
+def _named(folder: Path, name: str) -> str:
+    """Return which runs a recording has, in words."""
+    told = (last_metadata(path, SUMMARY_METADATA) for path in reversed(_finished_files(folder, name)))
+    summary = next((Summary.from_metadata(entries) for entries in told if entries is not None), None)
+    return ", ".join(repr(run) for _, run in (summary.runs if summary else ())) or "none"
 
 
 def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
@@ -198,13 +206,15 @@ def _blocks(
             field="first_second",
         )
     first = math.floor(request.first_second * rate + 0.5)
-    # Compared before it is made whole: the product may be infinite.
-    samples = max(request.seconds * rate, 1.0)
+    # Made whole only when it is bounded: the product may be infinite.
+    samples = min(max(request.seconds * rate, 1.0), _MOST_SAMPLES)
     row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
-    if samples * row_bytes > LARGEST_WINDOW_BYTES:
+    played = sum(place.count for place in places) * size
+    if min(samples, played - first) * row_bytes > LARGEST_WINDOW_BYTES:
+        most = LARGEST_WINDOW_BYTES // row_bytes / rate
         raise invalid(
-            f"seconds is {request.seconds:g}, {samples * row_bytes:.9g} bytes; at most {LARGEST_WINDOW_BYTES} are "
-            "answered at once.",
+            f"seconds is {request.seconds:g}; at most {most:g} s of this run are read at once, of however many of its "
+            "channels; ask for one part after the other.",
             field="seconds",
         )
     last = first + math.floor(samples + 0.5)

@@ -219,8 +219,12 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
 
 def problems_in_words(error: ValidationError) -> str:
     """Return all that is wrong with a document, in one line without a full stop."""
-    texts = []
-    for problem in error.errors():
+    texts, problems = [], error.errors()
+    wrong = [problem["loc"] for problem in problems]
+    for problem in problems:
+        # What is said of a whole follows from what is wrong within it: a list without its wrong entry is too short.
+        if any(place != problem["loc"] and place[: len(problem["loc"])] == problem["loc"] for place in wrong):
+            continue
         # A union puts the name of the kind it took into the place.
         place = [str(part) for part in problem["loc"] if part not in {SPINDLE, *KINDS.values(), *CONTROLS}]
         where = ".".join(place) or "the document"

@@ -46,6 +46,15 @@ def test_a_variant_of_nonsense_is_refused(tmp_path, content, said):
     assert str(caught.value).endswith(".")
 
 
+def test_what_only_follows_from_a_wrong_entry_is_not_said(tmp_path):
+    document = read_document(shipped_specimens()["front_axle"])
+    document["drives"] = [{**document["drives"][0], "unit": "mm"}]
+    with pytest.raises(SpecimenError) as caught:
+        load_specimen(written(tmp_path, "mine.yaml", document))
+    assert "unit is 'mm'" in str(caught.value)
+    assert "at least 1 item" not in str(caught.value)
+
+
 def test_a_rigs_hash_follows_what_it_is_a_variant_of(tmp_path):
     shipped = shipped_specimens()
     for name in ("front_axle.yaml", "front_axle.sdf", "front_axle_sensors.yaml"):

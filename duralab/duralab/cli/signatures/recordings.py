@@ -107,7 +107,10 @@ def catalogue(
 
 
 def verify(
-    recording: Annotated[str, typer.Argument(metavar="ID", help="The recording; it is not written any more.")],
+    recording: Annotated[
+        str,
+        typer.Argument(metavar="ID|FILE", help="A lab's recording that is closed, or a recording.mcap."),
+    ],
     connect: Connect = None,
     as_json: Json = False,
 ) -> None:
