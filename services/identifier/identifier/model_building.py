@@ -112,9 +112,11 @@ def model_of(
     elif not has_other_phases(layout) or not np.any(estimate.degrees_of_freedom > 0.0):
         verdicts = unknown_verdicts(responses=names)
     else:
-        unexplained = estimate.response_psd * (1.0 - estimate.coherence)
         shares = unexplained_shares(
-            estimate.frequency, lines=estimate.valid, residual_psd=unexplained, response_psd=estimate.response_psd
+            estimate.frequency,
+            lines=estimate.valid,
+            residual_psd=estimate.unexplained_psd,
+            response_psd=estimate.response_psd,
         )
         verdicts = unexplained_verdicts(shares, responses=names)
     return with_id(

@@ -291,7 +291,10 @@ def test_a_model_says_how_linear_the_rig_is():
     together, apart, unknown = make_model(), make_model(multisine()), make_model(multisine(excitation__realisations=1))
     assert len(together.verdicts) == len(apart.verdicts) == 3
     assert together.distortion is None
-    assert together.verdicts[0].startswith("Unexplained ")
+    few = make_model(request(excitation__duration_seconds=6.5))
+    share = np.sqrt(np.sum(few.residual_psd, axis=0) / np.sum(few.response_psd[few.band.lines], axis=0))
+    assert few.verdicts[0].startswith("Unexplained ")
+    assert f"{100.0 * share[0]:.2g} % over the band" in few.verdicts[0]
     assert unknown.verdicts[0].startswith("This experiment does not show how linear force 0 is: ")
     assert apart.distortion is not None
     assert apart.verdicts[0].startswith("No nonlinearity beyond the noise in force 0; noise ")

@@ -2,8 +2,16 @@ import numpy as np
 import pytest
 from known_plants import noise_layout
 
-from identifier import EstimatorKind, element_variance, estimate, relative_magnitude_variance, row_covariance
+from identifier import (
+    EstimatorKind,
+    EstimatorOptions,
+    element_variance,
+    estimate,
+    relative_magnitude_variance,
+    row_covariance,
+)
 from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from identifier.uncertainty import unexplained_shares, unexplained_verdicts
 
 RATE, BLOCK = 1000.0, 128
 
@@ -124,3 +132,44 @@ def test_the_variance_holds_for_periodic_experiments(kind):
 def test_impossible_values_are_refused(coherence, averages):
     with pytest.raises(ValueError, match="must"):
         relative_magnitude_variance(coherence, averages)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "tolerance"),
+    [
+        (EstimatorKind.H1, None, 0.02),
+        (EstimatorKind.H2, None, 0.02),
+        (EstimatorKind.HV, None, 0.02),
+        (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorOptions(half_width=16), 0.02),
+        # Its denominator bends towards the noise, for which one degree of freedom is a little too few.
+        (EstimatorKind.LOCAL_RATIONAL, EstimatorOptions(half_width=16, order=1), 0.06),
+    ],
+)
+@pytest.mark.parametrize("noise", [0.3, 1.0])
+def test_the_share_unexplained_of_few_averages_is_that_of_the_noise(kind, options, tolerance, noise):
+    # Six drives and twelve averages: half of the noise looks as if the drives explained it.
+    runs, generator, squares = 40, np.random.default_rng(8), []
+    for _ in range(runs):
+        drive = generator.standard_normal((6, 12 * 256))
+        response = drive + noise * generator.standard_normal((6, 12 * 256))
+        layout = noise_layout(drive.shape[1], block=256, lowest=30.0, highest=470.0)
+        found = estimate(kind, drive, response, layout, options)
+        shares = unexplained_shares(
+            found.frequency, lines=found.valid, residual_psd=found.unexplained_psd, response_psd=found.response_psd
+        )
+        assert np.all(shares.worst <= 1.0)
+        squares.append(shares.over_band**2)
+    assert np.mean(squares) == pytest.approx(noise**2 / (1.0 + noise**2), rel=tolerance)
+
+
+def test_a_response_of_noise_alone_is_wholly_unexplained_and_not_more():
+    generator = np.random.default_rng(9)
+    drive = generator.standard_normal((6, 12 * 256))
+    layout = noise_layout(drive.shape[1], block=256, lowest=30.0, highest=470.0)
+    found = estimate(EstimatorKind.H1, drive, generator.standard_normal((6, 12 * 256)), layout)
+    shares = unexplained_shares(
+        found.frequency, lines=found.valid, residual_psd=found.unexplained_psd, response_psd=found.response_psd
+    )
+    assert np.all((shares.over_band > 0.97) & (shares.over_band <= 1.0))
+    assert np.all(shares.worst <= 1.0)
+    assert unexplained_verdicts(shares, responses=["a"])[0].startswith("Unexplained 100 % of the response at ")

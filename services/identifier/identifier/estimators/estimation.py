@@ -20,8 +20,6 @@ from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Layout, Window
 from spectra import NotFiniteError, as_record, shaped_record
 
-_LOCAL = (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
-
 
 @dataclass(frozen=True)
 class EstimatorOptions:
@@ -92,7 +90,7 @@ class Estimation:
         self._kind, self._layout = kind, layout
         self._spectral = SpectralSums(layout, drives=drives, responses=responses, full=kind is EstimatorKind.H2)
         self._local = None
-        if kind in _LOCAL:
+        if kind.is_local:
             model = _local_model(kind, layout, drives=drives, options=options)
             self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
             degrees_of_freedom(self._local, equations=self._local.equations_to_come)

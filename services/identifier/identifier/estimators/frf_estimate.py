@@ -21,6 +21,11 @@ class EstimatorKind(Enum):
     LOCAL_RATIONAL = "local_rational"
     """The same with a common denominator per response: follows sharp resonances."""
 
+    @property
+    def is_local(self) -> bool:
+        """Whether it is a regression over neighbouring lines; the others average spectra."""
+        return self in (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
+
 
 class WarningCode(Enum):
     """What is suspicious about a record or an estimate, but does not forbid it."""
@@ -78,7 +83,8 @@ class FrfEstimate:
     frf
         Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
     coherence
-        Multiple coherence, shape (lines, responses), 0 to 1.
+        Multiple coherence, shape (lines, responses), 0 to 1. Of averaged spectra it holds the share of the noise that
+        so few averages let the drives explain; of a local method it does not.
     condition_number
         Of ``S_uu`` scaled to unit diagonal, shape (lines), 1 or more at valid lines.
     s_uu
@@ -123,3 +129,18 @@ class FrfEstimate:
     def drive_psd(self) -> NDArray[np.float64]:
         """Auto-spectrum of each drive, shape (lines, drives)."""
         return np.ascontiguousarray(np.einsum("fjj->fj", self.s_uu).real)
+
+    @property
+    def unexplained_psd(self) -> NDArray[np.float64]:
+        """What no linear combination of the drives explains of each response, shape (lines, responses).
+
+        Without the bias of the fit, by which it may pass `response_psd` by chance; 0 where no degree of freedom is
+        left. Of H1 it is `residual_psd`; that of H2 and Hv holds what these estimators add, too.
+        """
+        unexplained = self.response_psd * (1.0 - self.coherence)
+        held = self.degrees_of_freedom > 0.0
+        if not self.kind.is_local:
+            # The drives explain their share of any noise. A local method's coherence is free of that already.
+            share = np.divide(self.averages, self.degrees_of_freedom, out=np.zeros_like(self.averages), where=held)
+            unexplained *= share[:, None]
+        return np.where((self.valid & held)[:, None], unexplained, 0.0)

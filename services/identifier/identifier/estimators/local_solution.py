@@ -26,7 +26,8 @@ class LocalSolution:
     residual_psd
         Shape (excited lines, responses), density of what is not explained, without the bias of the fit.
     explained
-        Share of each response's power that the fit explains, shape (excited lines, responses), 0 to 1.
+        Share of each response's power that the fit explains, without what it explains of any noise, shape (excited
+        lines, responses), 0 to 1.
     drive_weight
         Shape (excited lines, drives): variance of an FRF element over the residual density, by drive.
     degrees_of_freedom
@@ -86,7 +87,8 @@ def solve_local(sums: LocalSums) -> LocalSolution:
     return LocalSolution(
         frf=frf,
         residual_psd=unexplained / freedom,
-        explained=np.clip(1.0 - unexplained / total, 0.0, 1.0),
+        # The unknowns explain their share of any noise.
+        explained=np.clip(1.0 - unexplained / total * (sums.equations / freedom), 0.0, 1.0),
         drive_weight=np.sum(np.abs(inverse) ** 2, axis=2) / size[:, :n_u] ** 2,
         degrees_of_freedom=freedom,
     )

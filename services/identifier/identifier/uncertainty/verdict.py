@@ -93,14 +93,20 @@ def unexplained_shares(
     lines
         Shape (lines): where something was estimated.
     residual_psd, response_psd
-        Shape (lines, responses), one-sided densities.
+        Shape (lines, responses), one-sided densities; without bias the first may be the larger one by chance.
 
     Returns
     -------
     Shares
-        Of every response.
+        Of every response, at most 1.
     """
-    return _shares(frequency, lines, residual_psd, response_psd)
+    found = _shares(frequency, lines, residual_psd, response_psd)
+    # Over all lines of a share and not at each: what is cut off at single lines is missed where it is summed.
+    return Shares(
+        over_band=np.minimum(found.over_band, 1.0),
+        worst=np.minimum(found.worst, 1.0),
+        worst_frequency=found.worst_frequency,
+    )
 
 
 def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
