@@ -9,7 +9,7 @@ from spectra.band import band_mask
 from spectra.block_spectra import NotFiniteError
 from spectra.blocks import count_blocks, hop_samples, independent_averages
 from spectra.filtering import centred_impulse_response, filter_whole_record, overlap_save
-from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf
+from spectra.inverse import LARGEST_CONDITION, as_frf, inverse_frf, pseudo_inverse
 from spectra.lines import line_frequencies, smooth_lines
 from spectra.metrics import (
     crest_factor,
@@ -49,6 +49,7 @@ __all__ = [
     "overlap_save",
     "paired_spectra",
     "peak_ratio",
+    "pseudo_inverse",
     "relative_rms_error",
     "require_sample_rate",
     "rms",

@@ -125,6 +125,28 @@ def inverse_frf(
     return inverse
 
 
+def pseudo_inverse(matrices: ArrayLike) -> NDArray[np.complex128]:
+    """Pseudo-inverse of each matrix, judged with its columns at unit length, so that units of drives do not count.
+
+    Without that, a column 1e15 times smaller than another one counts as rounding and is left out. Nothing is refused:
+    see `inverse_frf` for an FRF with its band.
+
+    Parameters
+    ----------
+    matrices
+        Shape (..., rows, columns), real or complex, finite. A column of zeros leaves a row of zeros.
+
+    Returns
+    -------
+    numpy.ndarray
+        Complex, shape (..., columns, rows).
+    """
+    values = np.asarray(matrices, dtype=np.complex128)
+    length = np.linalg.norm(values, axis=-2, keepdims=True)
+    size = np.where(length > 0.0, length, 1.0)
+    return np.asarray(np.linalg.pinv(values / size) / np.swapaxes(size, -1, -2), dtype=np.complex128)
+
+
 def _checked_weight(row_weight: ArrayLike | None, n_y: int) -> NDArray[np.float64]:
     if row_weight is None:
         return np.ones(n_y)

@@ -33,6 +33,20 @@ def test_units_of_the_drives_do_not_make_a_matrix_singular():
     np.testing.assert_allclose(frf @ inverse, np.broadcast_to(np.eye(4), (LINES, 4, 4)), atol=1e-11)
 
 
+def test_a_pseudo_inverse_is_the_same_in_other_units_of_the_columns():
+    frf, units = random_frf(5, 3), np.array([1.0, 1e15, 1e-15])
+    inverse = spectra.pseudo_inverse(frf * units)
+    np.testing.assert_allclose(inverse * units[:, None], np.linalg.pinv(frf), atol=1e-12)
+
+
+def test_a_pseudo_inverse_leaves_a_silent_column_at_rest():
+    frf = random_frf(5, 3)
+    frf[7, :, 1] = 0.0
+    inverse = spectra.pseudo_inverse(frf)
+    np.testing.assert_allclose(inverse[7], np.linalg.pinv(frf[7]), atol=1e-12)
+    assert not inverse[7, 1].any()
+
+
 def test_lines_outside_the_mask_are_neither_judged_nor_inverted():
     frf = random_frf(3, 3)
     frf[:4] = 0.0

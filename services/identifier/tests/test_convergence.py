@@ -97,6 +97,29 @@ def test_uncertainty_widens_the_confidence_as_much_as_it_should():
     assert "may diverge" in larger.sentence
 
 
+@pytest.mark.parametrize("units", [(1e-9, 1e6, 1.0), (1e-15, 1.0, 1e15)])
+def test_the_units_of_the_drives_change_no_part_of_the_answer(units):
+    # The same rig told in other units: u' = u * units.
+    generator, unit = np.random.default_rng(4), np.array(units)
+    mixed = generator.standard_normal((40, 3, 3)) + 1j * generator.standard_normal((40, 3, 3))
+    covariance = mixed @ mixed.conj().transpose(0, 2, 1)
+    frf, common = TALL, {"gain": np.full(4, 0.7), "residual_psd": np.full((40, 4), 0.02), "response_rms": np.ones(4)}
+    rig = TALL * (1.0 + 0.1 * generator.standard_normal(TALL.shape))
+    one = predict_convergence(FREQUENCY, frf, rig=rig, row_covariance=covariance, **common)
+    assert np.max(one.spectral_radius_95) > np.max(one.spectral_radius) + 0.01
+    other = predict_convergence(
+        FREQUENCY,
+        frf / unit,
+        rig=rig / unit,
+        row_covariance=covariance / (unit[:, None] * unit),
+        **common,
+    )
+    np.testing.assert_allclose(other.spectral_radius, one.spectral_radius, rtol=1e-6)
+    np.testing.assert_allclose(other.spectral_radius_95, one.spectral_radius_95, rtol=1e-6)
+    np.testing.assert_allclose(other.largest_singular_value, one.largest_singular_value, rtol=1e-6)
+    assert (other.converging_share, other.sentence) == (one.converging_share, one.sentence)
+
+
 @pytest.mark.parametrize("gain", [[0.5, 0.5], [0.0, 0.5, 0.5], [0.5, 1.1, 0.5], [np.nan, 0.5, 0.5]])
 def test_impossible_gains_are_refused(gain):
     with pytest.raises(ValueError, match="each of the 3 responses needs one above 0 to 1"):

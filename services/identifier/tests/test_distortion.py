@@ -60,6 +60,20 @@ def test_a_linear_plant_with_noise_is_noisy_and_not_nonlinear():
         assert sentence.startswith("No nonlinearity beyond the noise in ")
 
 
+def test_a_linear_plant_is_linear_in_whatever_units_its_drives_are():
+    units = np.array([[1e-9], [1e6]])
+    experiment = design_experiment(SETTINGS, drives=2, sample_rate=RATE)
+    response = linear(experiment.drive)
+    response += 0.1 * np.random.default_rng(5).standard_normal(response.shape)
+    one = separate_distortion(experiment.drive, response, experiment.layout)
+    other = separate_distortion(experiment.drive * units, response, experiment.layout)
+    size = np.max(np.abs(one.best_linear_approximation))
+    told = other.best_linear_approximation * units.T
+    np.testing.assert_allclose(told, one.best_linear_approximation, atol=1e-10 * size)
+    for sentence in separated_verdicts(other, responses=("a", "b")):
+        assert sentence.startswith("No nonlinearity beyond the noise in ")
+
+
 def test_of_a_response_that_is_not_settled_the_verdict_says_that_it_may_be_the_transient():
     sentences = separated_verdicts(played(SETTINGS, linear, noise=0.1), responses=("a", "b"), unsettled={1})
     assert ["transient" in sentence for sentence in sentences] == [False, True]

@@ -81,6 +81,14 @@ def test_the_level_advised_is_that_of_the_drive_that_made_the_target():
     assert not advice.limited.any()
 
 
+def test_the_units_of_the_drives_do_not_change_the_level_advised():
+    target, units = respond(noise_in(5.0, 40.0)), np.array([1e-12, 1e6])
+    one = advise_levels(target, FRF, band=BAND, room=np.full(2, 100.0))
+    other = advise_levels(target, FRF / units, band=BAND, room=100.0 * units)
+    np.testing.assert_allclose(other.wanted_rms / units, one.wanted_rms, rtol=1e-9)
+    np.testing.assert_allclose(other.response_ratio, one.response_ratio, rtol=1e-9)
+
+
 def test_limits_hold_the_level_back_with_room_for_the_peaks():
     drive = noise_in(5.0, 40.0) * [[0.01], [0.002]]
     advice = advise_levels(respond(drive), FRF, band=BAND, room=np.array([0.02, 1.0]), crest_factor=4.0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra import as_frf
+from spectra import as_frf, pseudo_inverse
 
 CONFIDENCE = 0.95
 """Share of the rigs that the model's uncertainty allows, for `Convergence.spectral_radius_95`."""
@@ -92,7 +92,7 @@ def spectral_radius(rig: ArrayLike, *, model: ArrayLike, gain: ArrayLike) -> NDA
     Source: Cornelis et al., ISMA 2014, Eqs. 4 to 6. ``H Hm^+ Q`` and ``Hm^+ Q H`` share eigenvalues but for zeros.
     """
     identified = as_frf(model, name="model")
-    return _spectral_radius(np.asarray(rig, dtype=np.complex128), _inverse(identified), _gains(gain, identified))
+    return _spectral_radius(np.asarray(rig, dtype=np.complex128), pseudo_inverse(identified), _gains(gain, identified))
 
 
 def predict_convergence(
@@ -149,7 +149,7 @@ def predict_convergence(
     centre = model if rig is None else as_frf(rig, name="rig") * weight[:, None]
     if centre.shape != model.shape:
         raise ValueError(f"The rig has shape {centre.shape} and the model {model.shape}; both must be equal.")
-    inverse = _inverse(model)
+    inverse = pseudo_inverse(model)
     factor = _square_root(row_covariance)
     deviation = np.sqrt(residual_psd) * weight
     generator = np.random.default_rng(seed)
@@ -158,9 +158,9 @@ def predict_convergence(
         normal = generator.standard_normal((2, *model.shape)) / np.sqrt(2.0)
         error = np.matmul(normal[0] + 1j * normal[1], factor.transpose(0, 2, 1)) * deviation[:, :, None]
         drawn[draw] = _spectral_radius(centre + error, inverse, gains)
-    basis, _, _ = np.linalg.svd(model, full_matrices=False)
+    onto_reachable = np.matmul(model, inverse)
     step = np.eye(model.shape[1]) - np.matmul(centre, inverse) * gains
-    reachable = np.matmul(np.matmul(basis.conj().transpose(0, 2, 1), step), basis)
+    reachable = np.matmul(np.matmul(onto_reachable, step), onto_reachable)
     return Convergence(
         frequency=np.asarray(frequency, dtype=np.float64),
         spectral_radius=_spectral_radius(centre, inverse, gains),
@@ -177,10 +177,6 @@ def _spectral_radius(
     return np.max(np.abs(np.linalg.eigvals(step)), axis=-1)
 
 
-def _inverse(model: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    return np.asarray(np.linalg.pinv(model), dtype=np.complex128)
-
-
 def _gains(gain: ArrayLike, model: NDArray[np.complex128]) -> NDArray[np.float64]:
     gains = np.asarray(gain, dtype=np.float64)
     if gains.shape != (model.shape[1],) or not np.all((gains > 0.0) & (gains <= 1.0)):
@@ -192,6 +188,11 @@ def _gains(gain: ArrayLike, model: NDArray[np.complex128]) -> NDArray[np.float64
 
 def _square_root(covariance: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """``L`` with ``L L^H = C`` at each line; C is Hermitian, and may be 0."""
-    values, vectors = np.linalg.eigh(covariance)
+    deviation = np.sqrt(np.einsum("fjj->fj", covariance).real)
+    size = np.where(deviation > 0.0, deviation, 1.0)
+    # At unit diagonal: beside a drive in newtons the variance of one in metres would be rounding.
+    values, vectors = np.linalg.eigh(covariance / (size[:, :, None] * size[:, None, :]))
     # Rounding leaves eigenvalues of a positive matrix a little below 0.
-    return vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    # The phases of eigenvectors are anyone's choice; the Hermitian root does not hold them.
+    return size[:, :, None] * np.matmul(root, vectors.conj().transpose(0, 2, 1))

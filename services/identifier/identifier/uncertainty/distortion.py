@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identifier.layout import Layout, Window
-from spectra import as_record
+from spectra import as_record, pseudo_inverse
 
 FEWEST_PERIODS = 2
 """Periods of one drive from which its noise can be told."""
@@ -217,7 +217,7 @@ def _least_squares(
             f"The drives are dependent at {frequency[worst]:.4g} Hz, so no linear approximation can be told; "
             "play more experiments, or drives with other phases."
         )
-    return np.matmul(np.linalg.pinv(u), y).transpose(0, 2, 1)
+    return np.matmul(pseudo_inverse(u), y).transpose(0, 2, 1)
 
 
 def _by_parity(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identifier.setting_error import SettingError
 from identifier.uncertainty.valid_band import ValidBand
-from spectra import as_record
+from spectra import as_record, pseudo_inverse
 
 CREST_FACTOR = 4.5
 """Peak over RMS to leave room for, where none is asked for: Gaussian noise passes it about once in 150 000 samples."""
@@ -105,7 +105,7 @@ def advise_levels(
     # Each response counts by its own size, so that one in newtons does not outweigh one in newton metres.
     weight = 1.0 / target_rms
     matrix = band.between_lines(frf, frequency[inside])
-    inverse = np.linalg.pinv(matrix * weight[:, None]) * weight
+    inverse = pseudo_inverse(matrix * weight[:, None]) * weight
     needed = np.einsum("fji,fi->fj", inverse, wished)
     wanted = _rms(needed, record.shape[1])
     largest = room / crest_factor
