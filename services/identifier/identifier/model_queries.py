@@ -45,7 +45,12 @@ def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> i
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
     found = predict_response(
-        drive, model.frf, band=model.band, residual_psd=model.residual_psd, row_covariance=model.row_covariance
+        drive,
+        model.frf,
+        band=model.band,
+        residual_psd=model.residual_psd,
+        row_covariance=model.row_covariance,
+        laid=model.interpolated,
     )
     return identifier_pb2.Prediction(
         response=to_record(model.responses, model.sample_rate, found.response),
@@ -168,7 +173,14 @@ def advise(
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
     band = _band(model, request.lowest_frequency, request.highest_frequency)
-    advice = advise_levels(target, model.frf, band=band, room=room, crest_factor=request.crest_factor or CREST_FACTOR)
+    advice = advise_levels(
+        target,
+        model.frf,
+        band=band,
+        room=room,
+        crest_factor=request.crest_factor or CREST_FACTOR,
+        laid=model.interpolated,
+    )
     spacing = model.frequency[1] - model.frequency[0]
     identified = np.sqrt(np.sum(model.drive_psd[band.lines], axis=0) * spacing)
     sentences = [

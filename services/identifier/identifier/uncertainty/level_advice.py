@@ -51,6 +51,7 @@ def advise_levels(
     band: ValidBand,
     room: NDArray[np.float64],
     crest_factor: float = CREST_FACTOR,
+    laid: NDArray[np.bool_] | None = None,
 ) -> LevelAdvice:
     """Propose the levels that give responses like a target's.
 
@@ -66,6 +67,8 @@ def advise_levels(
         Shape (drives), greater than 0: largest magnitude that each drive's limits allow, in its unit.
     crest_factor
         Peak over RMS that is left room for, 1 or more.
+    laid
+        Shape (lines): lines of the FRF that were not estimated but laid between others. None: there are none.
 
     Returns
     -------
@@ -104,7 +107,7 @@ def advise_levels(
         )
     # Each response counts by its own size, so that one in newtons does not outweigh one in newton metres.
     weight = 1.0 / target_rms
-    matrix = band.between_lines(frf, frequency[inside])
+    matrix = band.curved_between_lines(frf, frequency[inside], laid=laid)
     inverse = pseudo_inverse(matrix * weight[:, None]) * weight
     needed = np.einsum("fji,fi->fj", inverse, wished)
     wanted = _rms(needed, record.shape[1])

@@ -36,6 +36,7 @@ def predict_response(
     band: ValidBand,
     residual_psd: NDArray[np.float64],
     row_covariance: NDArray[np.complex128],
+    laid: NDArray[np.bool_] | None = None,
 ) -> Prediction:
     """Apply a model to a drive, ``Y = H U`` at the lines of the whole record.
 
@@ -49,6 +50,8 @@ def predict_response(
         Where the model is valid.
     residual_psd, row_covariance
         Shapes (lines, responses) and (lines, drives, drives): covariance of the model's rows, see `row_covariance`.
+    laid
+        Shape (lines): lines of the FRF that were not estimated but laid between others. None: there are none.
 
     Returns
     -------
@@ -62,8 +65,8 @@ def predict_response(
 
     Notes
     -----
-    Between the model's lines the FRF is laid straight, so the lines must be close enough for its resonances. Source:
-    the forward prediction of Cornelis et al., ISMA 2014, section 3.
+    Between the model's lines the FRF follows a cubic spline, covariance and residual a straight line; the lines must be
+    close enough for its resonances. Source: the forward prediction of Cornelis et al., ISMA 2014, section 3.
     """
     record = as_record(drive, name="drive")
     drives = frf.shape[2]
@@ -76,7 +79,7 @@ def predict_response(
     spectrum = np.fft.rfft(moving, n=length, axis=1)
     frequency = np.arange(spectrum.shape[1]) * (band.sample_rate / length)
     inside = band.contains(frequency)
-    matrix = band.between_lines(frf, frequency[inside])
+    matrix = band.curved_between_lines(frf, frequency[inside], laid=laid)
     result = np.zeros((frf.shape[1], frequency.size), dtype=np.complex128)
     result[:, inside] = np.einsum("fij,jf->if", matrix, spectrum[:, inside])
     response = np.fft.irfft(result, n=length, axis=1)[:, :count]
