@@ -22,6 +22,7 @@ from spectra.metrics import (
 from spectra.noise_floor import noise_floor
 from spectra.records import as_record, require_sample_rate, shaped_record
 from spectra.running_spectra import CrossSpectra, SpectraEstimate
+from spectra.static_part import dynamic_part, static_levels
 from spectra.welch import auto_spectra, cross_spectra, paired_spectra
 from spectra.windows import hann_periodic
 
@@ -38,6 +39,7 @@ __all__ = [
     "count_blocks",
     "crest_factor",
     "cross_spectra",
+    "dynamic_part",
     "filter_whole_record",
     "hann_periodic",
     "hop_samples",
@@ -56,4 +58,5 @@ __all__ = [
     "rms_response",
     "shaped_record",
     "smooth_lines",
+    "static_levels",
 ]

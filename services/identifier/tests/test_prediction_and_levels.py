@@ -129,6 +129,15 @@ def test_the_level_advised_is_that_of_the_drive_that_made_the_target():
     assert not advice.limited.any()
 
 
+@pytest.mark.parametrize("drift", [10.0, 30.0])
+def test_a_target_that_drifts_needs_no_larger_drive(drift):
+    drive = noise_in(5.0, 40.0) * [[0.01], [0.002]]
+    target = respond(drive)
+    ramp = drift * np.std(target, axis=1, keepdims=True) * np.linspace(-3.0, 1.0, target.shape[1])
+    advice = advise_levels(target + ramp, FRF, band=BAND, room=np.array([1.0, 1.0]))
+    np.testing.assert_allclose(advice.rms, np.sqrt(np.mean(drive**2, axis=1)), rtol=0.01)
+
+
 def test_the_units_of_the_drives_do_not_change_the_level_advised():
     target, units = respond(noise_in(5.0, 40.0)), np.array([1e-12, 1e6])
     one = advise_levels(target, FRF, band=BAND, room=np.full(2, 100.0))
@@ -150,6 +159,7 @@ def test_limits_hold_the_level_back_with_room_for_the_peaks():
     [
         ({"target": np.ones((3, 500))}, "3 channels; the model has 2 responses"),
         ({"target": np.ones((2, 500))}, "does not move from 1 to 60 Hz"),
+        ({"target": np.full((2, 500), 3600.1)}, "does not move from 1 to 60 Hz"),
         ({"crest_factor": 0.9}, "crest factor is 0.9"),
         ({"room": np.array([0.0, 1.0])}, "every one of 2 drives needs some"),
     ],

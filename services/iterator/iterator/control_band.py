@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from iterator.banded_transform import BandedTransform
-from spectra import as_record, band_mask
+from spectra import band_mask, dynamic_part, static_levels
 
 # Shares of the band's own edges that the smooth flanks take.
 _LOWER_FLANK_SHARE = 0.25
 _UPPER_FLANK_SHARE = 0.05
 # Zeros behind a record, in periods of the narrower flank: a flank's ringing has died out by then.
 _PADDING_PERIODS = 16.0
-# The level at an end of a record is averaged over this many periods of the band's lower edge, against sensor noise.
-_END_PERIODS = 0.05
 
 
 @dataclass(frozen=True)
@@ -195,8 +193,7 @@ class ControlBand:
         ndarray, shape (channels, samples)
             In the record's units.
         """
-        values = as_record(samples)
-        return values - self._rest(values)
+        return dynamic_part(samples, lowest=self.lowest, sample_rate=self.sample_rate)
 
     def _limit(self, samples: np.ndarray, mask: Callable[[np.ndarray], NDArray[np.float64]]) -> NDArray[np.float64]:
         limited = self.dynamic_part(samples)
@@ -221,20 +218,7 @@ class ControlBand:
         ndarray, shape (channels, 2)
             In the record's units.
         """
-        values = as_record(samples)
-        count = values.shape[1]
-        ends = min(count, max(1, round(_END_PERIODS * self.sample_rate / self.lowest)))
-        parts = slice(0, ends), slice(count - ends, count)
-        return np.stack([values[:, part].mean(axis=1) for part in parts], axis=1)
-
-    def _rest(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Straight line from the level at the start to that at the end: shape (channels, samples).
-
-        The band holds no static part, but a level that jumps to the zeros around the record would ring into the band at
-        both ends. The mean would do so too: a damper moves the mean of a rough ride away from the rest around it.
-        """
-        start, end = self.static_levels(values).T
-        return np.linspace(start, end, values.shape[1], axis=1)
+        return static_levels(samples, lowest=self.lowest, sample_rate=self.sample_rate)
 
 
 def control_band(lowest: float, highest: float, *, sample_rate: float) -> ControlBand:

@@ -11,10 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from identifier.setting_error import SettingError
 from identifier.uncertainty.valid_band import ValidBand
-from spectra import as_record, pseudo_inverse
+from spectra import as_record, dynamic_part, pseudo_inverse
 
 CREST_FACTOR = 4.5
 """Peak over RMS to leave room for, where none is asked for: Gaussian noise passes it about once in 150 000 samples."""
+
+# Of the largest value of a record, what subtracting its static part leaves of it.
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ def advise_levels(
     Parameters
     ----------
     target
-        Shape (responses, samples), at the model's sample rate.
+        Shape (responses, samples), at the model's sample rate. Its static part, the line from its level at the start to
+        that at the end, is left out.
     frf
         Complex, shape (lines, responses, drives), of full column rank in the band.
     band
@@ -94,14 +98,17 @@ def advise_levels(
         )
     if room.shape != (drives,) or not np.all(room > 0.0):
         raise ValueError(f"The limits leave room for {room.tolist()}; every one of {drives} drives needs some.")
-    spectrum = np.fft.rfft(record - np.mean(record, axis=1, keepdims=True), axis=1)
+    moving = dynamic_part(record, lowest=band.lowest, sample_rate=band.sample_rate)
+    spectrum = np.fft.rfft(moving, axis=1)
     frequency = np.arange(spectrum.shape[1]) * (band.sample_rate / record.shape[1])
     inside = band.contains(frequency)
     wished = spectrum[:, inside].T
     target_rms = _rms(wished, record.shape[1])
-    if not np.all(target_rms > 0.0):
+    # A level by itself leaves its rounding.
+    still = np.flatnonzero(target_rms <= _ROUNDING * np.max(np.abs(record), axis=1))
+    if still.size:
         raise SettingError(
-            f"The target of response {int(np.argmin(target_rms))} does not move from {band.lowest:g} to "
+            f"The target of response {still[0]} does not move from {band.lowest:g} to "
             f"{band.highest:g} Hz; every response needs a target there.",
             field="target",
         )
