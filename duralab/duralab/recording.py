@@ -232,6 +232,7 @@ class Recording:
         xarray.Dataset
             A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
             coordinate `iteration` is 0 for a run that is none. `responses().sel(time=slice(20, 30))` reads ten seconds.
+            It is the caller's own: what is done in place on it changes nothing that is asked for later.
 
         Raises
         ------

@@ -36,16 +36,15 @@ class _LazySignal(BackendArray):
         self.dtype = np.dtype(np.float64)
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
-        """Read what a key of xarray's asks for."""
+        """Read what a key of xarray's asks for; it is the caller's own, to work on in place."""
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
 
     def _read(self, key: tuple[int | slice, ...]) -> np.ndarray:
         *of_runs, time = key
-        if not of_runs:
-            return self._samples(self._runs[0], time)
-        chosen = self._runs[of_runs[0]]
+        chosen = self._runs[of_runs[0]] if of_runs else self._runs[0]
         if isinstance(chosen, str):
-            return self._samples(chosen, time)
+            # The windows are kept: what is done in place on one would change what is read later.
+            return self._samples(chosen, time).copy()
         if not chosen:
             wanted = range(self.shape[-1])[time]
             return np.zeros((0,) if isinstance(wanted, int) else (0, len(wanted)))
@@ -114,8 +113,11 @@ def signal_dataset(
     variables = {
         channel.name: xarray.Variable(
             dims,
-            indexing.LazilyIndexedArray(
-                _LazySignal(windows, runs, direction=direction, row=row, samples=samples, flat=flat)
+            # Samples may be assigned to before they were read, too.
+            indexing.CopyOnWriteArray(
+                indexing.LazilyIndexedArray(  # pyright: ignore[reportArgumentType]
+                    _LazySignal(windows, runs, direction=direction, row=row, samples=samples, flat=flat)
+                )
             ),
             {
                 "units": channel.unit,

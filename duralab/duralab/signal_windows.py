@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,24 +20,14 @@ from duralab.errors import InputError
 from duralab.mcap_damage import DAMAGE, damaged, unreadable
 from duralab.mcap_reading import epoch_of
 from duralab.run_epochs import counting_epoch
+from duralab.window_cache import Window, WindowCache
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
-
-CACHE_BYTES: Final = 128 * 1024 * 1024
-"""Windows that are kept, the newest: several channels of one window are read once."""
 
 _RECORD_HEAD: Final = struct.Struct("<BQ")
 # Of a message index: its channel, and the bytes of its entries, 16 each.
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _ENTRY_BYTES: Final = 16
-
-
-@dataclass(frozen=True)
-class Window:
-    """Drive (drives, samples) and response (responses, samples) of a part of a run, in the rig's units."""
-
-    drive: np.ndarray
-    response: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -65,7 +54,7 @@ class SignalWindows:
     def __init__(self, files: Sequence[Path], *, played: Mapping[str, int]) -> None:
         self._files = list(files)
         self._played = played
-        self._cache: OrderedDict[tuple[str, int, int], Window] = OrderedDict()
+        self._cache = WindowCache()
         self._sizes: dict[str, tuple[int, float]] = {}
 
     @cached_property
@@ -107,7 +96,7 @@ class SignalWindows:
         return self._sizes[run]
 
     def read(self, run: str, first: int, last: int) -> Window:
-        """Read the samples from `first` to the one before `last` of a run.
+        """Read the samples from `first` to the one before `last` of a run; the arrays are read-only and kept.
 
         Raises
         ------
@@ -115,14 +104,11 @@ class SignalWindows:
             There are no signals of such a run, samples are missing, or a file is damaged or not there any more.
         """
         key = (run, first, last)
-        if key not in self._cache:
-            self._cache[key] = self._window(run, first, last)
-            kept = sum(window.drive.nbytes + window.response.nbytes for window in self._cache.values())
-            while kept > CACHE_BYTES and len(self._cache) > 1:
-                _, dropped = self._cache.popitem(last=False)
-                kept -= dropped.drive.nbytes + dropped.response.nbytes
-        self._cache.move_to_end(key)
-        return self._cache[key]
+        window = self._cache.find(key)
+        if window is None:
+            window = self._window(run, first, last)
+            self._cache.keep(key, window)
+        return window
 
     def _places_of(self, run: str) -> list[_Place]:
         if run not in self._places:
@@ -146,12 +132,19 @@ class SignalWindows:
                     f"{self._files[0]} lacks the samples {gap[0]} to {gap[1] - 1} of the run {run!r}; `verify` of the "
                     "recorder says where."
                 )
-        begin = blocks[0].first_sample
+        # Cut before they are joined: the window is kept, and as a view it would hold all of its blocks.
+        parts = [slice(max(0, first - block.first_sample), last - block.first_sample) for block in blocks]
         drive, response = (
-            np.concatenate([from_array(getattr(block, name), field=name) for block in blocks], axis=1)
+            np.concatenate(
+                [
+                    from_array(getattr(block, name), field=name)[:, part]
+                    for block, part in zip(blocks, parts, strict=True)
+                ],
+                axis=1,
+            )
             for name in ("drive", "response")
         )
-        return Window(drive[:, first - begin : last - begin], response[:, first - begin : last - begin])
+        return Window(drive, response)
 
 
 def _places_in(path: Path, stream: IO[bytes]) -> Iterator[tuple[str, int, _Place]]:

@@ -1,9 +1,12 @@
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import synthetic_campaign
 
 import duralab
-from duralab import signal_windows
+from duralab import signal_windows, window_cache
 from duralab.errors import InputError
 
 RUN = "demo.i01"
@@ -83,6 +86,83 @@ def test_opening_a_dataset_reads_no_more_than_the_ends_of_its_runs_and_a_window_
     dataset.isel(time=slice(6000, 6100)).load()
     # Six channels of a window that lies in one or two chunks, beside the first, which tells the size of a block.
     assert len(chunks_read) <= 3
+
+
+def remove_the_mean(dataset):
+    for name in dataset.data_vars:
+        dataset[name] -= dataset[name].mean()
+
+
+def remove_the_mean_of_loaded(dataset):
+    dataset.load()
+    remove_the_mean(dataset)
+
+
+def assign_to_samples(dataset):
+    for name in dataset.data_vars:
+        dataset[name][..., 3:7] = 1e9
+
+
+def work_on_the_arrays(dataset):
+    for name in dataset.data_vars:
+        samples = dataset[name].values
+        samples -= 1e9
+
+
+@pytest.mark.parametrize(
+    "work_in_place", [remove_the_mean, remove_the_mean_of_loaded, assign_to_samples, work_on_the_arrays]
+)
+@pytest.mark.parametrize("runs", [(RUN,), (RUN, "demo.i03")])
+@pytest.mark.parametrize("time", [slice(None), slice(1234, 2345), slice(2345, 1234, -7)])
+def test_what_a_user_does_in_place_changes_nothing_that_is_read_anew(path, campaign, runs, time, work_in_place):
+    recording = duralab.open(path)
+    for ask, written in ((recording.drives, campaign.drives), (recording.responses, campaign.responses)):
+        work_in_place(ask(*runs).isel(time=time))
+        expected = np.stack([written[int(run[-2:]) - 1][:, time] for run in runs], axis=1)
+        read = ask(*runs).isel(time=time).to_array().values
+        np.testing.assert_array_equal(read.reshape(expected.shape), expected)
+
+
+def test_what_is_assigned_before_it_is_read_is_read_back(path, campaign):
+    dataset = duralab.open(path).responses(RUN)
+    dataset.left_vertical[10:20] = 0.0
+    expected = campaign.responses[0][0].copy()
+    expected[10:20] = 0.0
+    np.testing.assert_array_equal(dataset.left_vertical, expected)
+
+
+def test_a_window_that_is_kept_cannot_be_written_to(path):
+    window = duralab.open(path)._windows.read(RUN, 50, 250)
+    for samples in (window.drive, window.response):
+        with pytest.raises(ValueError, match="read-only"):
+            samples[0, 0] = 1.0
+
+
+@pytest.mark.parametrize(("first", "last"), [(150, 151), (199, 201), (50, 250), (200, 300), (0, 12000)])
+def test_a_window_holds_its_samples_and_no_more(path, first, last):
+    window = duralab.open(path)._windows.read(RUN, first, last)
+    for samples in (window.drive, window.response):
+        assert samples.shape == (6, last - first)
+        assert samples.base is None
+
+
+def test_threads_read_from_one_dataset(path, campaign, monkeypatch):
+    # So few bytes that each thread drops what another has just read.
+    monkeypatch.setattr(window_cache, "CACHE_BYTES", 3000)
+    dataset = duralab.open(path).responses(RUN)
+    with ThreadPoolExecutor(4) as pool:
+        read = list(pool.map(lambda first: dataset.left_vertical[first : first + 50].values, [0, 40, 80] * 40))
+    for first, samples in zip([0, 40, 80] * 40, read, strict=True):
+        np.testing.assert_array_equal(samples, campaign.responses[0][0, first : first + 50])
+
+
+def test_a_dataset_goes_to_another_process_without_the_windows_that_are_kept(path, campaign):
+    dataset = duralab.open(path).responses(RUN)
+    before = len(pickle.dumps(dataset))
+    assert dataset.left_vertical.mean() != 0.0
+    copied = pickle.dumps(dataset)
+    assert len(copied) < before + 1000
+    np.testing.assert_array_equal(pickle.loads(copied).left_vertical, campaign.responses[0][0])
 
 
 def test_a_block_that_came_late_is_found(tmp_path, campaign, blocks):
