@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from numbers import Real
 from typing import Final
 
@@ -14,7 +14,10 @@ from duralab.recorded_result import Result
 from duralab.signals import Signals
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
-_NANOSECONDS: Final = 10**9
+_BEGINNING: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND: Final = timedelta(microseconds=1)
+_NANOSECONDS: Final = 1000
+"""Of a microsecond, the finest that a datetime tells."""
 _FIRST_YEAR, _LAST_YEAR = 1970, 2553
 """Nanoseconds since the first fit 64 bits up to the last."""
 
@@ -43,7 +46,7 @@ class CatalogueEntry:
     rig, target : str
         What it was about; empty where it is no campaign's.
     begun : datetime or None
-        When its first step was stored, UTC; None where it holds none.
+        When its first step was stored, UTC, rounded down to a microsecond; None where it holds none.
     result : Result
         How it ended.
     closed : bool
@@ -95,7 +98,7 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
         id=information.recording,
         rig=information.rig,
         target=information.target,
-        begun=datetime.fromtimestamp(information.begun / _NANOSECONDS, tz=UTC) if information.begun else None,
+        begun=_datetime(information.begun) if information.begun else None,
         result=result,
         closed=information.closed,
         steps=information.steps,
@@ -105,6 +108,11 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
         bytes=information.bytes,
         waiting=information.waiting,
     )
+
+
+def _datetime(nanoseconds: int) -> datetime:
+    """Return a moment no later than it was: a search from it on finds it, and one for what was before it does not."""
+    return _BEGINNING + nanoseconds // _NANOSECONDS * _MICROSECOND
 
 
 def _moment(given: object, *, field: str) -> datetime | None:
@@ -129,8 +137,10 @@ def _nanoseconds(given: object, *, field: str) -> int:
     moment = _moment(given, field=field)
     if moment is None:
         return 0
-    # The year is looked at first: a moment at either end of the calendar has no time in seconds everywhere.
-    nanoseconds = int(moment.timestamp() * _NANOSECONDS) if _FIRST_YEAR <= moment.year <= _LAST_YEAR else 0
+    # The year is looked at first: a moment at either end of the calendar is none in UTC everywhere.
+    in_range = _FIRST_YEAR <= moment.year <= _LAST_YEAR
+    # In integers: a float of so many seconds is up to half a microsecond off.
+    nanoseconds = (moment.astimezone(UTC) - _BEGINNING) // _MICROSECOND * _NANOSECONDS if in_range else 0
     if nanoseconds <= 0:
         raise InputError(
             f"{field} is {moment.isoformat()}; it must be after the beginning of {_FIRST_YEAR}, UTC, and no later than "

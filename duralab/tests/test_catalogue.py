@@ -79,6 +79,19 @@ def test_a_search_is_asked_of_the_recorder_and_its_result_chosen_here(ask):
     assert request.begun_from == int(DAY.timestamp()) * 10**9
 
 
+def test_a_search_by_the_moment_of_an_entry_finds_it_from_then_on_and_not_before_then():
+    moments = np.random.default_rng(1).integers(1_500_000_000 * 10**9, 1_800_000_000 * 10**9, 500)
+    recordings = [recorder_pb2.RecordingInfo(recording=f"r{moment}", begun=moment) for moment in moments.tolist()]
+    ask = Ask(recorder_pb2.RecordingList())
+    for entry in Catalogue(Ask(recorder_pb2.RecordingList(recordings=recordings))).search():
+        Catalogue(ask).search(begun_from=entry.begun, begun_before=entry.begun)
+        _, request = ask.asked[-1]
+        # What the contract says: begun then or later, and before then, in nanoseconds; no more than a microsecond off.
+        begun = int(entry.id[1:])
+        assert request.begun_from <= begun < request.begun_from + 1000
+        assert not begun < request.begun_before
+
+
 @pytest.mark.parametrize("result", list(Result))
 def test_a_result_may_be_given_in_its_words(ask, result):
     assert Catalogue(ask).search(result=str(result)) == Catalogue(ask).search(result=result)
