@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +17,8 @@ OUTPUTS: Final = ("recording.mcap", "live.rrd", "report.html")
 @contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
     """Give a temporary name beside `path`, which becomes `path` at the end; after an error nothing is left of it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    # No process id: those of containers are the same, of two that write one file and of one that is started again.
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary

@@ -7,6 +7,7 @@ import synthetic_campaign
 from test_cli import invoke
 
 import duralab
+from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
 
 
@@ -72,3 +73,24 @@ def test_a_name_that_no_file_can_have_is_one_sentence(made):
     code, _, error = invoke("export", made / "a.mcap", f"{'a' * 300}.csv")
     assert code == 2
     assert "cannot be a file: File name too long; give another name." in " ".join(error.split())
+
+
+def test_what_a_killed_process_left_is_not_in_the_way_of_one_with_its_id(tmp_path):
+    path = tmp_path / "a.mcap"
+    # It never comes to its end, and what is written next is written under the same process id, as in a container.
+    killed = replace_when_complete(path)
+    killed.__enter__().write_bytes(b"half")
+    with replace_when_complete(path) as temporary, temporary.open("xb") as stream:
+        stream.write(b"whole")
+    assert path.read_bytes() == b"whole"
+
+
+def test_two_that_write_one_file_at_a_time_do_not_write_into_each_other(tmp_path):
+    path = tmp_path / "a.txt"
+    # Two containers beside each other: both processes have the same id.
+    with replace_when_complete(path) as first, replace_when_complete(path) as second:
+        first.write_text("first")
+        second.write_text("second")
+        assert (first.read_text(), second.read_text()) == ("first", "second")
+    assert path.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [path]
