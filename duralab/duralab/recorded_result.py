@@ -13,6 +13,7 @@ class Result(StrEnum):
     DIVERGED = "diverged"
     NO_IMPROVEMENT = "no improvement"
     DAMAGE_BUDGET_USED = "damage budget used"
+    RESPONSE_STOOD_STILL = "response stood still"
     FINISHED = "finished"
     FAULTED = "faulted"
     STOPPED = "stopped"

@@ -95,6 +95,14 @@ def judge(
         reason = fault or open_end or "the recording ends before the campaign does."
         done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
         return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {ended(reason)}", limit)
+    if status.outcome == iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL:
+        # No error is told: that of a dead sensor may be any.
+        return Verdict(
+            Judgement.ENDED_EARLY,
+            f"The campaign ended early: in playback {table.numbers[-1]} a controlled response stood still while its "
+            "target moved; its sensor gave nothing, and a remark names it.",
+            limit,
+        )
     errors = table.judged_error[-1]
     worst = int(np.argmax(errors))
     largest = f"{errors[worst]:.3f} ({_words(table.judged[worst])})"

@@ -247,6 +247,11 @@ def test_verdict_of_a_diverged_or_broken_campaign_says_so():
         phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_DIVERGED
     )
     assert judge(table, limit=0.9, status=diverged).judgement is Judgement.DIVERGED
+    # However small its error came out.
+    dead = iterator_pb2.CampaignStatus(
+        phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL
+    )
+    assert judge(table, limit=0.9, status=dead).judgement is Judgement.ENDED_EARLY
     faulted = iterator_pb2.CampaignStatus(
         phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=query_pb2.Fault(message="The oil is cold.")
     )
@@ -266,6 +271,7 @@ def test_verdict_of_a_diverged_or_broken_campaign_says_so():
         (iterator_pb2.OUTCOME_DIVERGED, "diverged"),
         (iterator_pb2.OUTCOME_NO_IMPROVEMENT, "did not improve"),
         (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, "damage budget was used"),
+        (iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL, "a controlled response stood still"),
     ],
 )
 def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):

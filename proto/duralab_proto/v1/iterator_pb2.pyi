@@ -55,6 +55,7 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_DIVERGED: _ClassVar[Outcome]
     OUTCOME_NO_IMPROVEMENT: _ClassVar[Outcome]
     OUTCOME_DAMAGE_BUDGET_USED: _ClassVar[Outcome]
+    OUTCOME_RESPONSE_STOOD_STILL: _ClassVar[Outcome]
 UPDATE_KIND_UNSPECIFIED: UpdateKind
 UPDATE_KIND_BASIC_TWR: UpdateKind
 UPDATE_KIND_ADAPTIVE_MODELLING: UpdateKind
@@ -82,6 +83,7 @@ OUTCOME_ITERATIONS_USED: Outcome
 OUTCOME_DIVERGED: Outcome
 OUTCOME_NO_IMPROVEMENT: Outcome
 OUTCOME_DAMAGE_BUDGET_USED: Outcome
+OUTCOME_RESPONSE_STOOD_STILL: Outcome
 
 class SecantSettings(_message.Message):
     __slots__ = ("forgetting", "prior_strength", "caution", "regularisation")

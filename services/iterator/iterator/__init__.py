@@ -45,6 +45,7 @@ from iterator.repeatability import Repeatability, judge_repeatability
 from iterator.rig_model import ModelUncertainty, RigModel, rig_model
 from iterator.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
 from iterator.spectrum_overlay import SpectrumOverlay, overlay_spectra
+from iterator.standstill import Standstill, standstills
 from iterator.stop_criteria import DamageBounds, Outcome, StopCriteria, damage_spent, judge_end
 from iterator.time_segments import Segment, segments_of
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
@@ -84,6 +85,7 @@ __all__ = [
     "SecantSettings",
     "Segment",
     "SpectrumOverlay",
+    "Standstill",
     "StopCriteria",
     "UnreachableSegment",
     "Update",
@@ -109,5 +111,6 @@ __all__ = [
     "rig_model",
     "run_campaign",
     "segments_of",
+    "standstills",
     "unreachable_segments",
 ]

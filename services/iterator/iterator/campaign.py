@@ -254,8 +254,8 @@ class Campaign:
         ):
             self._board.add_confirmation(told.repeatability, remarks=told.remarks)
 
-    def _again(self, best: Iteration, number: int) -> NDArray[np.float64]:
-        """Play the best drive once more and store it; return the response in the control band."""
+    def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
+        """Play the best drive once more and store it; return the step."""
         plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
         activity = f"playing {name} on {self._rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
@@ -275,7 +275,7 @@ class Campaign:
             self._log.commit(step)
             self._log.commit(run_played(step, rig=self._rig))
         self._estimate.step_done()
-        return in_band
+        return step
 
     def _iteration_name(self) -> str:
         return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.largest_iterations}"

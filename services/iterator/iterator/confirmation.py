@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import ArrayError, from_array, to_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
 from iterator.campaign_messages import channel_metrics
 from iterator.campaign_plan import CampaignPlan
 from iterator.iteration_loop import Iteration
 from iterator.iteration_metrics import IterationMetrics, judge_response
+from iterator.playback_remarks import standstills_in_words
 from iterator.repeatability import judge_repeatability
+from iterator.standstill import Standstill, standstills
 from iterator.stop_criteria import Outcome, StopCriteria, would_overspend
 from labbus import FaultError
 
@@ -42,7 +44,7 @@ def confirmed(
     outcome: Outcome,
     metrics: Sequence[IterationMetrics],
     recorded: Sequence[iterator_pb2.ConfirmationStep],
-    play: Callable[[Iteration, int], NDArray[np.float64]],
+    play: Callable[[Iteration, int], iterator_pb2.ConfirmationStep],
 ) -> Iterator[Told]:
     """Play the best drive again, as often as the campaign asks and nothing speaks against it.
 
@@ -59,31 +61,52 @@ def confirmed(
     recorded : sequence of ConfirmationStep
         Those that were made before, and are not made again.
     play : callable
-        Plays the drive of `best` with a number, from 1, stores it, and returns the response in the control band.
+        Plays the drive of `best` with a number, from 1, and returns the step that it stored.
 
     Yields
     ------
     Told
-        After each of them, the recorded ones too.
+        After each of them, the recorded ones too; the last one where a controlled response stood still.
 
     Raises
     ------
-    ArrayError
-        A recorded playback is damaged.
+    FaultError
+        DATA_LOSS: a recorded playback is damaged.
     """
     asked, responses, spent = plan.spec.confirmations, [best.response_in_band], tuple(metrics)
     for number in range(1, asked + 1):
         if number <= len(recorded):
-            response = recorded_confirmation(recorded[number - 1], plan=plan)
+            step = recorded[number - 1]
         else:
             against = reason_against(outcome, spent, plan.settings.stop)
             if against is not None:
                 yield Told(remarks=(f"The best drive was played {number - 1} of {asked} times again: {against}.",))
                 return
-            response = play(best, number)
+            step = play(best, number)
+        response = recorded_confirmation(step, plan=plan)
+        stood_still = _stood_still(step, plan=plan)
+        told = tuple(
+            f"Confirmation {number} of {asked}: {sentence}"
+            for sentence in standstills_in_words(stood_still, plan=plan, then="resume to confirm the result")
+        )
+        if any(plan.response_weight[found.response] > 0.0 for found in stood_still):
+            yield Told(remarks=told)
+            return
         responses.append(response)
         spent = (*spent, judge_confirmation(response, plan=plan))
-        yield Told(repeatability_message(responses, iteration=best.number, plan=plan))
+        yield Told(repeatability_message(responses, iteration=best.number, plan=plan), remarks=told)
+
+
+def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> tuple[Standstill, ...]:
+    try:
+        _, _, measured = from_record(step.response, field="response")
+        return standstills(measured, plan.target_in_band, band=plan.settings.update.band)
+    except ValueError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Confirmation {step.number} was recorded damaged: {error}",
+            field="response",
+        ) from error
 
 
 def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criteria: StopCriteria) -> str | None:
@@ -105,6 +128,8 @@ def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criter
     """
     if outcome is Outcome.DIVERGED:
         return "the iteration diverged"
+    if outcome is Outcome.RESPONSE_STOOD_STILL:
+        return "a controlled response stood still"
     if outcome is Outcome.DAMAGE_BUDGET_USED or (criteria.damage_budget > 0.0 and would_overspend(spent, criteria)):
         return "one more playback would pass the damage budget"
     return None

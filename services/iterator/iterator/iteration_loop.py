@@ -19,12 +19,14 @@ from iterator.iteration_metrics import IterationMetrics, judge_response
 from iterator.playback_levels import (
     best_at_full_level,
     comparable_history,
+    judge_end_at_levels,
     level_of,
     partial_playbacks,
     require_levels,
 )
 from iterator.rig_model import RigModel
-from iterator.stop_criteria import Outcome, StopCriteria, judge_end
+from iterator.standstill import Standstill, standstills
+from iterator.stop_criteria import Outcome, StopCriteria
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
 from iterator.watched_responses import controlled_model, controlled_responses, controlled_settings, whole_model
 from spectra import as_record
@@ -126,6 +128,8 @@ class Iteration:
         are refused, and for a recorded playback.
     unreachable : tuple of UnreachableSegment
         Where responses missed the target because a drive was held at its limits.
+    stood_still : tuple of Standstill
+        Where responses stood still while their target moved; after a controlled one nothing is made of the playback.
     """
 
     number: int
@@ -138,6 +142,7 @@ class Iteration:
     level: float = 1.0
     projection: DriveProjection | None = None
     unreachable: tuple[UnreachableSegment, ...] = ()
+    stood_still: tuple[Standstill, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -226,12 +231,17 @@ def iterate(
             )
             # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
             response = as_record(play(drive.copy()), name="response").copy()
+        stood_still = standstills(response, level * target, band=settings.update.band)
+        dead = any(controlled[found.response] for found in stood_still)
         held = limits is not None and held_share(drive, limits) > _MOST_HELD
         response_in_band = settings.update.band.limit_response(response) / level
         judged = judge_response(target, response_in_band, level=level, controlled=controlled)
         metrics = (*metrics, judged)
         if number >= len(recorded):
-            outcome = _outcome(metrics, settings)
+            # What a dead sensor told is not judged: it may come out as anything, even as reached.
+            outcome = (
+                Outcome.RESPONSE_STOOD_STILL if dead else judge_end_at_levels(metrics, settings.stop, settings.levels)
+            )
         history = history.after(Playback(drive=drive / level, response=_rows(response_in_band, controlled)))
         yield Iteration(
             number=number,
@@ -243,7 +253,8 @@ def iterate(
             outcome=outcome,
             level=level,
             projection=projection,
-            unreachable=_unreachable(history, projection, settings=settings, controlled=controlled),
+            unreachable=() if dead else _unreachable(history, projection, settings=settings, controlled=controlled),
+            stood_still=stood_still,
         )
 
 
@@ -288,18 +299,6 @@ def _unreachable(
     )
     numbers = np.flatnonzero(controlled)
     return tuple(replace(segment, response=int(numbers[segment.response])) for segment in found)
-
-
-def _outcome(metrics: tuple[IterationMetrics, ...], settings: CampaignSettings) -> Outcome | None:
-    partial = partial_playbacks(settings.levels)
-    if len(metrics) <= partial:
-        # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
-        ended = judge_end(
-            metrics, replace(settings.stop, relative_rms_error=0.0, damage=None, smallest_improvement=0.0)
-        )
-        return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
-    left = replace(settings.stop, largest_iterations=settings.stop.largest_iterations - partial)
-    return judge_end(metrics[partial:], left, earlier=metrics[:partial])
 
 
 def run_campaign(

@@ -7,12 +7,14 @@ same at every level, so update, acceptance and errors need not know of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from iterator.iteration_history import IterationHistory
 from iterator.iteration_metrics import IterationMetrics, best_iteration
+from iterator.stop_criteria import Outcome, StopCriteria, judge_end
 
 
 def require_levels(levels: Sequence[float]) -> None:
@@ -105,3 +107,31 @@ def best_at_full_level(metrics: tuple[IterationMetrics, ...], levels: Sequence[f
     partial = partial_playbacks(levels)
     full = metrics[partial:]
     return partial + best_iteration(full) if full else 0
+
+
+def judge_end_at_levels(
+    metrics: tuple[IterationMetrics, ...], criteria: StopCriteria, levels: Sequence[float]
+) -> Outcome | None:
+    """Say whether the iteration ends after the last playback, which may be at partial level.
+
+    Parameters
+    ----------
+    metrics : tuple of IterationMetrics
+        From the first playback to the last, one or more.
+    criteria : StopCriteria
+        When to end.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    Outcome or None
+        None: go on.
+    """
+    partial = partial_playbacks(levels)
+    if len(metrics) <= partial:
+        # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
+        ended = judge_end(metrics, replace(criteria, relative_rms_error=0.0, damage=None, smallest_improvement=0.0))
+        return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
+    left = replace(criteria, largest_iterations=criteria.largest_iterations - partial)
+    return judge_end(metrics[partial:], left, earlier=metrics[:partial])

@@ -8,6 +8,7 @@ from duralab_proto.v1 import iterator_pb2
 from iterator.campaign_plan import CampaignPlan
 from iterator.convergence_prediction import predict_convergence
 from iterator.iteration_loop import Iteration
+from iterator.standstill import Standstill
 
 
 def remarks_of(
@@ -28,12 +29,12 @@ def remarks_of(
     -------
     list of str
         Limits that its drive would have passed, how much it was changed to hold them, where the target was out of the
-        rig's reach, and whether the next playback is predicted to diverge.
+        rig's reach, which responses stood still, and whether the next playback is predicted to diverge.
     """
     if iteration.number < len(recorded):
         return list(recorded[iteration.number - 1].remarks)
     of_it = f"Playback {iteration.number}: "
-    return [
+    remarks = [
         # What is predicted of the next playback is told anew: it may be made with other settings.
         *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
         *(f"{of_it}{told}" for told in _projected(iteration, plan)),
@@ -43,8 +44,47 @@ def remarks_of(
             f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
             for found in iteration.unreachable
         ),
+        *(
+            f"{of_it}{told}"
+            for told in standstills_in_words(iteration.stood_still, plan=plan, then=_way_on_without(iteration.number))
+        ),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
+    # What stood still in a recorded playback is told in its step and seen again.
+    return list(dict.fromkeys(remarks))
+
+
+def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:
+    """Say which responses stood still, when, and what to do.
+
+    Parameters
+    ----------
+    found : sequence of Standstill
+        In one playback.
+    plan : CampaignPlan
+        Names the channels, and tells which are watched.
+    then : str
+        What follows a mended sensor of a controlled response, half a sentence.
+
+    Returns
+    -------
+    list of str
+        One sentence each.
+    """
+    told: list[str] = []
+    for standstill in found:
+        i, when = standstill.response, standstill.segment
+        watched = plan.response_weight[i] == 0.0
+        told.append(
+            f"{'the watched response ' if watched else ''}{plan.description.responses[i].name} stood still from "
+            f"{when.start:.2f} s for {when.end - when.start:.2f} s while its target moved; check the sensor and its "
+            f"cable{'' if watched else f', then {then}'}."
+        )
+    return told
+
+
+def _way_on_without(number: int) -> str:
+    return f"resume from playback {number - 1} or start anew" if number > 1 else "start anew"
 
 
 def _projected(iteration: Iteration, plan: CampaignPlan) -> list[str]:

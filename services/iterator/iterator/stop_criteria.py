@@ -20,6 +20,7 @@ class Outcome(enum.Enum):
     DIVERGED = "a channel's error grew beyond the allowed multiple of its best"
     NO_IMPROVEMENT = "the last playbacks did not improve the best error by the asked share"
     DAMAGE_BUDGET_USED = "one more playback would put more damage into the specimen than was allowed"
+    RESPONSE_STOOD_STILL = "a controlled response stood still while its target moved"
 
 
 @dataclass(frozen=True)

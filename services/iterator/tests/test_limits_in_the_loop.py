@@ -83,7 +83,7 @@ def test_after_a_roll_back_the_gain_that_would_fit_counts_from_the_drive_stepped
     target = BAND.limit_target(noise_target(4000))
     whole = np.abs(apply_inverse(model, target, band=BAND)).max(axis=1)
     limits = DriveLimits(("left", "right"), ("m", "m"), -0.9 * whole, 0.9 * whole, np.zeros(2), SAMPLE_RATE)
-    responses = iter((0.0 * target, -target))
+    responses = iter((1e-9 * target, -target))
     update = UpdateSettings(
         band=BAND,
         iteration_gain=np.ones(2),

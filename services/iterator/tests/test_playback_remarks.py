@@ -1,12 +1,12 @@
-"""What is said of a drive that had to be carried into the rig's limits."""
+"""What is said of a drive that had to be carried into the rig's limits, and of a response that stood still."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from duralab_proto.v1 import array_pb2
-from iterator import DriveLimits, control_band, project_drive
+from duralab_proto.v1 import array_pb2, iterator_pb2
+from iterator import DriveLimits, Outcome, Segment, Standstill, control_band, project_drive
 from iterator.playback_remarks import remarks_of
 
 RATE = 256.0
@@ -25,7 +25,7 @@ def remarks(drive, *, peak, slew=0.0):
     projection = project_drive(drive, limits=limits, band=control_band(1.0, 30.0, sample_rate=RATE))
     description = SimpleNamespace(drives=[array_pb2.Channel(name=name, unit="m") for name in NAMES])
     # Over, so that nothing is predicted of a next playback.
-    iteration = SimpleNamespace(number=2, projection=projection, unreachable=(), outcome="reached")
+    iteration = SimpleNamespace(number=2, projection=projection, unreachable=(), stood_still=(), outcome="reached")
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
 
 
@@ -53,6 +53,31 @@ def test_what_had_to_be_clipped_is_told(tones):
     assert told[-1].endswith(
         f"to hold its limits; {projection.clipped[0]:.2%} had to be clipped and lies outside the control band."
     )
+
+
+def stood_still(number, *, weight, outcome, recorded=()):
+    names = ("left_lateral", "beam")
+    plan = SimpleNamespace(
+        description=SimpleNamespace(responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
+        response_weight=np.array(weight),
+    )
+    found = tuple(Standstill(response=i, segment=Segment(start=5.0, end=15.0)) for i in range(2))
+    iteration = SimpleNamespace(number=number, projection=None, unreachable=(), stood_still=found, outcome=outcome)
+    return remarks_of(iteration, plan=plan, recorded=recorded)
+
+
+def test_a_response_that_stood_still_is_told_with_the_time_and_what_to_do():
+    told = stood_still(3, weight=(1.0, 0.0), outcome=Outcome.RESPONSE_STOOD_STILL)
+    assert told == [
+        "Playback 3: left_lateral stood still from 5.00 s for 10.00 s while its target moved; check the sensor and its "
+        "cable, then resume from playback 2 or start anew.",
+        "Playback 3: the watched response beam stood still from 5.00 s for 10.00 s while its target moved; check the "
+        "sensor and its cable.",
+    ]
+    recorded = [iterator_pb2.IterationStep(remarks=remarks) for remarks in ([], [], told)]
+    assert stood_still(3, weight=(1.0, 0.0), outcome=Outcome.RESPONSE_STOOD_STILL, recorded=recorded) == told
+    first = stood_still(1, weight=(1.0, 0.0), outcome=Outcome.RESPONSE_STOOD_STILL)
+    assert first[0].endswith("check the sensor and its cable, then start anew.")
 
 
 def test_nothing_is_told_of_a_drive_that_fits(tones):

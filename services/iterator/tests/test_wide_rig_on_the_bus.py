@@ -24,7 +24,7 @@ def lab():
 @pytest.fixture(autouse=True)
 def as_it_was(lab):
     yield
-    lab.rig.noise, lab.rig.failing, lab.rig.leaving = 0.0, "", ""
+    lab.rig.noise, lab.rig.failing, lab.rig.leaving, lab.rig.stuck = 0.0, "", "", (0, ())
     lab.identifier.answer = model
 
 
@@ -143,6 +143,49 @@ def test_a_rig_that_fails_while_a_result_is_confirmed_costs_no_iteration(lab, un
     assert (final.phase, final.repeatability.playbacks) == (FINISHED, 2)
     assert drives_of(lab, "late-2") == undisturbed
     assert [run.run for run in lab.recorder.read("late-2", recorder_pb2.RunPlanned)] == ["late-2.confirm01"]
+
+
+def test_a_sensor_that_sticks_ends_the_campaign_and_it_is_taken_up_before_that_playback(lab, undisturbed):
+    lab.rig.stuck = (1, ["stuck.i02"])
+    spec = specification("stuck", iterations=3)
+    spec.confirmations = 1
+    final = ended(lab, spec)
+    assert (final.phase, final.outcome) == (FINISHED, iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL)
+    assert "a controlled response stood still" in final.activity
+    assert [step.iteration for step in lab.recorder.read("stuck", iterator_pb2.IterationStep)] == [1, 2]
+    assert lab.recorder.kinds("stuck")[-4:] == ["IterationStep", "RunPlayed", "CampaignStatus", "RecordingClosed"]
+    sentence = (
+        "Playback 2: right_vertical stood still from 15.00 s for 25.00 s while its target moved; check the sensor and "
+        "its cable, then resume from playback 1 or start anew."
+    )
+    assert lab.recorder.read("stuck", iterator_pb2.IterationStep)[-1].remarks[-1] == sentence
+    assert sentence in final.remarks
+    assert final.remarks[-1].endswith("played 0 of 1 times again: a controlled response stood still.")
+    # Taken up after the playback that told nothing, it ends again, without a motion.
+    lab.resume("stuck", new_id="stuck-2")
+    again = lab.end_of("stuck-2")
+    assert again.outcome == iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL
+    assert list(again.remarks).count(sentence) == 1
+    assert lab.recorder.read("stuck-2", recorder_pb2.RunPlanned) == []
+    lab.resume("stuck", new_id="stuck-3", from_iteration=1)
+    assert lab.end_of("stuck-3").outcome == iterator_pb2.OUTCOME_ITERATIONS_USED
+    assert drives_of(lab, "stuck-3") == undisturbed
+
+
+def test_a_sensor_that_sticks_while_a_result_is_confirmed_ends_it_there(lab):
+    lab.rig.stuck = (0, ["unsure.confirm02"])
+    spec = specification("unsure", iterations=2)
+    spec.confirmations = 3
+    final = ended(lab, spec)
+    assert (final.phase, final.outcome) == (FINISHED, iterator_pb2.OUTCOME_ITERATIONS_USED)
+    assert final.repeatability.playbacks == 2
+    assert len(lab.recorder.read("unsure", iterator_pb2.ConfirmationStep)) == 2
+    assert final.remarks[-1] == (
+        "Confirmation 2 of 3: left_vertical stood still from 15.00 s for 25.00 s while its target moved; check the "
+        "sensor and its cable, then resume to confirm the result."
+    )
+    lab.resume("unsure", new_id="unsure-2")
+    assert lab.end_of("unsure-2").repeatability.playbacks == 4
 
 
 def poison(spec):

@@ -51,13 +51,15 @@ def specification(id, *, target=None, weight=(1.0, 1.0, 0.0), **settings):
 
 
 class WideRig:
-    """Comes, plays, fails at one run or leaves at one run, as it is told."""
+    """Comes, plays, fails at one run, leaves at one run or has a stuck sensor in some, as it is told."""
 
     def __init__(self, config):
         self._config = config
         self.noise = 0.0
         self.failing = ""
         self.leaving = ""
+        # Number of a response and the runs in which it is stuck.
+        self.stuck = (0, ())
         self.seeds = []
         self.come()
 
@@ -82,6 +84,9 @@ class WideRig:
         _, _, drive = from_record(request.drive)
         response = play(impulses(), drive) + 500.0
         response += self.noise * np.random.default_rng(request.seed).standard_normal(response.shape)
+        channel, runs = self.stuck
+        if request.run in runs:
+            response[channel, 3000:] = response[channel, 3000]
         return rig_pb2.PlayResult(
             run=request.run, response=to_record(RESPONSES, SAMPLE_RATE, response), epoch=request.seed, blocks=80
         )

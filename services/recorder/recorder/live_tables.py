@@ -22,6 +22,7 @@ _OUTCOMES = {
     iterator_pb2.OUTCOME_DIVERGED: "the error grew: diverged",
     iterator_pb2.OUTCOME_NO_IMPROVEMENT: "the last playbacks improved the best error too little",
     iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: "one more playback would do more damage than is allowed",
+    iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL: "a response stood still while its target moved: check its sensor",
 }
 
 _MODES = {
