@@ -30,8 +30,8 @@ class IterationMetrics:
     damage_ratio : ndarray, shape (n_y, exponents)
         Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
     specimen_damage : ndarray, shape (n_y, exponents)
-        What this playback put into the specimen, in multiples of the whole target's pseudo-damage: `damage_ratio` but
-        for a playback at partial level, of which it is less.
+        What this playback is taken to have put into the specimen, in multiples of the whole target's pseudo-damage:
+        `damage_ratio`, 1 at least, and less of both for a playback at partial level.
     controlled : ndarray of bool, shape (n_y,), optional
         False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
     """
@@ -92,7 +92,8 @@ def judge_response(
         overall_relative_rms_error=overall_relative_rms_error(target, response),
         crest_ratio=crest,
         damage_ratio=damage,
-        specimen_damage=damage * level ** np.asarray(DAMAGE_EXPONENTS),
+        # A dead sensor does not mean a specimen unharmed: what was asked of the rig counts at least.
+        specimen_damage=np.maximum(1.0, damage) * level ** np.asarray(DAMAGE_EXPONENTS),
     )
 
 

@@ -80,7 +80,8 @@ class StopCriteria:
         See there, 1 or more.
     damage_budget : float
         Damage that all playbacks together may put into the specimen at any response, in multiples of the target's,
-        greater than 0; 0 is no limit. What the identification puts in is not counted: it is not known here.
+        greater than 0; 0 is no limit. A playback counts as the target at its level at least, whatever was measured.
+        What the identification puts in is not counted: it is not known here.
     damage_budget_exponent : float
         Slope of the S-N line it is counted at, one of `DAMAGE_EXPONENTS`.
 
@@ -177,7 +178,7 @@ def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> N
     Returns
     -------
     ndarray, shape (n_y,)
-        At each response, in multiples of the whole target's.
+        At each response, in multiples of the whole target's; each playback counts as the target at its level at least.
 
     Raises
     ------

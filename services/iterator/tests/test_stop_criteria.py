@@ -105,6 +105,19 @@ def test_damage_spent_adds_up_and_a_playback_at_half_level_spends_its_power():
     np.testing.assert_allclose(damage_spent((half, whole), exponent=5.0), 1.0 + 0.5**5.0)
 
 
+def test_a_channel_that_tells_too_little_counts_as_the_target_at_its_level():
+    target = np.random.default_rng(0).standard_normal((3, 2000))
+    # Dead, at half its size, and a half too large.
+    response = np.array([[0.0], [0.5], [1.5]]) * target
+    whole, half = judge_response(target, response), judge_response(target, response, level=0.5)
+    np.testing.assert_allclose(whole.damage_ratio[:, 1], [0.0, 0.5**5, 1.5**5])
+    np.testing.assert_allclose(damage_spent((whole, half), exponent=5.0), (1.0 + 0.5**5) * np.array([1.0, 1.0, 1.5**5]))
+    criteria = StopCriteria(largest_iterations=10, damage_budget=3.0)
+    dead = judge_response(target, 0.0 * target)
+    assert judge_end((dead, dead), criteria) is None
+    assert judge_end((dead, dead, dead), criteria) is Outcome.DAMAGE_BUDGET_USED
+
+
 @pytest.mark.parametrize("wrong", [(1.1, 1.2), (-0.1, 2.0), (0.5, 1.0), (0.5, np.inf)])
 def test_damage_bounds_that_do_not_hold_the_target_itself_are_refused(wrong):
     with pytest.raises(ValueError, match="must be finite"):
