@@ -220,7 +220,8 @@ class Bus:
             Called with each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
             the oldest are dropped, and with `repair` fetched again when there is room.
         on_problem : callable, optional
-            Called on the same thread with the FaultError of a message that is not what is expected; logged otherwise.
+            Called, never while `callback` is, with the FaultError of a message that is not what is expected; logged
+            otherwise. With `repair` such a message is lost, told once, and nothing waits for it.
         repair : bool
             Whether to deliver whatever publishers of these keys still keep, also of streams that have ended, and all
             that follows: each message once and in order. What is lost on the way is fetched from the publishers'

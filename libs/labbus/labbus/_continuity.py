@@ -31,6 +31,11 @@ class Continuity:
         # Not len(): a stranger's number may be beyond what it takes.
         return self._next - sum(gap.stop - gap.start for gap in self._gaps)
 
+    @property
+    def gaps(self) -> int:
+        """How many gaps there are between those received."""
+        return len(self._gaps)
+
     def __contains__(self, seq: int) -> bool:
         return 0 <= seq < self._next and self._gap_around(seq) is None
 

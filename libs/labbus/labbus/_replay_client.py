@@ -13,7 +13,7 @@ from labbus._encoding import MessageT, decode, encoding_of
 from labbus._faults import BusError, FaultError
 from labbus._rejoining import BusSession
 from labbus._replay import head_key, mark_key, replay_key
-from labbus._stream_item import StreamItem, read_item
+from labbus._stream_item import Received, StreamItem, read_item
 
 _TIMEOUT_SECONDS: Final = 2.0
 _LARGEST_HEAD: Final = 128
@@ -31,7 +31,7 @@ class ReplayClient:
         self._session = session
         self._largest_bytes = largest_bytes
 
-    def ask(self, key: str, message_type: type[MessageT], *, epoch: int, wanted: range) -> list[StreamItem[MessageT]]:
+    def ask(self, key: str, message_type: type[MessageT], *, epoch: int, wanted: range) -> list[Received[MessageT]]:
         """Ask once; return what came of it, at most 1000 messages, ascending."""
         replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
         stop = zenoh.CancellationToken()
@@ -52,14 +52,18 @@ class ReplayClient:
         except zenoh.ZError as error:
             self._expect_open(f"{key} cannot be replayed", error)
             return []
-        items: dict[int, StreamItem[MessageT]] = {}
+        items: dict[int, Received[MessageT]] = {}
         try:
             # Zenoh ends the query after the timeout by itself; twice as long only where its session is stuck.
             while (reply := replies.get(timeout=2 * _TIMEOUT_SECONDS)) is not None:
-                if reply.ok is not None:
-                    item = read_item(reply.ok, key=key, message_type=message_type, largest_bytes=self._largest_bytes)
-                    if item.epoch == epoch and item.seq in wanted:
-                        items[item.seq] = item
+                if reply.ok is None:
+                    continue
+                item = read_item(reply.ok, key=key, message_type=message_type, largest_bytes=self._largest_bytes)
+                if item.epoch != epoch or item.seq not in wanted:
+                    continue
+                # Where more than one answers, what can be read counts.
+                if isinstance(item, StreamItem) or item.seq not in items:
+                    items[item.seq] = item
         except Empty:
             pass
         finally:

@@ -32,7 +32,7 @@ class Receiving(Protocol):
 
     @property
     def lost(self) -> int:
-        """Messages that nobody has any more."""
+        """Messages that nobody has any more, and those that came and were refused."""
         ...
 
     @property
@@ -70,7 +70,7 @@ class StreamFigures:
         counters: tuple[tuple[str, str, Callable[[Receiving], int]], ...] = (
             ("received", "Messages handed to their receivers", lambda each: each.received),
             ("fetched", "Messages that were lost on the way and fetched again", lambda each: each.fetched),
-            ("lost", "Messages that nobody has any more", lambda each: each.lost),
+            ("lost", "Messages that nobody has any more or that were refused", lambda each: each.lost),
         )
         for name, what, read in counters:
             self._figures.follow(

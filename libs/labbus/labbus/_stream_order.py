@@ -10,6 +10,9 @@ from labbus._continuity import Continuity
 MOST_HELD: Final = 2000
 """Messages held back behind a gap; what comes beyond them is asked for again."""
 
+MOST_LOST_RANGES: Final = 1000
+"""Ranges of lost messages that are remembered: a stream of which every other message is refused may run for months."""
+
 T = TypeVar("T")
 
 
@@ -26,7 +29,7 @@ class StreamProof:
     missing: tuple[range, ...]
     """Published, and neither delivered nor lost: still asked for."""
     lost: tuple[range, ...]
-    """Gone from their publisher's spool before they were received: nobody has them."""
+    """Gone from their publisher's spool before they were received, or received and refused; the first 1000 ranges."""
 
     @property
     def complete(self) -> bool:
@@ -43,12 +46,14 @@ class StreamOrder(Generic[T]):
         self._delivered = Continuity()
         self._stored = Continuity()
         self._lost: list[range] = []
+        self.lost = 0
+        """How many messages nobody has any more, or were refused."""
         self._count = 0
         self._done = False
         self._begin: int | None = None
         self._forgone = 0
         self.taken = 0
-        """How many different messages came, delivered or held back."""
+        """How many different messages came, delivered, held back or refused."""
 
     @property
     def blocked(self) -> bool:
@@ -59,11 +64,6 @@ class StreamOrder(Generic[T]):
     def gap(self) -> bool:
         """Whether something is known to be published that is not here."""
         return self._next < self._count
-
-    @property
-    def lost(self) -> int:
-        """How many messages nobody has any more."""
-        return sum(gap.stop - gap.start for gap in self._lost)
 
     @property
     def missing(self) -> int:
@@ -101,6 +101,34 @@ class StreamOrder(Generic[T]):
         self._deliver(seq)
         return [item, *self._release()]
 
+    def refuse(self, seq: int) -> tuple[bool, list[T]]:
+        """Take note of a message that came and cannot be read: it is lost, and what is behind it does not wait for it.
+
+        Parameters
+        ----------
+        seq : int
+            Its number.
+
+        Returns
+        -------
+        bool
+            Whether it is to be told of: not where it was before, or will be asked for again.
+        list
+            What may be handed on now, in order.
+        """
+        if seq in self._delivered or seq in self._held:
+            return not any(seq in gap for gap in self._lost), []
+        self._count = max(self._count, seq + 1)
+        if seq > self._next and len(self._held) + self._delivered.gaps >= MOST_HELD:
+            return False, []
+        self.taken += 1
+        self._delivered.accept(seq)
+        self._forgone += 1
+        # It will never be stored, and its publisher need not keep it for that.
+        self._stored.accept(seq)
+        self._lose(range(seq, seq + 1))
+        return True, self._release()
+
     def learn(self, *, first: int, next: int, marked: int, done: bool) -> bool:
         """Note what the publisher says of its spool; return whether `advance` may hand something on because of it."""
         # What is beyond the end that its publisher tells is not of this stream.
@@ -115,7 +143,7 @@ class StreamOrder(Generic[T]):
             self._forgone += gap.stop - gap.start
             self._stored.fill(gap)
             if lost := range(max(gap.start, self._begin), gap.stop):
-                self._lost.append(lost)
+                self._lose(lost)
         return bool(gone)
 
     def expect(self, count: int) -> None:
@@ -150,8 +178,20 @@ class StreamOrder(Generic[T]):
             next=self._count,
             done=self._done,
             missing=tuple(self._delivered.missing(self._count)),
-            lost=tuple(self._lost),
+            # A refused message that is beyond the end is not of this stream either.
+            lost=tuple(
+                range(gap.start, min(gap.stop, self._count))
+                for gap in sorted(self._lost, key=lambda gap: gap.start)
+                if gap.start < self._count
+            ),
         )
+
+    def _lose(self, gap: range) -> None:
+        self.lost += gap.stop - gap.start
+        if self._lost and self._lost[-1].stop == gap.start:
+            self._lost[-1] = range(self._lost[-1].start, gap.stop)
+        elif len(self._lost) < MOST_LOST_RANGES:
+            self._lost.append(gap)
 
     def _deliver(self, seq: int) -> None:
         self._delivered.accept(seq)

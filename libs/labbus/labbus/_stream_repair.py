@@ -14,7 +14,7 @@ from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
 from labbus._replay import MOST_REPLAYED
 from labbus._replay_client import Head, ReplayClient
-from labbus._stream_item import StreamItem
+from labbus._stream_item import Received, RefusedItem, StreamItem
 from labbus._stream_order import StreamOrder, StreamProof
 
 FOLLOWED_STREAMS: Final = 256
@@ -50,7 +50,6 @@ class _Followed(Generic[MessageT]):
         self.taken = 0
         self.cursor = 0
         self.replayed = 0
-        self.marks = False
 
 
 class StreamRepair(Generic[MessageT]):
@@ -65,8 +64,8 @@ class StreamRepair(Generic[MessageT]):
     message_type : type
         That is expected.
     deliver : callable
-        Takes what was fetched, or nothing where what is held back may go on; calls `take`, and the owner's callback for
-        each that it returns, however long that takes.
+        Takes what was fetched, or nothing where what is held back may go on; calls `take`, and one of the owner's
+        callbacks for each that it returns, however long that takes.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class StreamRepair(Generic[MessageT]):
         key_expression: str,
         message_type: type[MessageT],
         *,
-        deliver: Callable[[Sequence[StreamItem[MessageT]]], None],
+        deliver: Callable[[Sequence[Received[MessageT]]], None],
     ) -> None:
         self._client = client
         self._expression = key_expression
@@ -89,21 +88,26 @@ class StreamRepair(Generic[MessageT]):
         self.fetched = 0
         """Messages that were fetched from a publisher's spool."""
         self._lost_by_forgotten = 0
+        self._marks = False
         self._closed = False
         self._log = structlog.get_logger("labbus").bind(key=key_expression)
         self._thread = threading.Thread(target=self._run, name="labbus-repair", daemon=True)
         self._thread.start()
 
-    def take(self, items: Sequence[StreamItem[MessageT]]) -> list[StreamItem[MessageT]]:
-        """Take messages that arrived or were fetched; return what is to be delivered now."""
-        ready: list[StreamItem[MessageT]] = []
+    def take(self, items: Sequence[Received[MessageT]]) -> list[Received[MessageT]]:
+        """Take messages that arrived or were fetched; return what is to be delivered, or told of as refused, now."""
+        ready: list[Received[MessageT]] = []
         with self._lock:
             freed, self._freed = self._freed, []
             for followed in freed:
                 ready += followed.order.advance()
             for item in items:
                 followed = self._follow((item.key, item.epoch))
-                ready += followed.order.accept(item.seq, item)
+                if isinstance(item, RefusedItem):
+                    told, behind = followed.order.refuse(item.seq)
+                    ready += [item, *behind] if told else behind
+                else:
+                    ready += followed.order.accept(item.seq, item)
                 if followed.order.blocked:
                     self._wake.set()
         return ready
@@ -123,10 +127,10 @@ class StreamRepair(Generic[MessageT]):
         """Note what is stored and tell the publishers; see `Subscription.mark`."""
         moved: dict[Stream, int] = {}
         with self._lock:
+            self._marks = True
             for key, epoch, seq in positions:
                 followed = self._streams.get((key, epoch))
                 if followed is not None:
-                    followed.marks = True
                     followed.order.store(seq)
                     moved[key, epoch] = 0
             for stream in moved:
@@ -147,7 +151,7 @@ class StreamRepair(Generic[MessageT]):
 
     @property
     def lost(self) -> int:
-        """Messages that nobody has any more, of all streams that were ever followed."""
+        """Messages that nobody has any more or that were refused, of all streams that were ever followed."""
         with self._lock:
             return self._lost_by_forgotten + sum(followed.order.lost for followed in self._streams.values())
 
@@ -209,8 +213,8 @@ class StreamRepair(Generic[MessageT]):
             followed.heard = now
             if followed.order.learn(first=head.first, next=head.next, marked=head.marked, done=head.done):
                 self._freed.append(followed)
-            # It did not hear of the last mark, or was started again.
-            behind = followed.marks and head.marked < followed.order.mark
+            # It did not hear of the last mark, was started again, or has what was refused.
+            behind = self._marks and head.marked < followed.order.mark
             mark = followed.order.mark
         if behind:
             self._tell({(key, head.epoch): mark})
@@ -254,8 +258,9 @@ class StreamRepair(Generic[MessageT]):
         found = self._ask(key, epoch, wanted)
         if found:
             self._deliver(found)
-            followed.replayed += len(found)
-            self.fetched += len(found)
+            fetched = sum(isinstance(item, StreamItem) for item in found)
+            followed.replayed += fetched
+            self.fetched += fetched
             followed.cursor = found[-1].seq + 1
             return True
         followed.cursor = wanted.stop
@@ -268,7 +273,7 @@ class StreamRepair(Generic[MessageT]):
             self._deliver([])
         return False
 
-    def _ask(self, key: str, epoch: int, wanted: range) -> list[StreamItem[MessageT]]:
+    def _ask(self, key: str, epoch: int, wanted: range) -> list[Received[MessageT]]:
         try:
             return self._client.ask(key, self._type, epoch=epoch, wanted=wanted)
         except FaultError as fault:

@@ -14,7 +14,7 @@ from labbus._encoding import MessageT
 from labbus._faults import FaultError
 from labbus._rejoining import BusSession
 from labbus._replay_client import ReplayClient
-from labbus._stream_item import StreamItem, read_item
+from labbus._stream_item import Received, RefusedItem, StreamItem, read_item
 from labbus._stream_order import StreamProof
 from labbus._stream_repair import StreamRepair
 
@@ -69,12 +69,12 @@ class Subscription(Generic[MessageT]):
         """Tell the publishers that messages are stored, or will never be: they need not keep them any longer.
 
         Only for the one receiver that stores a stream, which then has to mark everything that it was given: publishers
-        wait for it.
+        wait for it. What was refused, or is lost, is marked with the rest.
 
         Parameters
         ----------
         positions : iterable of (str, int, int)
-            `StreamItem.position` of what is safe now, in any order.
+            `StreamItem.position` of what is safe now, in any order; none says that this is the one that stores.
         """
         self._repaired.mark(positions)
 
@@ -93,7 +93,7 @@ class Subscription(Generic[MessageT]):
 
     @property
     def lost(self) -> int:
-        """Messages that nobody has any more."""
+        """Messages that nobody has any more, and those that came and were refused."""
         return 0 if self._repair is None else self._repair.lost
 
     @property
@@ -142,7 +142,7 @@ class Subscription(Generic[MessageT]):
                 more = itertools.islice(iter(self._inbox.next_at_once, None), _MOST_AT_ONCE)
                 self._deliver(self._read_all([sample, *more]))
 
-    def _deliver(self, items: Sequence[StreamItem[MessageT]]) -> None:
+    def _deliver(self, items: Sequence[Received[MessageT]]) -> None:
         """Hand on what may be handed on now that these are here."""
         with self._delivering:
             for item in items if self._repair is None else self._repair.take(items):
@@ -154,27 +154,33 @@ class Subscription(Generic[MessageT]):
                 for each in self._repair.release():
                     self._call(each)
 
-    def _call(self, item: StreamItem[MessageT]) -> None:
+    def _call(self, item: Received[MessageT]) -> None:
+        if isinstance(item, RefusedItem):
+            self._tell(item.fault)
+            return
         self.received += 1
         try:
             self._callback(item)
         except Exception:  # noqa: BLE001 - what the owner's callback raises must not keep the others from it
             self._log.exception("A callback failed.", seq=item.seq)
 
-    def _read_all(self, samples: Iterable[zenoh.Sample]) -> list[StreamItem[MessageT]]:
+    def _read_all(self, samples: Iterable[zenoh.Sample]) -> list[Received[MessageT]]:
         return [item for sample in samples if (item := self._read(sample)) is not None]
 
-    def _read(self, sample: zenoh.Sample) -> StreamItem[MessageT] | None:
+    def _read(self, sample: zenoh.Sample) -> Received[MessageT] | None:
         try:
             return read_item(
                 sample, key=str(sample.key_expr), message_type=self._type, largest_bytes=self._largest_bytes
             )
         except FaultError as fault:
-            try:
-                self._on_problem(fault)
-            except Exception:  # noqa: BLE001 - nor may what it raises here
-                self._log.exception("A callback failed.")
+            self._tell(fault)
             return None
+
+    def _tell(self, fault: FaultError) -> None:
+        try:
+            self._on_problem(fault)
+        except Exception:  # noqa: BLE001 - nor may what it raises here
+            self._log.exception("A callback failed.")
 
     @staticmethod
     def _log_problem(fault: FaultError) -> None:

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labbus._stream_order import MOST_HELD, StreamOrder
+from labbus._stream_order import MOST_HELD, MOST_LOST_RANGES, StreamOrder
 
 COUNT = 30
 
@@ -114,3 +114,76 @@ def test_number_that_cannot_be_is_no_part_of_a_stream_that_has_ended():
     order.learn(first=0, next=2, marked=0, done=True)
     assert order.proof().complete
     assert not order.gap
+
+
+@given(st.lists(st.tuples(st.integers(0, COUNT - 1), st.booleans()), max_size=80))
+def test_refused_messages_are_lost_and_what_goes_on_keeps_its_order(arriving):
+    order, delivered, told, first = StreamOrder(), [], [], {}
+    for seq, readable in arriving:
+        first.setdefault(seq, readable)
+        if readable:
+            delivered += order.accept(seq, seq)
+        else:
+            tell, ready = order.refuse(seq)
+            delivered += ready
+            told += [seq] if tell and not first[seq] else []
+        lost = {number for gap in order.proof().lost for number in gap}
+        assert lost == {number for number, came_readable in first.items() if not came_readable}
+    whole = next(number for number in range(COUNT + 1) if number not in first)
+    assert delivered == [seq for seq in range(whole) if first[seq]]
+    # Each once; a refused one in the place of one that could be read is another's, and told whenever it comes.
+    assert sorted(told) == sorted(lost_of(first))
+    assert order.lost == len(told)
+    assert order.proof().received == len(delivered)
+    order.expect(COUNT)
+    assert set(order.wanted(COUNT)).isdisjoint(first)
+    for seq in range(COUNT):
+        order.accept(seq, seq)
+    assert order.proof().missing == ()
+    assert order.proof().complete == (not told)
+
+
+def lost_of(first):
+    """Return the numbers that came refused before they came otherwise."""
+    return [seq for seq, readable in first.items() if not readable]
+
+
+@given(st.sets(st.integers(0, COUNT - 1)), st.lists(st.integers(0, COUNT - 1), max_size=60))
+def test_what_was_refused_is_marked_with_what_is_stored(refused, stored):
+    order = StreamOrder()
+    for seq in sorted(refused):
+        order.refuse(seq)
+    for seq in stored:
+        order.store(seq)
+    known = {*stored, *refused}
+    assert order.mark == next(number for number in range(COUNT + 1) if number not in known)
+
+
+def test_what_is_refused_behind_a_gap_is_bounded_and_taken_when_the_gap_is_closed():
+    order = StreamOrder()
+    # Every other one, so that each makes a gap of its own.
+    told = [seq for seq in range(1, 6 * MOST_HELD, 2) if order.refuse(seq)[0]]
+    assert told == list(range(1, 2 * MOST_HELD, 2))
+    assert len(order.proof().lost) == MOST_LOST_RANGES
+    assert order.lost == MOST_HELD
+    assert not order.refuse(2 * MOST_HELD + 1)[0]
+    delivered = []
+    for seq in range(0, 2 * MOST_HELD + 1, 2):
+        delivered += order.accept(seq, seq)
+    assert delivered == list(range(0, 2 * MOST_HELD + 1, 2))
+    assert order.refuse(2 * MOST_HELD + 1) == (True, [])
+    assert order.mark == 0
+
+
+def test_refused_number_that_cannot_be_neither_jumps_the_stream_nor_outlives_its_end():
+    order, delivered = StreamOrder(), []
+    for seq in (2**63, 2**64 - 1):
+        assert order.refuse(seq) == (True, [])
+    for seq in (0, 2, 1, 3):
+        delivered += order.accept(seq, seq)
+        order.store(seq)
+    assert delivered == [0, 1, 2, 3]
+    assert order.mark == 4
+    assert order.gap
+    order.learn(first=0, next=4, marked=0, done=True)
+    assert order.proof().complete
