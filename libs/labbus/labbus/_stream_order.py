@@ -52,8 +52,6 @@ class StreamOrder(Generic[T]):
         self._done = False
         self._begin: int | None = None
         self._forgone = 0
-        self.taken = 0
-        """How many different messages came, delivered, held back or refused."""
 
     @property
     def blocked(self) -> bool:
@@ -64,6 +62,11 @@ class StreamOrder(Generic[T]):
     def gap(self) -> bool:
         """Whether something is known to be published that is not here."""
         return self._next < self._count
+
+    @property
+    def progress(self) -> tuple[int, bool]:
+        """Differs when something was delivered or lost, or the first is held back; not when more is held back."""
+        return self._delivered.received, self.blocked
 
     @property
     def missing(self) -> int:
@@ -82,7 +85,6 @@ class StreamOrder(Generic[T]):
         """
         if seq == self._next == self._delivered.next_seq and not self._held:
             # The rule, of which there are thousands a second.
-            self.taken += 1
             self._count = max(self._count, seq + 1)
             self._deliver(seq)
             return [item]
@@ -92,9 +94,7 @@ class StreamOrder(Generic[T]):
         if seq > self._next:
             if len(self._held) < MOST_HELD:
                 self._held[seq] = item
-                self.taken += 1
             return []
-        self.taken += 1
         if seq < self._next:
             self._delivered.accept(seq)
             return [item]
@@ -121,7 +121,6 @@ class StreamOrder(Generic[T]):
         self._count = max(self._count, seq + 1)
         if seq > self._next and len(self._held) + self._delivered.gaps >= MOST_HELD:
             return False, []
-        self.taken += 1
         self._delivered.accept(seq)
         self._forgone += 1
         # It will never be stored, and its publisher need not keep it for that.

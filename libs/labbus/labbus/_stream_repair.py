@@ -47,7 +47,7 @@ class _Followed(Generic[MessageT]):
         self.order = StreamOrder[StreamItem[MessageT]]()
         self.heard = -math.inf
         self.fruitless = 0
-        self.taken = 0
+        self.progress = self.order.progress
         self.cursor = 0
         self.replayed = 0
 
@@ -242,8 +242,8 @@ class StreamRepair(Generic[MessageT]):
         with self._lock:
             order = followed.order
             wanted = order.wanted(MOST_REPLAYED, start=followed.cursor)
-            if order.taken != followed.taken:
-                followed.taken, followed.fruitless = order.taken, 0
+            if order.progress != followed.progress:
+                followed.progress, followed.fruitless = order.progress, 0
         if not wanted:
             # What was fetched may still be on its way to the delivering thread: what lacks then is asked for next time.
             followed.cursor = 0

@@ -187,3 +187,18 @@ def test_refused_number_that_cannot_be_neither_jumps_the_stream_nor_outlives_its
     assert order.gap
     order.learn(first=0, next=4, marked=0, done=True)
     assert order.proof().complete
+
+
+def test_what_is_only_held_back_is_no_progress():
+    order = StreamOrder()
+    order.accept(0, 0)
+    before = order.progress
+    order.accept(2, 2)
+    began = order.progress
+    assert began != before
+    order.accept(3, 3)
+    assert order.progress == began
+    for change in (lambda: order.refuse(5), lambda: order.accept(1, 1), lambda: order.accept(7, 7)):
+        before = order.progress
+        change()
+        assert order.progress != before
