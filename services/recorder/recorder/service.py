@@ -270,12 +270,10 @@ class RecorderService:
 
     def _mark(self) -> None:
         settled = self._archive.take_settled()
-        if not settled:
-            return
         self._intake.settle(settled)
         for kind, subscription in self._marking.items():
-            if positions := [item.position for item in settled if isinstance(item.message, kind)]:
-                subscription.mark(positions)
+            # Also none: a stream of which every message is refused is let go by who is known to store.
+            subscription.mark([item.position for item in settled if isinstance(item.message, kind)])
 
     def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
         """Have the writer's thread do something and wait for it; a disk that is slow is told of to the asker."""
