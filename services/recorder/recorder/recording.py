@@ -13,11 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import StreamItem
+from labbus import Continuity, StreamItem
 from recorder.mcap_log import McapLog
-from recorder.recording_content import EPOCH, PART_METADATA, SCENARIO_METADATA, SOFTWARE_METADATA, STEP_TOPIC
+from recorder.recording_content import (
+    EPOCH,
+    PART_METADATA,
+    SCENARIO_METADATA,
+    SOFTWARE_METADATA,
+    STEP_TOPIC,
+    STORED_ONCE,
+)
 from recorder.recording_files import recording_path, sha256_of
-from recorder.recording_summary import SUMMARY_METADATA, Runs, Story, Summary
+from recorder.recording_summary import SUMMARY_METADATA, Runs, Story, Streams, Summary
 from recorder.refused import RefusedError
 from recorder.schemas import holds_doubles_only
 from recorder.step_order import Placement, StepOrder
@@ -62,6 +69,8 @@ class Stored:
         How many there are.
     previous_sha256 : str
         Of the last; worked out when it is needed where empty.
+    streams : dict of (str, int) to Continuity
+        The states and events of each key and epoch, also those that are only written.
     """
 
     files: int = 0
@@ -69,6 +78,7 @@ class Stored:
     attachments: dict[str, str] = field(default_factory=dict)
     scenario: dict[str, str] = field(default_factory=dict)
     story: Story = field(default_factory=Story)
+    streams: Streams = field(default_factory=dict)
 
 
 class Recording:
@@ -161,7 +171,15 @@ class Recording:
                 self._stored.story = replace(self._stored.story, phase=status.phase, outcome=status.outcome)
 
     def add_stream(self, item: StreamItem[Any]) -> None:
-        """Write a message of a stream under its key; it is on the disk after the next `sync`."""
+        """Write a message of a stream under its key; it is on the disk after the next `sync`.
+
+        A state or an event that is here is passed over: after a kill its publisher replays what was not yet marked.
+        """
+        stored: Continuity | None = None
+        if isinstance(item.message, STORED_ONCE):
+            stored = self._stored.streams.setdefault((item.key, item.epoch), Continuity())
+            if item.seq in stored:
+                return
         self._write(
             lambda: self._writing().add_message(
                 item.key,
@@ -173,6 +191,8 @@ class Recording:
                 doubles=isinstance(item.message, rig_pb2.SignalBlock | rig_pb2.PoseBlock),
             )
         )
+        if stored is not None:
+            stored.accept(item.seq)
 
     def sync(self) -> None:
         """Return when all that was added is on the disk."""
@@ -193,6 +213,7 @@ class Recording:
             runs=runs,
             attachments=self._stored.attachments,
             story=self._stored.story,
+            streams=self._stored.streams,
             next_file=next_file,
         )
 

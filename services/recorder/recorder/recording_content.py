@@ -11,7 +11,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 from duralab_proto.keys import rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import Continuity
-from recorder.recording_summary import SUMMARY_METADATA, Runs, Story, Summary
+from recorder.recording_summary import SUMMARY_METADATA, Runs, Story, Streams, Summary
 from recorder.run_book import PlannedRun
 from recorder.sample_order import SampleOrder
 from recorder.step_types import type_name_of
@@ -22,9 +22,14 @@ STEP_TOPIC: Final = "step/"
 EPOCH: Final = "epoch"
 """Entry of a stream channel's metadata: the epoch of its publisher."""
 
+STORED_ONCE: Final = (rig_pb2.RigState, iterator_pb2.CampaignEvent)
+"""Messages of streams that are replayed after a kill, besides signal blocks."""
+
 PART_METADATA: Final = "part"
 SCENARIO_METADATA: Final = "scenario"
 SOFTWARE_METADATA: Final = "software"
+
+_TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 
 
 @dataclass
@@ -39,6 +44,8 @@ class Content:
         The signal blocks of each rig, run and epoch.
     samples : dict of (str, str, int) to SampleOrder
         Whether their samples follow each other.
+    streams : dict of (str, int) to Continuity
+        The states and events of each key and epoch.
     planned, played : list
         The playbacks announced, and the proofs of what they consist of.
     summary : Summary or None
@@ -51,6 +58,7 @@ class Content:
     last_step_type: str = ""
     blocks: dict[tuple[str, str, int], Continuity] = field(default_factory=dict)
     samples: dict[tuple[str, str, int], SampleOrder] = field(default_factory=dict)
+    streams: Streams = field(default_factory=dict)
     planned: list[recorder_pb2.RunPlanned] = field(default_factory=list)
     played: list[recorder_pb2.RunPlayed] = field(default_factory=list)
     descriptions: dict[str, rig_pb2.RigDescription] = field(default_factory=dict)
@@ -104,6 +112,9 @@ class Content:
             block = rig_pb2.SignalBlock.FromString(message.data)
             count = block.response.shape[-1] if block.response.shape else 0
             self.samples.setdefault(place, SampleOrder()).take(message.sequence, first=block.first_sample, count=count)
+        elif schema in _TYPES_STORED_ONCE:
+            place = (channel.topic, int(channel.metadata[EPOCH]))
+            self.streams.setdefault(place, Continuity()).accept(message.sequence)
 
     def _take_step(self, message: Message, schema: str) -> None:
         self.steps[message.sequence] = (schema, hashlib.sha256(message.data).hexdigest())
@@ -150,4 +161,5 @@ class Content:
             runs=self.runs(recording),
             attachments=dict(self.attachments),
             story=self.story,
+            streams=self.streams,
         )

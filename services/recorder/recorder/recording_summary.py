@@ -6,7 +6,7 @@ It lets a recorder go on with a recording without reading what lies before, and 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -17,12 +17,15 @@ from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Continuity
 from recorder.mcap_damage import DAMAGE
 from recorder.mcap_scan import is_finished
-from recorder.run_book import MOST_BLOCKS, PlannedRun
+from recorder.run_book import MOST_BLOCKS, PlannedRun, ranges_of
 
 SUMMARY_METADATA: Final = "summary"
 
 Runs = dict[tuple[str, str], PlannedRun]
 """Playbacks by rig and run."""
+
+Streams = dict[tuple[str, int], Continuity]
+"""Which messages of streams other than a playback's are stored, by key and epoch."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ class Summary:
         Name and SHA-256 of the attachments of all files.
     story : Story
         What it was about.
+    streams : dict
+        Which states and events are stored.
     next_file : str
         Name of the file that goes on; empty in the last one.
     """
@@ -75,6 +80,7 @@ class Summary:
     runs: Runs = field(default_factory=dict)
     attachments: dict[str, str] = field(default_factory=dict)
     story: Story = field(default_factory=Story)
+    streams: Streams = field(default_factory=dict)
     next_file: str = ""
 
     @property
@@ -110,6 +116,9 @@ class Summary:
             "runs": json.dumps([_run_entry(rig, name, run) for (rig, name), run in self.runs.items()]),
             "attachments": json.dumps(self.attachments),
             "story": json.dumps(vars(self.story)),
+            "streams": json.dumps(
+                [[key, epoch, _pairs(ranges_of(stored))] for (key, epoch), stored in self.streams.items()]
+            ),
             "next_file": self.next_file,
         }
 
@@ -125,6 +134,10 @@ class Summary:
                 runs=dict(_run_of(entry, entries["recording"]) for entry in json.loads(entries.get("runs", "[]"))),
                 attachments=dict(json.loads(entries.get("attachments", "{}"))),
                 story=Story(**json.loads(entries.get("story", "{}"))),
+                streams={
+                    (str(key), int(epoch)): _continuity_of(pairs, f"messages on {key}")
+                    for key, epoch, pairs in json.loads(entries.get("streams", "[]"))
+                },
                 next_file=entries.get("next_file", ""),
             )
         except (TypeError, AttributeError) as error:
@@ -133,7 +146,7 @@ class Summary:
 
 def _run_entry(rig: str, name: str, run: PlannedRun) -> dict[str, object]:
     played = None if run.played is None else [run.played.epoch, run.played.blocks]
-    stored = {str(epoch): [[part.start, part.stop] for part in ranges] for epoch, ranges in run.stored_ranges().items()}
+    stored = {str(epoch): _pairs(ranges) for epoch, ranges in run.stored_ranges().items()}
     return {"rig": rig, "run": name, "played": played, "stored": stored}
 
 
@@ -147,12 +160,21 @@ def _run_of(entry: Mapping[str, object], recording: str) -> tuple[tuple[str, str
         epoch, blocks = played
         run.played = recorder_pb2.RunPlayed(run=name, rig=rig, epoch=epoch, blocks=blocks)
     for epoch, ranges in stored.items():
-        continuity = run.epochs.setdefault(int(epoch), Continuity())
-        for first, stop in ranges:
-            if not 0 <= first <= stop <= MOST_BLOCKS:
-                raise ValueError(f"The summary's blocks {first} to {stop} of run {name!r} are none.")
-            continuity.fill(range(first, stop))
+        run.epochs[int(epoch)] = _continuity_of(ranges, f"blocks of run {name!r}")
     return (rig, name), run
+
+
+def _pairs(ranges: Iterable[range]) -> list[list[int]]:
+    return [[part.start, part.stop] for part in ranges]
+
+
+def _continuity_of(pairs: Iterable[tuple[int, int]], what: str) -> Continuity:
+    continuity = Continuity()
+    for first, stop in pairs:
+        if not 0 <= first <= stop <= MOST_BLOCKS:
+            raise ValueError(f"The summary's {what} from {first} to {stop} are none.")
+        continuity.fill(range(first, stop))
+    return continuity
 
 
 def read_summary(path: Path) -> Summary | None:

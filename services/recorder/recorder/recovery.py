@@ -125,6 +125,7 @@ def reopen(
         attachments=summary.attachments,
         scenario=content.scenario,
         story=summary.story,
+        streams=summary.streams,
     )
     recording = Recording(name, folder, order=order, stored=stored)
     if (last := read_summary(files[-1])) is not None and last.next_file:
@@ -166,6 +167,7 @@ def _take_over(content: Content, summary: Summary) -> None:
     content.steps = dict(enumerate(steps))
     content.attachments = dict(summary.attachments)
     content.story = summary.story
+    content.streams = dict(summary.streams)
     for (rig, name), run in summary.runs.items():
         content.planned.append(recorder_pb2.RunPlanned(run=name, rig=rig))
         if run.played is not None:

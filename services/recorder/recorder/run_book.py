@@ -15,6 +15,16 @@ MOST_BLOCKS: Final = 2**32
 """Of one playback: the log keeps 32 bits of a sequence number."""
 
 
+def ranges_of(continuity: Continuity) -> list[range]:
+    """Return what was received, as ascending ranges that do not touch."""
+    edges = [0]
+    for gap in continuity.missing(continuity.next_seq):
+        edges += [gap.start, gap.stop]
+    edges.append(continuity.next_seq)
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return [range(first, stop) for first, stop in pairs if first < stop]
+
+
 @dataclass
 class PlannedRun:
     """A playback that was announced.
@@ -44,15 +54,7 @@ class PlannedRun:
 
     def stored_ranges(self) -> dict[int, list[range]]:
         """Return which blocks are stored, for each epoch, as ascending ranges that do not touch."""
-        found: dict[int, list[range]] = {}
-        for epoch, continuity in self.epochs.items():
-            edges = [0]
-            for gap in continuity.missing(continuity.next_seq):
-                edges += [gap.start, gap.stop]
-            edges.append(continuity.next_seq)
-            pairs = zip(edges[::2], edges[1::2], strict=True)
-            found[epoch] = [range(first, stop) for first, stop in pairs if first < stop]
-        return found
+        return {epoch: ranges_of(continuity) for epoch, continuity in self.epochs.items()}
 
     def missing_of(self, epoch: int, blocks: int) -> int:
         """Count which of the first `blocks` blocks of an epoch are not stored."""

@@ -13,17 +13,18 @@ from pathlib import Path
 
 import pytest
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import recorder_pb2, rig_pb2
-from labbus import StreamItem
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from labbus import Continuity, StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe, verify
 from recorder.mcap_damage import DAMAGE
 from recorder.mcap_scan import MAGIC, is_finished, scan
 from recorder.recording_content import Content
 from recorder.recording_files import DAMAGED_FOLDER, files_of, recordings_in
-from recorder.recording_summary import read_summary
+from recorder.recording_summary import Summary, read_summary
 from recorder.refused import RefusedError
 from recorder.step_order import Placement
 
@@ -316,3 +317,58 @@ def test_a_length_that_is_damaged_in_the_middle_is_not_taken_for_the_end(begin, 
         with pytest.raises(RefusedError, match="others follow it"):
             again.commit("demo", step_of(12, campaign.planned("demo.i12")))
         assert file.read_bytes() == damaged
+
+
+@pytest.mark.parametrize("ending", ["killed", "killed twice", "closed", "split"])
+def test_states_and_events_that_come_again_after_a_kill_are_stored_once(begin, tmp_path, campaign, step_of, ending):
+    state = campaign.state(rig_pb2.RIG_MODE_PLAYING, run="demo.i01")
+    event = iterator_pb2.CampaignEvent(status=iterator_pb2.CampaignStatus(id="demo"))
+    # The recorder was started after the streams; the one on a key of another epoch is another message.
+    states = [StreamItem(Keys().rig_state(campaign.rig), epoch, seq, state) for epoch in (1, 2) for seq in range(5, 9)]
+    events = [StreamItem(Keys().campaign_event("demo"), 3, seq, event) for seq in range(4)]
+
+    def give(archive, most):
+        for item in states[:most]:
+            archive.take_state(item)
+        for item in events[:most]:
+            archive.take_event(item)
+        archive.sync()
+
+    archive = begin(tmp_path)
+    give(archive, 3)
+    if ending == "closed":
+        archive.close()
+    elif ending == "split":
+        archive._split_bytes = 1
+        archive.sync()
+    folder = killed(tmp_path, tmp_path / "after")
+    again = Archive(folder, least_free_bytes=0)
+    again.recover()
+    if ending == "killed twice":
+        folder = killed(folder, tmp_path / "once more")
+        again = Archive(folder, least_free_bytes=0)
+        again.recover()
+    again.commit("demo", step_of(4, campaign.planned("demo.i02")))
+    give(again, len(states))
+    # What is passed over is settled as well, or its publisher would keep it.
+    assert len(again.take_settled()) == len(states) + len(events)
+    again.commit("demo", step_of(5, recorder_pb2.RecordingClosed(reason="done")))
+    stored = []
+    for path in files_of(folder, "demo"):
+        with path.open("rb") as stream:
+            for _, channel, message in make_reader(stream).iter_messages():
+                if not channel.topic.startswith("step/") and "/signal/" not in channel.topic:
+                    stored.append((channel.topic, int(channel.metadata["epoch"]), message.sequence))
+    assert sorted(stored) == sorted(item.position for item in [*states, *events])
+
+
+def test_a_summary_tells_which_states_and_events_are_stored():
+    streams = {("duralab/v1/local/rig/r/state", 2**63): Continuity()}
+    for seq in (3, 4, 8):
+        streams["duralab/v1/local/rig/r/state", 2**63].accept(seq)
+    found = Summary.from_metadata(Summary("demo", "done", streams=streams).to_metadata())
+    ((place, stored),) = found.streams.items()
+    assert place == ("duralab/v1/local/rig/r/state", 2**63)
+    assert (stored.missing(9), stored.received) == ([range(3), range(5, 8)], 3)
+    older = {name: text for name, text in Summary("demo", "done").to_metadata().items() if name != "streams"}
+    assert Summary.from_metadata(older).streams == {}
