@@ -221,7 +221,8 @@ class Bus:
             the oldest are dropped, and with `repair` fetched again when there is room.
         on_problem : callable, optional
             Called, never while `callback` is, with the FaultError of a message that is not what is expected; logged
-            otherwise. With `repair` such a message is lost, told once, and nothing waits for it.
+            otherwise. With `repair` its publisher is asked for it once more; where that cannot be read either, it is
+            lost, and nothing waits for it.
         repair : bool
             Whether to deliver whatever publishers of these keys still keep, also of streams that have ended, and all
             that follows: each message once and in order. What is lost on the way is fetched from the publishers'

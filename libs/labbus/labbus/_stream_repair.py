@@ -36,6 +36,9 @@ Polls, not seconds: a receiver that was frozen has not asked anybody meanwhile."
 STUCK_POLLS: Final = 100
 """The same where a publisher says that it has it, and nothing comes of asking."""
 
+MOST_TOLD: Final = 1000
+"""Numbers of refused messages that are remembered for each stream, so that they are told once; later ones twice."""
+
 Stream = tuple[str, int]
 """Key and epoch."""
 
@@ -50,6 +53,7 @@ class _Followed(Generic[MessageT]):
         self.progress = self.order.progress
         self.cursor = 0
         self.replayed = 0
+        self.told: set[int] = set()
 
 
 class StreamRepair(Generic[MessageT]):
@@ -94,8 +98,8 @@ class StreamRepair(Generic[MessageT]):
         self._thread = threading.Thread(target=self._run, name="labbus-repair", daemon=True)
         self._thread.start()
 
-    def take(self, items: Sequence[Received[MessageT]]) -> list[Received[MessageT]]:
-        """Take messages that arrived or were fetched; return what is to be delivered, or told of as refused, now."""
+    def take(self, items: Sequence[Received[MessageT]], *, replayed: bool) -> list[Received[MessageT]]:
+        """Take messages that arrived, or were replayed; return what is to be delivered, or told of as refused, now."""
         ready: list[Received[MessageT]] = []
         with self._lock:
             freed, self._freed = self._freed, []
@@ -104,13 +108,23 @@ class StreamRepair(Generic[MessageT]):
             for item in items:
                 followed = self._follow((item.key, item.epoch))
                 if isinstance(item, RefusedItem):
-                    told, behind = followed.order.refuse(item.seq)
-                    ready += [item, *behind] if told else behind
+                    ready += self._refused(followed, item, replayed=replayed)
                 else:
                     ready += followed.order.accept(item.seq, item)
                 if followed.order.blocked:
                     self._wake.set()
         return ready
+
+    def _refused(self, followed: _Followed[MessageT], item: RefusedItem, *, replayed: bool) -> list[Received[MessageT]]:
+        if replayed:
+            new, behind = followed.order.refuse(item.seq)
+            return [item, *behind] if new and item.seq not in followed.told else list(behind)
+        # Spoilt on its way, or a stranger's: its publisher may have it whole, and is asked.
+        self._wake.set()
+        known = item.seq in followed.told
+        if len(followed.told) < MOST_TOLD:
+            followed.told.add(item.seq)
+        return [] if known else [item]
 
     def release(self) -> list[StreamItem[MessageT]]:
         """Return all that is held back, when nothing more is to come."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Final, Generic
 
 import structlog
@@ -57,7 +58,9 @@ class Subscription(Generic[MessageT]):
         self._rest: list[zenoh.Sample] = []
         self._repair: StreamRepair[MessageT] | None = None
         if client is not None:
-            self._repair = StreamRepair(client, key_expression, message_type, deliver=self._deliver)
+            self._repair = StreamRepair(
+                client, key_expression, message_type, deliver=partial(self._deliver, replayed=True)
+            )
         self._inbox = session.receive(
             lambda joined: joined.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
         )
@@ -142,10 +145,10 @@ class Subscription(Generic[MessageT]):
                 more = itertools.islice(iter(self._inbox.next_at_once, None), _MOST_AT_ONCE)
                 self._deliver(self._read_all([sample, *more]))
 
-    def _deliver(self, items: Sequence[Received[MessageT]]) -> None:
+    def _deliver(self, items: Sequence[Received[MessageT]], *, replayed: bool = False) -> None:
         """Hand on what may be handed on now that these are here."""
         with self._delivering:
-            for item in items if self._repair is None else self._repair.take(items):
+            for item in items if self._repair is None else self._repair.take(items, replayed=replayed):
                 self._call(item)
 
     def _deliver_held(self) -> None:
