@@ -262,7 +262,7 @@ def test_strangers_do_not_make_a_stream_forgotten(hub, receiver, key, until):
     until(lambda: subscription.proof(key, publisher.epoch).next == 3 and len(items) == 3)
     until(lambda: not math.isinf(subscription._repair._streams[key, publisher.epoch].heard))
     for epoch in range(2 * FOLLOWED_STREAMS):
-        subscription._repair.take([labbus.StreamItem(key, epoch, 5, rig_pb2.SignalBlock())])
+        subscription._repair.take([labbus.StreamItem(key, epoch, 5, rig_pb2.SignalBlock())], replayed=False)
     assert len(subscription._repair._streams) == FOLLOWED_STREAMS
     assert subscription.proof(key, publisher.epoch).received == 3
     subscription.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import random
 import shutil
@@ -12,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from duralab_proto.keys import Keys
@@ -20,9 +18,7 @@ from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import Continuity, StreamItem
 from recorder.archive import Archive
 from recorder.catalogue import describe, verify
-from recorder.mcap_damage import DAMAGE
-from recorder.mcap_scan import MAGIC, is_finished, scan
-from recorder.recording_content import Content
+from recorder.mcap_scan import MAGIC, is_finished
 from recorder.recording_files import DAMAGED_FOLDER, files_of, recordings_in
 from recorder.recording_summary import Summary, read_summary
 from recorder.refused import RefusedError
@@ -169,39 +165,6 @@ def test_what_is_damaged_in_its_middle_is_not_repaired(begin, tmp_path, campaign
     assert path.read_bytes() == content
 
 
-def records_of(content):
-    """Return where each record of the file begins, its kind and its length."""
-    found, position = [], len(MAGIC)
-    while position < len(content):
-        length = int.from_bytes(content[position + 1 : position + 9], "little")
-        found.append((position, content[position], length))
-        position += 9 + length
-    return found
-
-
-def test_no_flipped_bit_is_taken_for_the_end_while_a_chunk_follows(begin, tmp_path, campaign, step_of):
-    archive = begin(tmp_path)
-    archive.commit("demo", step_of(4, campaign.iteration(1, 0.5)))
-    archive.commit("demo", step_of(5, campaign.planned("demo.i02")))
-    whole = (tmp_path / "demo.mcap").read_bytes()
-    records = records_of(whole)
-    last_chunk = max(start for start, kind, _ in records if kind == Opcode.CHUNK)
-    # What has no checksum of its own: kinds, lengths and the indexes of the messages.
-    bare = [
-        byte
-        for start, kind, length in records
-        if start < last_chunk
-        for byte in range(start, start + 9 + (length if kind == Opcode.MESSAGE_INDEX else 0))
-    ]
-    file, random_source = tmp_path / "flipped.mcap", random.Random(6)
-    for byte in random_source.sample(bare, 300):
-        flipped = bytearray(whole)
-        flipped[byte] ^= 1 << random_source.randrange(8)
-        file.write_bytes(flipped)
-        with contextlib.suppress(*DAMAGE):
-            assert scan(file, Content().take).end >= last_chunk
-
-
 def test_a_file_that_was_swapped_breaks_the_chain(begin, tmp_path, campaign, step_of):
     begin(tmp_path).close()
     go_on(tmp_path, campaign, step_of)
@@ -298,25 +261,6 @@ def test_a_file_that_was_only_begun_is_put_aside_and_its_name_is_free(tmp_path, 
     assert (tmp_path / "damaged" / "demo.mcap").stat().st_size == size
     again.commit("demo", step_of(0, campaign.specification()))
     again.close()
-
-
-def test_a_length_that_is_damaged_in_the_middle_is_not_taken_for_the_end(begin, tmp_path, campaign, step_of):
-    archive = begin(tmp_path)
-    for number in range(4, 12):
-        archive.commit("demo", step_of(number, campaign.planned(f"demo.i{number:02d}")))
-    file = tmp_path / "demo.mcap"
-    whole = file.read_bytes()
-    chunks = [start for start, kind, _ in records_of(whole) if kind == Opcode.CHUNK]
-    archive.close()
-    for chunk in (chunks[0], chunks[3]):
-        damaged = bytearray(whole)
-        damaged[chunk + 4] ^= 0x40
-        file.write_bytes(damaged)
-        again = Archive(tmp_path, least_free_bytes=0)
-        again.recover()
-        with pytest.raises(RefusedError, match="others follow it"):
-            again.commit("demo", step_of(12, campaign.planned("demo.i12")))
-        assert file.read_bytes() == damaged
 
 
 @pytest.mark.parametrize("ending", ["killed", "killed twice", "closed", "split"])
