@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
+from identifier.estimators.slow_transients import SlowTransients
 from identifier.layout import Capture, Layout
 
 LARGEST_TRANSIENT = 0.01
@@ -14,6 +15,9 @@ SMALLEST_DECAY = 3.0
 
 _QUARTERS = 4
 
+_COMPARED = 3
+"""Periods in a row that tell a slow transient from noise."""
+
 
 class PeriodicityCheck:
     """Compares the first period of every capture with the one before or after it, in bounded memory.
@@ -21,6 +25,8 @@ class PeriodicityCheck:
     Two periods of the steady state are alike; a transient makes the earlier one differ, and the difference decays.
     Where a capture has several periods its first two are compared, so the difference is what the first one holds.
     Where it has one, it is compared with the last delay block, and the decay seen is carried on into the capture.
+    A transient that outlasts a block hardly decays within it: it shows in the next period, see `SlowTransients`. For
+    that three periods in a row and two captures are needed: in captures of a single period it remains unseen.
 
     Parameters
     ----------
@@ -33,15 +39,9 @@ class PeriodicityCheck:
     def __init__(self, layout: Layout, *, responses: int) -> None:
         self._layout = layout
         self._position = 0
-        block = layout.block_samples
-        self._waiting: list[tuple[Capture, int]] = []
-        if layout.periodic:
-            for capture in layout.captures:
-                if capture.periods > 1:
-                    self._waiting.append((capture, capture.start))
-                elif layout.delay_blocks > 0 and capture.start >= block:
-                    self._waiting.append((capture, capture.start - block))
-        self._pair = np.empty((responses, 2 * block))
+        self._waiting = _stretches(layout) if layout.periodic else []
+        self._periods = np.empty((responses, _COMPARED * layout.block_samples))
+        self._slow = SlowTransients()
         self._difference = np.zeros((responses, _QUARTERS))
         self._carried = np.zeros(responses)
         self._power = np.zeros(responses)
@@ -56,15 +56,14 @@ class PeriodicityCheck:
         """
         first, last = self._position, self._position + response.shape[1]
         self._position = last
-        length = self._pair.shape[1]
         while self._waiting:
-            capture, start = self._waiting[0]
-            low, high = max(start, first), min(start + length, last)
+            capture, start, stop = self._waiting[0]
+            low, high = max(start, first), min(stop, last)
             if low < high:
-                self._pair[:, low - start : high - start] = response[:, low - first : high - first]
-            if last < start + length:
+                self._periods[:, low - start : high - start] = response[:, low - first : high - first]
+            if last < stop:
                 return
-            self._take(capture)
+            self._take(capture, start, stop)
             self._waiting.pop(0)
 
     def warnings(self) -> tuple[ModelWarning, ...]:
@@ -77,12 +76,17 @@ class PeriodicityCheck:
         """
         decay = _ratio(self._difference[:, 0], self._difference[:, -1])
         share = np.sqrt(_ratio(self._carried, self._power))
-        left = (decay >= SMALLEST_DECAY) & (share > LARGEST_TRANSIENT)
-        return tuple(self._warning(int(row), float(share[row])) for row in np.flatnonzero(left))
+        slow_share = np.sqrt(_ratio(self._slow.difference_power(share.size), self._power))
+        left = np.where(decay >= SMALLEST_DECAY, np.maximum(share, slow_share), slow_share)
+        return tuple(self._warning(int(row), float(left[row])) for row in np.flatnonzero(left > LARGEST_TRANSIENT))
 
-    def _take(self, capture: Capture) -> None:
+    def _take(self, capture: Capture, start: int, stop: int) -> None:
         block = self._layout.block_samples
-        earlier, later = self._pair[:, :block], self._pair[:, block:]
+        periods = self._periods[:, : stop - start].reshape(self._power.size, -1, block)
+        if periods.shape[1] == _COMPARED:
+            self._slow.add(periods)
+        pair = capture.start - start if capture.periods > 1 else 0
+        earlier, later = periods[:, pair // block], periods[:, pair // block + 1]
         cut = block // _QUARTERS * _QUARTERS
         difference = earlier[:, :cut] - later[:, :cut]
         power = np.mean(difference.reshape(difference.shape[0], _QUARTERS, -1) ** 2, axis=2)
@@ -104,6 +108,24 @@ class PeriodicityCheck:
             channel=row,
             size=min(share, 1.0),
         )
+
+
+def _stretches(layout: Layout) -> list[tuple[Capture, int, int]]:
+    """Return captures with first and last sample of the periods to compare: three where there are, or two."""
+    block = layout.block_samples
+    # Of the delay block the second half counts, so that is where the fade must be over.
+    faded_in = layout.delay_blocks * block - layout.fade_samples >= block // 2
+    stretches = []
+    for capture in layout.captures:
+        delayed = layout.delay_blocks > 0 and capture.start >= block
+        if capture.periods == 1:
+            if delayed:
+                stretches.append((capture, capture.start - block, capture.start + block))
+            continue
+        first = capture.start - block if delayed and faded_in else capture.start
+        stop = min(first + _COMPARED * block, capture.start + capture.periods * block)
+        stretches.append((capture, first, stop))
+    return stretches
 
 
 def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float64]:
