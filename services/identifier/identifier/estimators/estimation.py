@@ -16,6 +16,7 @@ from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 from identifier.estimators.smoothing_check import smoothing_warnings
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
+from identifier.estimators.standstill import StandstillCheck
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Layout, Window
 from spectra import NotFiniteError, as_record, shaped_record
@@ -98,6 +99,7 @@ class Estimation:
         of_drives, of_responses = taken_off or (None, None)
         self._drive_check = ChannelCheck(drives, name="drive", of_drive=True, taken_off=of_drives)
         self._response_check = ChannelCheck(responses, name="response", of_drive=False, taken_off=of_responses)
+        self._standstill = StandstillCheck(layout, responses=responses, taken_off=of_responses)
         self._periodicity = PeriodicityCheck(layout, responses=responses)
 
     def add(self, drive: ArrayLike, response: ArrayLike) -> None:
@@ -132,11 +134,12 @@ class Estimation:
 
     def _check(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
         """Look at every value once: what is used through its extremes, the delay blocks and fades between by itself."""
-        seen = 0
+        seen, first = 0, self._used.position
         for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
             _require_finite(inputs[:, seen : piece.start], outputs[:, seen : piece.start])
             self._drive_check.add(inputs[:, piece])
             self._response_check.add(outputs[:, piece])
+            self._standstill.add(inputs[:, piece], outputs[:, piece], first=first + piece.start)
             seen = piece.stop
         _require_finite(inputs[:, seen:], outputs[:, seen:])
 
@@ -158,7 +161,8 @@ class Estimation:
                 f"The record has {self._used.position} samples, its layout {self._layout.samples}; "
                 "estimate from the whole record of the drive that was played."
             )
-        warnings = (*self._drive_check.warnings(), *self._response_check.warnings(), *self._periodicity.warnings())
+        checks = (self._drive_check, self._response_check, self._standstill, self._periodicity)
+        warnings = tuple(warning for check in checks for warning in check.warnings())
         spectra = self._spectral.averages()
         if self._local is None:
             return estimate_from_spectra(self._kind, spectra, warnings=warnings)

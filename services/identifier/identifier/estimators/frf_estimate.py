@@ -32,6 +32,8 @@ class WarningCode(Enum):
 
     CLIPPED = "clipped"
     """A channel stays at its largest or smallest value."""
+    STUCK = "stuck"
+    """A response keeps one value for long though drives move."""
     TRANSIENT = "transient"
     """Capture blocks are not yet periodic."""
     FEW_AVERAGES = "few_averages"
@@ -55,8 +57,8 @@ class ModelWarning:
     of_drive
         Whether `channel` counts drives; responses otherwise.
     size
-        Share between 0 and 1 (clipped: of the samples; transient, smoothed: of the channel's RMS), None where there is
-        none.
+        Share between 0 and 1 (clipped, stuck: of the samples; transient, smoothed: of the channel's RMS), None where
+        there is none.
     band
         Lowest and highest frequency concerned, in Hz; None where it concerns all.
     """
