@@ -34,7 +34,7 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
     Raises
     ------
     InputError
-        The shape does not fit, or a value is not finite.
+        The shape does not fit, a value is not finite, or a channel with a name has no unit.
     """
     if isinstance(drive, Signals):
         return _checked(_in_order(drive, rig))
@@ -56,6 +56,15 @@ def _in_order(signals: Signals, rig: Rig) -> Signals:
     if sorted(signals.names) != sorted(wanted) or len(signals.samples) != len(wanted):
         return signals
     rows = [signals.names.index(name) for name in wanted]
+    given = [signals.channels[row].unit.strip() for row in rows]
+    silent = [drive for unit, drive in zip(given, rig.drives, strict=True) if drive.unit and not unit]
+    if silent:
+        raise InputError(
+            f"The drive names no unit for {', '.join(drive.name for drive in silent)}; rig {rig.name!r} takes "
+            f"{', '.join(dict.fromkeys(drive.unit for drive in silent))}, so name what the values are in, or give a "
+            "plain array in the rig's units.",
+            field="drive.unit",
+        )
     channels = tuple(_described(signals.channels[row], drive) for row, drive in zip(rows, rig.drives, strict=True))
     # Numbers of other kinds become float64, as those of a plain array do; what would lose a part is left to be refused.
     kind = np.result_type(signals.samples, np.float64)
@@ -65,7 +74,7 @@ def _in_order(signals: Signals, rig: Rig) -> Signals:
 
 def _described(channel: Channel, drive: Channel) -> Channel:
     """Return the rig's own words for a channel, unless it is in another unit: the rig refuses that."""
-    return drive if channel.unit in ("", drive.unit) else channel
+    return drive if channel.unit == drive.unit else channel
 
 
 def _checked(signals: Signals) -> Signals:

@@ -144,7 +144,7 @@ class LabRigs:
             Its name.
         drive : array, DataArray, Dataset or Signals, shape (drives, samples)
             A plain array in the units, the order and at the sample rate of the rig's description. Where channels have
-            names, they may be in any order, and units and rate are checked.
+            names, they may be in any order, and units and rate are checked; a name without a unit is refused.
         run : str, optional
             Name of the playback, unique on the rig; a new one where not given.
         seed : int

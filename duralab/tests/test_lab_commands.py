@@ -109,6 +109,51 @@ def test_a_drive_that_does_not_fit_the_rig_is_refused_and_nothing_written(lab, d
     assert not (tmp_path / "wrong_response.csv").exists()
 
 
+def unnamed(path, drive, *, of):
+    """Write the drive again, without the units of some channels."""
+    given = read_signals(drive)
+    channels = tuple(Channel(c.name, "" if c.name in of else c.unit) for c in given.channels)
+    write_signals(Signals(channels, given.sample_rate, given.samples), path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".rsp"])
+def test_a_drive_without_units_is_refused_and_played_in_those_a_person_states(lab, drive, tmp_path, suffix):
+    some, none = NAMES[1:3], NAMES
+    path = unnamed(tmp_path / f"some{suffix}", drive[0], of=some)
+    code, _, stderr = invoke("play", "front_axle", path)
+    assert code == 2
+    assert f"names no unit for {', '.join(some)}, " in stderr
+    assert "converts to m is allowed" in stderr
+    assert not (tmp_path / "some_response.csv").exists()
+    wanted = response_to(drive[1])
+    for file, units in (
+        (path, ("--unit", "mm")),
+        (path, ("--unit", f"{some[0]}=mm", "--unit", f"{some[1]}=mm")),
+        (unnamed(tmp_path / f"none{suffix}", drive[0], of=none), ("--unit", "mm")),
+    ):
+        code, _, stderr = invoke("play", "front_axle", file, *units, "--out", tmp_path / "r.csv", "--replace")
+        assert code == 0, stderr
+        played = read_signals(tmp_path / "r.csv").samples[:, :2000]
+        np.testing.assert_allclose(played, wanted, atol=1e-3 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        (("m",), "tells the unit of every drive"),
+        (("odd=m",), "--unit names odd; the drives"),
+        (("m", "mm"), "--unit gives m and mm for all"),
+        ((f"{NAMES[0]}=kN",), "cannot be converted to 'm'"),
+        ((f"{NAMES[0]}=",), "names no unit"),
+    ],
+)
+def test_a_unit_that_fits_no_drive_is_refused(lab, drive, tmp_path, units, said):
+    code, _, stderr = invoke("play", "front_axle", drive[0], *(part for unit in units for part in ("--unit", unit)))
+    assert code == 2
+    assert said in stderr
+
+
 def test_a_response_in_the_way_is_said_before_anything_moves(lab, drive, tmp_path):
     (tmp_path / "drive_response.csv").write_text("mine")
     code, _, stderr = invoke("play", "front_axle", drive[0])

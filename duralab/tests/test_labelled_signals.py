@@ -86,6 +86,15 @@ def test_another_unit_and_other_names_are_left_for_the_rig_to_refuse():
     assert drive_signals(other, RIG) is other
 
 
+@pytest.mark.parametrize("unit", ["", " "])
+def test_a_drive_with_names_and_no_unit_is_refused(unit):
+    channels = (Channel("b", "N"), Channel("a", unit))
+    for drive in (Signals(channels, 500.0, SIGNALS.samples), Signals(channels, 500.0, SIGNALS.samples).to_xarray()):
+        with pytest.raises(InputError, match=r"names no unit for a; rig 'rig' takes m, so") as caught:
+            drive_signals(drive, RIG)
+        assert caught.value.field == "drive.unit"
+
+
 def test_a_drive_as_signals_is_checked_as_others_are():
     single = drive_signals(Signals(CHANNELS, 500.0, SIGNALS.samples.astype(np.float32)), RIG)
     np.testing.assert_array_equal(single.samples, SIGNALS.samples.astype(np.float32).astype(np.float64))

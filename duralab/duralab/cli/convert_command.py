@@ -131,16 +131,9 @@ def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
 def _in_units(signals: Signals, units: list[str]) -> Signals:
     """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
     from duralab.formats import convert_units
-    from duralab.formats.units import SI_UNITS
+    from duralab.formats.units import SI_UNITS, named_units
 
-    named: dict[str, str] = {}
-    for channel, unit in (text.split("=", 1) for text in units if "=" in text):
-        if channel in named:
-            raise InputError(
-                f"--unit gives {channel} two units, {named[channel]} and {unit}; give each channel one.", field="unit"
-            )
-        named[channel] = unit
-    plain = [text for text in units if "=" not in text]
+    named, plain = named_units(units)
     rest = [row for row, channel in enumerate(signals.channels) if channel.name not in named]
     if plain and rest:
         others = replaced(signals, channels=tuple(signals.channels[row] for row in rest), samples=signals.samples[rest])

@@ -24,6 +24,7 @@ def play(
     drive: Path,
     *,
     out: Path | None,
+    units: list[str],
     seed: int,
     real_time: bool,
     endpoint: str | None,
@@ -40,7 +41,7 @@ def play(
     with ExitStack() as stack:
         with console.status("Joining the lab …" if endpoint is not None else "Starting a lab of its own …"):
             lab = stack.enter_context(open_lab(endpoint, rigs=(rig,)))
-        signals = read_drive_file(drive, lab.describe(rig))
+        signals = read_drive_file(drive, lab.describe(rig), units=units)
         with RunDisplay(console, stages=(Stage.PLAYBACK,)) as display:
             played = lab.play(rig, signals, seed=seed, real_time=real_time, on_progress=display.show)
     written = write_signals(played.response, path, overwrite=replace)

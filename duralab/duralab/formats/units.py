@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Final
@@ -111,6 +111,34 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
                 maximum=channel.maximum * factor + offset, slew_limit=channel.slew_limit * factor,
             )  # fmt: skip
     return replace(signals, channels=tuple(channels), samples=samples)
+
+
+def named_units(units: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """Tell the units of single channels from those for all.
+
+    Parameters
+    ----------
+    units : sequence of str
+        Each "<channel>=<unit>" or "<unit>", as the option `--unit` takes them.
+
+    Returns
+    -------
+    dict of str to str, list of str
+        The unit by the channel's name; the others, in their order.
+
+    Raises
+    ------
+    InputError
+        A channel is given two units.
+    """
+    named: dict[str, str] = {}
+    for channel, unit in (text.split("=", 1) for text in units if "=" in text):
+        if channel in named:
+            raise InputError(
+                f"--unit gives {channel} two units, {named[channel]} and {unit}; give each channel one.", field="unit"
+            )
+        named[channel] = unit
+    return named, [text for text in units if "=" not in text]
 
 
 def _conversion(given: str, wanted: str, channel: str) -> tuple[float, float]:

@@ -25,6 +25,14 @@ def play(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Where the response goes; <DRIVEFILE>_response.csv if left out."),
     ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--unit",
+            metavar="UNIT",
+            help="Of the drives that name none in DRIVEFILE; or CHANNEL=UNIT, whatever it names; repeatable.",
+        ),
+    ] = None,
     seed: Seed = 0,
     real_time: Annotated[bool, typer.Option("--real-time", help="No faster than real time.")] = False,
     connect: Connect = None,
@@ -34,7 +42,17 @@ def play(
     """Play a drive file on a rig and write its response; in a lab of its own where none runs."""
     from duralab.cli.play_command import play as go
 
-    go(rig, drive, out=out, seed=seed, real_time=real_time, endpoint=connect, replace=replace, as_json=as_json)
+    go(
+        rig,
+        drive,
+        out=out,
+        units=unit or [],
+        seed=seed,
+        real_time=real_time,
+        endpoint=connect,
+        replace=replace,
+        as_json=as_json,
+    )
 
 
 def identify(
