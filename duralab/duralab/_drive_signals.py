@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from duralab._real_numbers import real_numbers
 from duralab.errors import InputError
 from duralab.rig import Rig
 from duralab.signals import Channel, Signals
 from duralab_proto.arrays import ArrayError
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray
 
 
@@ -34,14 +34,14 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
     Raises
     ------
     InputError
-        The shape does not fit, a value is not finite, or a channel with a name has no unit.
+        The shape does not fit, a value is not real or not finite, or a channel with a name has no unit.
     """
     if isinstance(drive, Signals):
         return _checked(_in_order(drive, rig))
     # Not an import of xarray for who has none: only a dataset, or an array with names, is told by name.
     if hasattr(drive, "data_vars") or "channel" in getattr(drive, "coords", ()):
         return _checked(_in_order(Signals.from_xarray(drive), rig))  # type: ignore[arg-type]
-    samples = np.ascontiguousarray(drive, dtype=np.float64)
+    samples = _real(drive)
     if samples.ndim != 2 or samples.shape[0] != len(rig.drives):
         names = ", ".join(channel.name for channel in rig.drives)
         raise InputError(
@@ -49,6 +49,10 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
             field="drive.samples",
         )
     return _checked(Signals(rig.drives, rig.sample_rate, samples))
+
+
+def _real(samples: np.ndarray | xarray.DataArray | xarray.Dataset) -> np.ndarray:
+    return real_numbers(samples, what="The drive", field="drive.samples")
 
 
 def _in_order(signals: Signals, rig: Rig) -> Signals:
@@ -66,10 +70,7 @@ def _in_order(signals: Signals, rig: Rig) -> Signals:
             field="drive.unit",
         )
     channels = tuple(_described(signals.channels[row], drive) for row, drive in zip(rows, rig.drives, strict=True))
-    # Numbers of other kinds become float64, as those of a plain array do; what would lose a part is left to be refused.
-    kind = np.result_type(signals.samples, np.float64)
-    samples = np.ascontiguousarray(signals.samples[rows], dtype=kind)
-    return replace(signals, channels=channels, samples=samples)
+    return replace(signals, channels=channels, samples=_real(signals.samples)[rows])
 
 
 def _described(channel: Channel, drive: Channel) -> Channel:

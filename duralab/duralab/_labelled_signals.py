@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from duralab._real_numbers import real_numbers
 from duralab.errors import InputError
 from duralab.signals import Channel, Signals
 
@@ -29,12 +30,12 @@ def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
     Returns
     -------
     Signals
-        Copies, float64; the rate is the attribute `sample_rate`, or comes from the coordinate `time`.
+        float64; the rate is the attribute `sample_rate`, or comes from the coordinate `time`.
 
     Raises
     ------
     InputError
-        Other dimensions, no names, or neither rate nor an even time.
+        Other dimensions, no names, values that are not real, or neither rate nor an even time.
     """
     import xarray
 
@@ -43,7 +44,10 @@ def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
         for name, variable in arrays.items():
             _require_dimensions(variable, ("time",), what=f"The variable {name!r}")
         channels = tuple(Channel(name, str(variable.attrs.get("units", ""))) for name, variable in arrays.items())
-        rows = [np.asarray(variable.values, dtype=np.float64) for variable in arrays.values()]
+        rows = [
+            real_numbers(variable.values, what=f"The variable {name!r}", field="drive.samples")
+            for name, variable in arrays.items()
+        ]
         if not rows:
             raise InputError("The dataset has no variable; one for each channel over `time` is needed.", field="drive")
         return Signals(channels, _sample_rate(labelled), np.stack(rows))
@@ -52,7 +56,7 @@ def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
         raise InputError("The array has no names in a coordinate `channel`.", field="drive")
     names = [str(name) for name in labelled.coords["channel"].values]
     units = labelled.coords["unit"].values if "unit" in labelled.coords else [""] * len(names)
-    samples = np.ascontiguousarray(labelled.transpose("channel", "time").values, dtype=np.float64)
+    samples = real_numbers(labelled.transpose("channel", "time").values, what="The array", field="drive.samples")
     channels = tuple(Channel(name, str(unit)) for name, unit in zip(names, units, strict=True))
     return Signals(channels, _sample_rate(labelled), samples)
 

@@ -1,5 +1,7 @@
 """Signals to xarray and back, and drives told by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray
@@ -99,10 +101,39 @@ def test_a_drive_as_signals_is_checked_as_others_are():
     single = drive_signals(Signals(CHANNELS, 500.0, SIGNALS.samples.astype(np.float32)), RIG)
     np.testing.assert_array_equal(single.samples, SIGNALS.samples.astype(np.float32).astype(np.float64))
     assert single.samples.dtype == np.float64
-    for samples in (SIGNALS.samples * 1j, SIGNALS.samples[:1], SIGNALS.samples[0]):
+    for samples in (SIGNALS.samples[:1], SIGNALS.samples[0]):
         with pytest.raises(InputError) as caught:
             drive_signals(Signals(CHANNELS, 500.0, samples), RIG)
         assert caught.value.field.startswith("record")
+
+
+@pytest.mark.parametrize(
+    ("samples", "held"),
+    [
+        (SIGNALS.samples * (1 + 1j), "complex numbers"),
+        (SIGNALS.samples > 0, "truth values"),
+        (SIGNALS.samples.astype(str), "text"),
+        (SIGNALS.samples.astype(bytes), "bytes"),
+        (SIGNALS.samples.astype(object), "values of type object"),
+    ],
+)
+def test_a_drive_that_is_not_of_real_numbers_is_refused(samples, held):
+    told = replace(SIGNALS, samples=samples)
+    labelled = (told.to_xarray(), told.to_xarray().drop_vars("channel"), dataset(told))
+    # A drive out of xarray is refused where it is read, with the name of the variable where it has one.
+    for drive in (samples, told, *labelled):
+        with pytest.raises(InputError, match=f"holds {held}; give an array of real numbers") as caught:
+            drive_signals(drive, RIG)
+        assert caught.value.field == "drive.samples"
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.uint8, np.float32, ">f8"])
+def test_real_numbers_of_every_kind_become_float64(kind):
+    given = np.arange(8).reshape(2, 4).astype(kind)
+    for drive in (given, given.tolist(), replace(SIGNALS, samples=given)):
+        played = drive_signals(drive, RIG).samples
+        assert played.dtype == np.float64
+        np.testing.assert_array_equal(played, given)
 
 
 def test_an_array_without_names_is_taken_in_the_order_of_the_rig():

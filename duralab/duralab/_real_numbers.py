@@ -1,0 +1,43 @@
+"""Numbers from a script: real ones as float64, everything else refused before a part of it is lost."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from duralab.errors import InputError
+
+_REAL_KINDS: Final = "iuf"
+_IN_WORDS: Final = MappingProxyType({"c": "complex numbers", "b": "truth values", "U": "text", "S": "bytes"})
+
+
+def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
+    """Return real numbers as float64.
+
+    Parameters
+    ----------
+    values : array_like
+        Integers or floating-point numbers, of any shape.
+    what : str
+        Whose they are, the begin of a sentence.
+    field : str
+        Path of the value, for the error.
+
+    Returns
+    -------
+    np.ndarray
+        The same shape, contiguous; no copy where it is so already.
+
+    Raises
+    ------
+    InputError
+        They are complex, truth values, text or objects.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind not in _REAL_KINDS:
+        # numpy would drop the imaginary part with no more than a warning, and read numbers out of text.
+        held = _IN_WORDS.get(given.dtype.kind, f"values of type {given.dtype}")
+        raise InputError(f"{what} holds {held}; give an array of real numbers, such as float64.", field=field)
+    return np.ascontiguousarray(given, dtype=np.float64)
