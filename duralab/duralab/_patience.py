@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from dataclasses import dataclass
+from numbers import Real
 
 from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
 
@@ -54,12 +55,15 @@ def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> P
     Raises
     ------
     InputError
-        The time is not greater than 0.
+        The time is no number greater than 0, or `cancel` is no event.
     """
+    if cancel is not None and not isinstance(cancel, threading.Event):
+        raise InputError(f"cancel is {cancel!r}; give a threading.Event, or leave it out.", field="cancel")
     if timeout_seconds is None:
         return Patience(cancel=cancel)
-    if not timeout_seconds > 0.0:
+    if not isinstance(timeout_seconds, Real) or isinstance(timeout_seconds, bool) or not timeout_seconds > 0.0:
         raise InputError(
-            f"timeout_seconds is {timeout_seconds}; it must be greater than 0, or left out.", field="timeout_seconds"
+            f"timeout_seconds is {timeout_seconds!r}; it must be a number greater than 0, or left out.",
+            field="timeout_seconds",
         )
     return Patience(timeout_seconds, time.monotonic() + timeout_seconds, cancel)

@@ -33,9 +33,12 @@ def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
     Raises
     ------
     InputError
-        They are complex, truth values, text or objects.
+        They are complex, truth values, text or objects, or rows of several lengths.
     """
-    given = np.asarray(values)
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise InputError(f"{what} is no array; give one whose rows have the same length.", field=field) from error
     if given.dtype.kind not in _REAL_KINDS:
         # numpy would drop the imaginary part with no more than a warning, and read numbers out of text.
         held = _IN_WORDS.get(given.dtype.kind, f"values of type {given.dtype}")

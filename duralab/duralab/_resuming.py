@@ -11,6 +11,7 @@ from duralab._campaigns import collect, followed, free_id
 from duralab._following import OnProgress
 from duralab._outputs import OUTPUTS, require_free
 from duralab._patience import Patience
+from duralab._script_values import whole_number
 from duralab._specification import stop_message, update_message
 from duralab.campaign_file import Campaign
 from duralab.campaign_result import CampaignResult
@@ -129,10 +130,10 @@ def resume_campaign(
 
 def _parent(ask: Asking, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
     """Check what is to be built on, and return what its campaign was asked to do."""
-    if not 0 <= from_iteration < 2**32:
+    if not (whole_number(from_iteration) and 0 <= from_iteration < 2**32):
         raise InputError(
-            f"from_iteration is {from_iteration}; give the number of a playback from 1 to 2^32 - 1, or 0 for the last "
-            "there is.",
+            f"from_iteration is {from_iteration!r}; give the number of a playback from 1 to 2^32 - 1, or 0 for the "
+            "last there is.",
             field="from_iteration",
         )
     try:

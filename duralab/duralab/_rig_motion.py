@@ -14,8 +14,9 @@ from duralab._asking import Asking
 from duralab._drive_signals import drive_signals
 from duralab._following import RunProgress, Stage
 from duralab._patience import Patience
+from duralab._script_values import require_text
 from duralab.campaign_values import require_seed
-from duralab.errors import LabError, LabTimeoutError, StoppedError
+from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
 from duralab.played import Played
 from duralab.recording_content import actuator_use
 from duralab.rig import Rig
@@ -58,9 +59,13 @@ def play_drive(
         See `Lab.play`.
     """
     require_seed(seed)
+    if run is not None:
+        require_text(run, field="run")
+    if not isinstance(real_time, bool | np.bool_):
+        raise InputError(f"real_time is {real_time!r}; give True or False.", field="real_time")
     signals = drive_signals(drive, rig)
     name = run or f"script-{uuid.uuid4().hex[:12]}"
-    request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=real_time)
+    request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=bool(real_time))
 
     def report(progress: query_pb2.Progress) -> None:
         tell(RunProgress(Stage.PLAYBACK, progress.phase, progress.fraction, progress.remaining_seconds))
@@ -123,6 +128,7 @@ def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
 
 def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
     """Ramp a rig down and latch it; returns when it rests."""
+    require_text(reason, field="reason")
     key = ask.key("rig", ask.bus.keys.rig_stop, rig)
     return RigState.from_message(ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState))
 

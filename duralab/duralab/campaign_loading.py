@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from importlib.resources import files
@@ -43,8 +44,13 @@ def load_campaign(source: str | Path) -> Campaign:
     Raises
     ------
     InputError
-        There is no such file, it is no YAML, or a key or value in it is not allowed.
+        It is no path, there is no such file, it is no YAML, or a key or value in it is not allowed.
     """
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(
+            f"The campaign is {source!r}; give the path of its file, or the name of a shipped one: "
+            f"{', '.join(shipped_campaigns())}."
+        )
     path = Path(source)
     if not path.exists() and str(source) in shipped_campaigns():
         text = (files("duralab") / "campaigns" / f"{source}{_SUFFIX}").read_text(encoding="utf-8")

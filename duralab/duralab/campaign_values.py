@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
+from duralab._script_values import whole_number
 from duralab.errors import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -36,10 +37,10 @@ def require_seed(seed: int) -> None:
     Raises
     ------
     InputError
-        It is another number.
+        It is another number, or none.
     """
-    if not 0 <= seed < 2**63:
-        raise InputError(f"The seed is {seed}; it must be from 0 to 2^63 - 1.", field="seed")
+    if not (whole_number(seed) and 0 <= seed < 2**63):
+        raise InputError(f"The seed is {seed!r}; it must be a whole number from 0 to 2^63 - 1.", field="seed")
 
 
 class Section(BaseModel):

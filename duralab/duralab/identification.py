@@ -12,8 +12,11 @@ import numpy as np
 
 from duralab._following import RunProgress, Stage
 from duralab._patience import Patience, patience
+from duralab._real_numbers import real_numbers
+from duralab._script_values import listener
 from duralab._specification import estimator_message, excitation_message
 from duralab.campaign_values import require_seed
+from duralab.errors import InputError
 from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
 from duralab.recording_content import Model
@@ -175,7 +178,7 @@ class Identifier:
         """
         request = identifier_pb2.LevelsRequest(
             identify=self._request(rig, excitation, estimator, seed=seed),
-            factors=to_array(np.array(factors, dtype=np.float64)),
+            factors=to_array(real_numbers(factors, what="factors", field="factors")),
         )
         answer = self._query(
             self._keys.identify_levels(), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
@@ -283,6 +286,12 @@ class Identifier:
     ) -> identifier_pb2.IdentifyRequest:
         described = self._describe(rig)
         require_seed(seed)
+        for name, section, kind in (
+            ("excitation", excitation, ExcitationSettings),
+            ("estimator", estimator, EstimatorSettings),
+        ):
+            if not isinstance(section, kind):
+                raise InputError(f"{name} is {section!r}; give {kind.__name__}, e.g. of a campaign.", field=name)
         return identifier_pb2.IdentifyRequest(
             rig=rig,
             excitation=excitation_message(excitation, rig=described, seed=seed),
@@ -293,10 +302,9 @@ class Identifier:
 
 
 def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
+    tell = listener(on_progress)
+
     def report(progress: query_pb2.Progress) -> None:
-        if on_progress is not None:
-            on_progress(
-                RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds)
-            )
+        tell(RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds))
 
     return report

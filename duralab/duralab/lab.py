@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from duralab._campaigns import collect, followed, free_id, stop_campaign
 from duralab._following import OnProgress, RunProgress, Stage, progress_of
 from duralab._patience import Patience, patience
 from duralab._resuming import resume_campaign
+from duralab._script_values import folder_of, listener, require_text
 from duralab._specification import build_specification, check_against_rig
 from duralab._supervisor import Supervisor
 from duralab._target import describe_target, make_target
@@ -21,9 +22,9 @@ from duralab.campaign_file import Campaign
 from duralab.campaign_loading import load_campaign
 from duralab.campaign_result import CampaignResult
 from duralab.catalogue import Catalogue
-from duralab.errors import LabError
+from duralab.errors import InputError, LabError
 from duralab.health import ServiceHealth, health_of
-from duralab.lab_rigs import LabRigs, tell_nobody
+from duralab.lab_rigs import LabRigs
 from duralab.signals import Signals
 from duralab.watching import Watch, Watched
 from duralab_proto.keys import ANY
@@ -105,8 +106,11 @@ class Lab(LabRigs):
         Raises
         ------
         InputError
-            There is no such campaign.
+            There is no such campaign, or something else is to be watched.
         """
+        known = tuple(Watched)
+        if isinstance(kinds, str) or not isinstance(kinds, Iterable) or any(kind not in known for kind in kinds):
+            raise InputError(f"kinds is {kinds!r}; give a list of {', '.join(known)}, or leave it out.", field="kinds")
         return Watch(
             self._ask,
             describe=self.describe,
@@ -157,8 +161,9 @@ class Lab(LabRigs):
         """
         end = patience(timeout_seconds, cancel)
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
-        tell = on_progress or tell_nobody
+        tell = listener(on_progress)
         id = free_id(self._ask, plan.name)
+        folder = folder_of(out, usual=self.out / id)
         tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
         rig = self.describe(plan.rig)
         check_against_rig(plan, rig)
@@ -184,7 +189,7 @@ class Lab(LabRigs):
             return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
 
         status = followed(self._ask, id, begin=begin, tell=tell, patience=end)
-        return collect(self._ask, specification, status, folder=Path(out) if out is not None else self.out / id)
+        return collect(self._ask, specification, status, folder=folder)
 
     def resume(
         self,
@@ -225,6 +230,7 @@ class Lab(LabRigs):
         InputError, CampaignFaultError, LabError
             As `run` does.
         """
+        folder_of(out, usual=self.out)  # a wrong folder is an error before anything moves
         plan = settings if settings is None or isinstance(settings, Campaign) else load_campaign(settings)
         return resume_campaign(
             self._ask,
@@ -232,9 +238,9 @@ class Lab(LabRigs):
             settings=plan,
             from_iteration=from_iteration,
             describe=self.describe,
-            folder=lambda name: Path(out) if out is not None else self.out / name,
+            folder=lambda name: folder_of(out, usual=self.out / name),
             replace=replace,
-            tell=on_progress or tell_nobody,
+            tell=listener(on_progress),
             patience=patience(timeout_seconds, cancel),
         )
 
@@ -258,6 +264,7 @@ class Lab(LabRigs):
         InputError
             No such campaign was started or resumed since the iterator began.
         """
+        require_text(reason, field="reason")
         try:
             return progress_of(stop_campaign(self._ask, id, reason=reason))
         except FaultError as fault:

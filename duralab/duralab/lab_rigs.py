@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duralab._asking import Asking
-from duralab._following import OnProgress, RunProgress
+from duralab._following import OnProgress
 from duralab._patience import Patience, patience
 from duralab._rig_motion import halting, play_drive, reset_rig, state_of_rig, stop_rig
+from duralab._script_values import listener
 from duralab.errors import InputError
 from duralab.identification import Identifier
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
@@ -175,7 +176,7 @@ class LabRigs:
             It met a limit, or is gone.
         """
         end = patience(timeout_seconds, cancel)
-        return self._play(rig, drive, run=run, seed=seed, real_time=real_time, tell=on_progress or tell_nobody, end=end)
+        return self._play(rig, drive, run=run, seed=seed, real_time=real_time, tell=listener(on_progress), end=end)
 
     def _play(
         self,
@@ -234,8 +235,3 @@ class LabRigs:
             It is not there, or does not come to rest.
         """
         return stop_rig(self._ask, rig, reason=reason)
-
-
-def tell_nobody(progress: RunProgress) -> None:
-    """Do nothing with how far it is."""
-    del progress

@@ -87,6 +87,49 @@ def test_drive_that_is_not_finite_is_refused_before_it_is_sent(lab):
         lab.play("front_axle", drive)
 
 
+DRIVE = np.zeros((6, 100))
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda lab: lab.play("front_axle", DRIVE, seed=1.5), "The seed is 1.5; it must be a whole number"),
+        (lambda lab: lab.play("front_axle", DRIVE, seed=True), "The seed is True"),
+        (lambda lab: lab.play("front_axle", [[1, 2], [3]]), "rows have the same length"),
+        (lambda lab: lab.play("front_axle", "x"), "The drive holds text"),
+        (lambda lab: lab.play("front_axle", DRIVE, timeout_seconds="x"), "timeout_seconds is 'x'; it must be a number"),
+        (lambda lab: lab.play("front_axle", DRIVE, timeout_seconds=True), "timeout_seconds is True"),
+        (lambda lab: lab.play("front_axle", DRIVE, cancel="x"), "give a threading.Event"),
+        (lambda lab: lab.play("front_axle", DRIVE, on_progress="x"), "on_progress is 'x'; give a function"),
+        (lambda lab: lab.play("front_axle", DRIVE, real_time="x"), "real_time is 'x'; give True or False"),
+        (lambda lab: lab.play("front_axle", DRIVE, run=5), "run is 5; give a text"),
+        (lambda lab: lab.stop_rig("front_axle", reason=5), "reason is 5; give a text"),
+        (lambda lab: lab.run(None), "The campaign is None; give the path of its file"),
+        (lambda lab: lab.run("front_axle_demo", out=5), "out is 5; give the path of a folder"),
+        (lambda lab: lab.run("front_axle_demo", on_progress="x"), "on_progress is 'x'"),
+        (lambda lab: lab.resume("demo", settings=5), "The campaign is 5"),
+        (lambda lab: lab.resume("demo", out=5), "out is 5"),
+        (lambda lab: lab.resume("demo", from_iteration="x"), "from_iteration is 'x'"),
+        (lambda lab: lab.stop("demo", reason=5), "reason is 5; give a text"),
+        (lambda lab: lab.identify("front_axle", None, None), "excitation is None; give ExcitationSettings"),
+        (lambda lab: lab.watch(kinds=5), "kinds is 5; give a list of signals"),
+        (lambda lab: lab.watch(kinds=["x"]), "give a list of signals"),
+        (lambda lab: lab.watch(timeout_seconds="x"), "timeout_seconds is 'x'"),
+    ],
+)
+def test_an_argument_of_another_type_is_refused_in_one_sentence(lab, ask, said):
+    with pytest.raises(InputError) as caught:
+        ask(lab)
+    assert said in str(caught.value)
+
+
+def test_numbers_of_numpy_are_numbers(lab):
+    played = lab.play(
+        "front_axle", DRIVE, seed=np.int64(3), real_time=np.bool_(False), timeout_seconds=np.float32(60.0)
+    )
+    assert played.response.samples.shape == (6, 100)
+
+
 def test_campaign_runs_to_its_result(lab, tmp_path):
     seen = []
     result = lab.run(short_campaign(tmp_path), out=tmp_path / "out", on_progress=seen.append)
