@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
+import synthetic_campaign
 from test_cli import invoke
 
 from duralab import Channel, Signals, open_recording
 from duralab.formats import read_frequency_response, read_signals, write_signals
+from duralab_proto.v1 import iterator_pb2
 
 
 @pytest.fixture
@@ -124,3 +126,48 @@ def test_what_a_recording_does_not_hold_is_said(tmp_path, recording_path, argume
     code, _, error = invoke("export", recording_path, tmp_path / arguments[0], *arguments[1:])
     assert code == 2
     assert said in error
+
+
+def exported(tmp_path, recording, *arguments):
+    """Return what an export says in words, and as JSON."""
+    code, words, error = invoke("export", recording, tmp_path / "a.csv", "--replace", *arguments)
+    assert code == 0, error
+    code, told, error = invoke("export", recording, tmp_path / "a.csv", "--replace", "--json", *arguments)
+    assert code == 0, error
+    return words, json.loads(told)
+
+
+def test_an_export_says_which_playback_it_wrote_and_how_good_it_was(tmp_path, recording_path, campaign):
+    table = open_recording(recording_path).iterations
+    for number in table.numbers:
+        words, told = exported(tmp_path, recording_path, "--playback", number)
+        error = synthetic_campaign.metrics(campaign, number - 1).overall_relative_rms_error
+        assert f"playback {number} of {len(table)} in the recording; " in words
+        assert f"error over all channels is {error:.3f}." in words
+        assert ("The best is playback" in words) == (number != table.numbers[table.best])
+        assert (told["playback"], told["overall_error"]) == (number, pytest.approx(error))
+    assert exported(tmp_path, recording_path)[1]["playback"] == table.numbers[-1]
+    words, told = exported(tmp_path, recording_path, "--what", "target")
+    assert (told["playback"], told["overall_error"]) == (None, None)
+    assert "playback" not in words
+    assert told["recording_finished"] is True
+    assert "never finished" not in words
+    assert "ended early" not in words
+
+
+def test_an_export_of_a_recording_that_was_cut_off_says_so(tmp_path, recording_path, campaign):
+    cut = tmp_path / "cut.mcap"
+    steps = synthetic_campaign.steps(campaign)
+    first = next(i for i, step in enumerate(steps) if isinstance(step, iterator_pb2.IterationStep))
+    synthetic_campaign.write(cut, steps[: first + 1])
+    words, told = exported(tmp_path, cut)
+    assert "It is playback 1 of 1 in the recording" in words
+    assert "The campaign ended early, 1 playback done" in words
+    assert told["judgement"] == "ended early"
+    content = recording_path.read_bytes()
+    cut.write_bytes(content[: len(content) * 9 // 10])
+    words, told = exported(tmp_path, cut)
+    assert f"{cut} was never finished" in words
+    assert told["recording_finished"] is False
+    words, told = exported(tmp_path, cut, "--what", "target")
+    assert f"{cut} was never finished" in words

@@ -17,6 +17,7 @@ from duralab.errors import InputError
 from duralab.signals import Signals
 
 if TYPE_CHECKING:
+    from duralab.cli.export_origin import Origin
     from duralab.formats import Written
     from duralab.recording import Recording
 
@@ -69,6 +70,7 @@ def export(
     as_json: bool,
 ) -> None:
     """Write what a recording holds into a file."""
+    from duralab.cli.export_origin import Origin
     from duralab.formats import Format, write_signals
     from duralab.formats.exchange import format_of
     from duralab.recording import open_recording
@@ -82,24 +84,31 @@ def export(
     if chosen is Exported.FRF:
         _refuse_for_frf(playback=playback, unit=units, format=to_format, data_type=data_type)
         _export_frf(opened, out, replace=replace)
-        _say_frf(out, as_json=as_json)
+        _say_frf(out, Origin.of(opened, playback=None), as_json=as_json)
         return
-    signals = _in_units(_recorded(opened, chosen, playback), units)
+    taken = _playback_taken(opened, chosen, playback)
+    signals = _in_units(_recorded(opened, chosen, taken), units)
     if format_of(out, to_format) is Format.RPC3 and chosen is Exported.DRIVE:
         signals = replaced(signals, attributes={"TIME_TYPE": "DRIVE"})
     written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
-    _say(signals, written, as_json=as_json)
+    _say(signals, written, origin=Origin.of(opened, playback=taken), as_json=as_json)
 
 
-def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:
+def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> int | None:
     if what is Exported.TARGET:
-        if playback is not None:
-            raise InputError(f"--playback is {playback}; there is one target, so leave it out.", field="playback")
-        return recording.target
+        if asked is not None:
+            raise InputError(f"--playback is {asked}; there is one target, so leave it out.", field="playback")
+        return None
     numbers = recording.iterations.numbers
     if not numbers:
         raise InputError(f"{recording.path} holds no playback.")
-    taken = recording.playback(int(numbers[-1]) if playback is None else playback)
+    return int(numbers[-1]) if asked is None else asked
+
+
+def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:
+    if playback is None:
+        return recording.target
+    taken = recording.playback(playback)
     return {
         Exported.DRIVE: taken.drive,
         Exported.RESPONSE: taken.response,
@@ -150,12 +159,13 @@ def _resampled(signals: Signals, rate: float | None) -> Signals:
     return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
 
 
-def _say(signals: Signals, written: Written, *, as_json: bool) -> None:
+def _say(signals: Signals, written: Written, *, origin: Origin | None = None, as_json: bool) -> None:
     if as_json:
         content = {
             **asdict(written),
             "sample_rate": signals.sample_rate,
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in signals.channels],
+            **({} if origin is None else origin.document()),
         }
         write_json(content)
         return
@@ -163,6 +173,7 @@ def _say(signals: Signals, written: Written, *, as_json: bool) -> None:
     lines = [
         f"{written.path}: {len(signals.channels)} channels, {written.samples} samples at {signals.sample_rate:g} Hz, "
         f"{signals.duration:.6g} s",
+        *(() if origin is None else origin.lines()),
         *written.notes,
     ]
     if any(written.largest_errors):
@@ -175,8 +186,9 @@ def _say(signals: Signals, written: Written, *, as_json: bool) -> None:
         console.print(line, highlight=False, markup=False)
 
 
-def _say_frf(out: Path, *, as_json: bool) -> None:
+def _say_frf(out: Path, origin: Origin, *, as_json: bool) -> None:
     if as_json:
-        write_json({"path": out, "format": "uff58"})
-    else:
-        Console(soft_wrap=True).print(f"{out}: the frequency responses", highlight=False, markup=False)
+        write_json({"path": out, "format": "uff58", **origin.document()})
+        return
+    for line in (f"{out}: the frequency responses", *origin.lines()):
+        Console(soft_wrap=True).print(line, highlight=False, markup=False)

@@ -1,0 +1,71 @@
+"""Where exported signals come from: which playback, how good it was, and whether the campaign came to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from duralab.recording import Recording
+from duralab.verdict import Judgement, Verdict, accepted_error, judge
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What whoever gets the file needs to know of it.
+
+    Parameters
+    ----------
+    recording : Recording
+        Which it was taken from.
+    playback : int or None
+        The playback that was taken; None for what belongs to no single one.
+    verdict : Verdict
+        On the campaign.
+    """
+
+    recording: Recording
+    playback: int | None
+    verdict: Verdict
+
+    @classmethod
+    def of(cls, recording: Recording, *, playback: int | None) -> Origin:
+        """Judge a recording and keep which playback was taken."""
+        verdict = judge(
+            recording.iterations,
+            limit=accepted_error(recording.specification),
+            status=recording.status,
+            open_end=recording.open_end,
+        )
+        return cls(recording, playback, verdict)
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words: the playback, and what is missing."""
+        table = self.recording.iterations
+        if self.playback is not None:
+            row = table.numbers.index(self.playback)
+            level = "" if table.level[row] == 1.0 else f", at {table.level[row]:g} of the target"
+            yield (
+                f"It is playback {self.playback} of {len(table)} in the recording{level}; its relative RMS error over "
+                f"all channels is {table.overall[row]:.3f}."
+            )
+            if row != table.best:
+                yield f"The best is playback {table.numbers[table.best]} with {table.overall[table.best]:.3f}."
+        if not self.recording.whole:
+            yield f"{self.recording.path} was never finished: what came after its last whole step is not in it."
+        if self.verdict.judgement is Judgement.ENDED_EARLY:
+            yield self.verdict.sentence
+
+    def document(self) -> dict[str, object]:
+        """Return the same for `--json`."""
+        table = self.recording.iterations
+        row = None if self.playback is None else table.numbers.index(self.playback)
+        return {
+            "playback": self.playback,
+            "overall_error": None if row is None else table.overall[row],
+            "level": None if row is None else table.level[row],
+            "playbacks": table.numbers,
+            "best_playback": table.numbers[table.best] if table.numbers else None,
+            "judgement": self.verdict.judgement.value,
+            "verdict": self.verdict.sentence,
+            "recording_finished": self.recording.whole,
+        }
