@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Final
+
+from duralab.errors import InputError
 
 _SECONDS: Final = 30.0
 
@@ -18,3 +21,30 @@ def shipped_rigs() -> dict[str, str]:
         return dict(json.loads(answer))
     except (OSError, subprocess.SubprocessError, ValueError):
         return {}
+
+
+def require_shipped(rigs: Sequence[str], *, usual: Sequence[str]) -> None:
+    """Check the rigs of a lab that is about to be started.
+
+    Parameters
+    ----------
+    rigs : sequence of str
+        Their names.
+    usual : sequence of str
+        Those that every lab has, which are not asked for.
+
+    Raises
+    ------
+    InputError
+        The simulator ships no such rig.
+    """
+    if set(rigs) <= set(usual):
+        return
+    shipped = shipped_rigs()
+    unknown = [name for name in rigs if name not in shipped]
+    # Without a simulator there is no list; what is wrong then, the start of the lab says.
+    if shipped and unknown:
+        raise InputError(
+            f"There is no rig {', '.join(map(repr, unknown))} to start a lab with; there are {', '.join(shipped)}.",
+            field="rig",
+        )

@@ -188,3 +188,26 @@ def test_a_terminal_without_a_star_is_no_reason_for_a_traceback(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert "?.yaml: campaign campaign; run it:" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["up", "play", "run"])
+def test_a_rig_that_is_not_shipped_is_said_before_a_lab_is_started(tmp_path, monkeypatch, command):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("duralab.shipped_rigs.shipped_rigs", lambda: dict.fromkeys(("front_axle", "predecessor"), ""))
+    drive, campaign = tmp_path / "drive.csv", tmp_path / "campaign.yaml"
+    drive.write_text("time [s],vertical [m]\n0,0\n0.001,0\n")
+    assert invoke("init", campaign)[0] == 0
+    campaign.write_text(re.sub(r"(?m)^rig: \w+", "rig: frontaxle", campaign.read_text()))
+    arguments = {"up": ["--rig", "frontaxle"], "play": ["frontaxle", drive], "run": [campaign]}[command]
+    code, _, stderr = invoke(command, *arguments)
+    assert code == 2
+    assert "There is no rig 'frontaxle' to start a lab with; there are front_axle, predecessor" in stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["campaign.yaml", "drive.csv"]
+
+
+def test_status_of_a_lab_that_is_not_there_ends_as_the_table_says():
+    code, _, stderr = invoke("status", "--connect", "tcp/127.0.0.1:9")
+    assert code == 1
+    assert "tcp/127.0.0.1:9" in stderr
+    assert invoke("status", "--connect", "nowhere")[0] == 2

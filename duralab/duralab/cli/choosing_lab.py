@@ -41,5 +41,9 @@ def endpoint_if_any(given: str | None) -> str | None:
 def open_lab(endpoint: str | None, *, rigs: Sequence[str] = ()) -> AbstractContextManager[Lab]:
     """Return the lab at an endpoint, or one of one's own with these rigs, or the usual ones, where none is given."""
     from duralab.lab_opening import DEFAULT_RIGS, connect, start
+    from duralab.shipped_rigs import require_shipped
 
-    return connect(endpoint) if endpoint is not None else start(rigs=tuple(rigs) or DEFAULT_RIGS)
+    if endpoint is not None:
+        return connect(endpoint)
+    require_shipped(rigs, usual=DEFAULT_RIGS)
+    return start(rigs=tuple(rigs) or DEFAULT_RIGS)

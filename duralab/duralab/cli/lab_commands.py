@@ -16,6 +16,7 @@ from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
 from duralab.lab_opening import DEFAULT_RIGS, start
 from duralab.running_labs import noted
+from duralab.shipped_rigs import require_shipped
 
 _WATCH_SECONDS = 0.25
 
@@ -40,6 +41,7 @@ def _say_where(viewer: Viewer, console: Console) -> None:
 def run_lab(*, listen: str, recordings: Path, rigs: Sequence[str] | None, view: bool, as_json: bool) -> None:
     """Run a lab until it is interrupted, or a service of it ends; with the usual rigs where none are named."""
     console = console_beside(as_json)
+    require_shipped(rigs or (), usual=DEFAULT_RIGS)
     with ExitStack() as stack:
         viewer = open_viewer(stack, console) if view else None
         address = viewer.address if viewer is not None else None

@@ -16,7 +16,8 @@ from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.lab_commands import open_viewer
 from duralab.cli.run_display import RunDisplay
 from duralab.errors import InputError
-from duralab.lab_opening import connect, start
+from duralab.lab_opening import DEFAULT_RIGS, connect, start
+from duralab.shipped_rigs import require_shipped
 
 
 def run_campaign(
@@ -31,6 +32,8 @@ def run_campaign(
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")
     require_free([folder / name for name in OUTPUTS], replace=replace)
+    if endpoint is None:
+        require_shipped(plan.rigs, usual=DEFAULT_RIGS)
     with ExitStack() as stack:
         viewer = open_viewer(stack, console) if view else None
         address = viewer.address if viewer is not None else None

@@ -15,13 +15,14 @@ from rich.table import Table
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
 from duralab.cli.run_display import remaining_words
-from duralab.errors import LabError
+from duralab.errors import LabError, UnavailableError
 from duralab.health import ServiceHealth
 from duralab.lab_opening import join_bus
 from duralab.lab_status import LabStatus, lab_status
 from duralab.rig_state import RigMode
 from duralab.running_labs import running_labs
 from duralab_proto.keys import MAIN_INSTANCE
+from labbus import BusError
 
 _FIGURES = {
     "duralab_queries_waiting": "waiting",
@@ -52,6 +53,9 @@ def status(*, endpoint: str | None, as_json: bool) -> None:
                 found = lab_status(bus, recordings=here.get(place))
         except LabError as error:
             if endpoint is not None:
+                if isinstance(error.__cause__, BusError):
+                    # Asked whether a lab is there, that none is there is the answer, not a wrong value.
+                    raise UnavailableError(error.message) from error
                 raise
             documents.append({"endpoint": place, "fault": error.message})
             whole = False
