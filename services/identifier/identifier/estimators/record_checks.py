@@ -7,8 +7,16 @@ from identifier.estimators.frf_estimate import ModelWarning, WarningCode
 from spectra import NotFiniteError
 
 SHORTEST_FLAT_TOP = 3
-"""Samples in a row at one extreme value that count as clipped: noise does not stand still, not even digitised."""
+"""Samples in a row at one extreme value that may be clipped: noise does not stand still, not even digitised."""
 
+LARGEST_ROUNDED_OFF = 2.0
+"""Steps of its converter that a channel would have gone beyond a flat top: up to 1 comes of rounding a slow crest."""
+
+LONGEST_ROUNDED_OFF = 4.0
+"""Length of a flat top over that of a crest within one step, if it bends as a sine of the channel's mean frequency."""
+
+FINEST_STEP = 1e-7
+"""Share of a channel's extreme: a step below that is no converter's (24 bit), and rounding explains no flat top."""
 
 # Each is looked at several times: so many stay in the second cache.
 _LOOKED_AT_TOGETHER = 2**15
@@ -39,6 +47,11 @@ class ChannelCheck:
         self._name, self._of_drive = name, of_drive
         self._taken_off = np.zeros(channels) if taken_off is None else taken_off
         self._samples = 0
+        self._steps = np.full(channels, np.inf)
+        self._first, self._before = np.zeros(channels), np.zeros(channels)
+        # Sums of the values, of their squares and of those of their changes, while the step may be a converter's.
+        self._sums = np.zeros((channels, 3))
+        self._looked_at = np.zeros(channels, dtype=np.int64)
         self._tops = _FlatTops(channels, sign=1.0)
         self._bottoms = _FlatTops(channels, sign=-1.0)
 
@@ -75,6 +88,8 @@ class ChannelCheck:
                 f"{self._name.capitalize()} {row} reaches {largest[row]:g}; at most {LARGEST_MAGNITUDE:g} can be "
                 "computed with, so check its sensor or take another unit."
             )
+        for row, channel in enumerate(samples):
+            self._find_step(row, channel, largest[row])
         self._samples += samples.shape[1]
 
     def warnings(self) -> tuple[ModelWarning, ...]:
@@ -98,8 +113,30 @@ class ChannelCheck:
                 f"These channels are dead: {values}; "
                 + ("excite every drive." if self._of_drive else "check their sensors or leave them out.")
             )
-        flat = self._tops.flat_samples + self._bottoms.flat_samples
+        rounded = self._longest_rounded(0.5 * (highest - lowest))
+        flat = self._tops.clipped_samples(self._steps, rounded) + self._bottoms.clipped_samples(self._steps, rounded)
         return tuple(self._clipped(int(row), int(flat[row])) for row in np.flatnonzero(flat))
+
+    def _find_step(self, row: int, channel: NDArray[np.float64], largest: float) -> None:
+        """Keep the smallest change of a channel from one sample to the next, and how fast it moves."""
+        for start in range(0, channel.size, _LOOKED_AT_TOGETHER):
+            if self._steps[row] <= FINEST_STEP * largest:
+                return
+            if self._looked_at[row] == 0:
+                self._first[row] = self._before[row] = channel[0]
+            part = channel[start : start + _LOOKED_AT_TOGETHER]
+            changes = np.abs(np.diff(part, prepend=self._before[row]))
+            self._steps[row] = min(self._steps[row], np.min(changes, where=changes > 0.0, initial=np.inf))
+            moved = part - self._first[row]
+            self._sums[row] += moved.sum(), moved @ moved, changes @ changes
+            self._looked_at[row] += part.size
+            self._before[row] = part[-1]
+
+    def _longest_rounded(self, peak: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how many samples a crest, shape (channels), may stay in one step without being clipped."""
+        total, square, change = self._sums.T
+        frequency = change / (square - total**2 / self._looked_at)
+        return 1.0 + LONGEST_ROUNDED_OFF * 2.0 * np.sqrt(2.0 * self._steps / (peak * frequency))
 
     def _clipped(self, row: int, flat: int) -> ModelWarning:
         share = flat / self._samples
@@ -115,37 +152,71 @@ class ChannelCheck:
 
 
 class _FlatTops:
-    """Largest value so far, and the samples of runs of three and more at it; of the negative where `sign` is -1."""
+    """Largest value so far, and the samples of runs of three and more at it; of the negative where `sign` is -1.
+
+    A slow crest stands in one step of a coarse converter for several samples without being clipped. The flanks tell:
+    through a flat top of n samples that falls by d to the next sample goes a parabola whose crest is higher than the
+    flat top by d (n - 1)^2 / (4 n). Rounding explains one step of that, and one of d. Where an amplifier gives way
+    softly the flanks are round; there the length tells.
+    """
 
     def __init__(self, channels: int, *, sign: float) -> None:
         self._sign = sign
         self.extreme = np.full(channels, -np.inf)
-        self.flat_samples = np.zeros(channels, dtype=np.int64)
+        self._flat_samples = np.zeros(channels, dtype=np.int64)
+        # The coarsest step with which some flat top would still be clipped.
+        self._coarsest = np.zeros(channels)
+        self._longest = np.zeros(channels, dtype=np.int64)
+        # The run that the record so far ends with, the sample before it, and the last sample.
         self._run = np.zeros(channels, dtype=np.int64)
+        self._before_run = np.full(channels, np.nan)
+        self._last = np.full(channels, np.nan)
 
     def add(self, row: int, parts: list[NDArray[np.float64]], extremes: list[float]) -> None:
         """Take the next samples of a channel in parts; the largest of each times the sign is its extreme."""
         extreme = max(extremes)
         if extreme > self.extreme[row]:
-            self.extreme[row], self.flat_samples[row], self._run[row] = extreme, 0, 0
+            self.extreme[row], self._run[row] = extreme, 0
+            self._flat_samples[row], self._longest[row], self._coarsest[row] = 0, 0, 0.0
         for part, of_part in zip(parts, extremes, strict=True):
-            if of_part < self.extreme[row]:
-                self._run[row] = 0
-            else:
-                self._count(row, np.flatnonzero(part == self._sign * of_part), part.size)
+            if self._run[row] and part[0] != self._sign * self.extreme[row]:
+                self._end_run(row, part[:1])
+            if of_part == self.extreme[row]:
+                self._count(row, np.flatnonzero(part == self._sign * of_part), part)
+            self._last[row] = part[-1]
 
-    def _count(self, row: int, at_extreme: NDArray[np.intp], size: int) -> None:
+    def clipped_samples(self, steps: NDArray[np.float64], rounded: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Count the samples in flat tops that neither converters' steps nor lengths, shapes (channels), explain."""
+        for row in np.flatnonzero(self._run):
+            self._end_run(int(row), np.array([np.nan]))
+        return np.where((self._coarsest > steps) | (self._longest > rounded), self._flat_samples, 0)
+
+    def _end_run(self, row: int, after: NDArray[np.float64]) -> None:
+        self._judge(row, self._run[row : row + 1], self._before_run[row : row + 1], after)
+        self._run[row] = 0
+
+    def _count(self, row: int, at_extreme: NDArray[np.intp], part: NDArray[np.float64]) -> None:
         """Add the runs of a piece, one or more, the first joined to the one that the piece before ended with."""
         breaks = np.flatnonzero(np.diff(at_extreme) > 1) + 1
         starts = at_extreme[np.concatenate(([0], breaks))]
         lengths = np.diff(np.concatenate(([0], breaks, [at_extreme.size])))
-        if starts[0] == 0 and self._run[row]:
-            joined = self._run[row] + lengths[0]
-            counted = self._run[row] if self._run[row] >= SHORTEST_FLAT_TOP else 0
-            self.flat_samples[row] += joined - counted if joined >= SHORTEST_FLAT_TOP else 0
-            run_before, lengths, starts = joined, lengths[1:], starts[1:]
-        else:
-            run_before = 0
-        self.flat_samples[row] += int(np.sum(lengths[lengths >= SHORTEST_FLAT_TOP]))
-        reaches_end = at_extreme[-1] == size - 1
-        self._run[row] = 0 if not reaches_end else int(lengths[-1]) if lengths.size else int(run_before)
+        stops = starts + lengths
+        before = part[starts - 1]
+        if starts[0] == 0:
+            before[0] = self._before_run[row] if self._run[row] else self._last[row]
+            lengths[0] += self._run[row]
+        whole = stops < part.size
+        self._judge(row, lengths[whole], before[whole], part[stops[whole]])
+        self._run[row], self._before_run[row] = (0, np.nan) if whole[-1] else (lengths[-1], before[-1])
+
+    def _judge(
+        self, row: int, lengths: NDArray[np.int64], before: NDArray[np.float64], after: NDArray[np.float64]
+    ) -> None:
+        """Take whole runs and the samples on either side of them, not a number where there is none."""
+        flat = lengths >= SHORTEST_FLAT_TOP
+        if flat.any():
+            self._flat_samples[row] += np.sum(lengths[flat])
+            self._longest[row] = max(self._longest[row], np.max(lengths))
+            fall = self.extreme[row] - np.fmin(self._sign * before[flat], self._sign * after[flat])
+            steps = 1.0 + LARGEST_ROUNDED_OFF * 4.0 * lengths[flat] / (lengths[flat] - 1.0) ** 2
+            self._coarsest[row] = np.fmax(self._coarsest[row], np.fmax.reduce(fall / steps))
