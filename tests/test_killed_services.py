@@ -8,8 +8,11 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
+
+import duralab
 
 
 @pytest.mark.parametrize("service", ["rig_sim", "identifier", "iterator", "recorder"])
@@ -39,7 +42,21 @@ def test_a_killed_service_ends_the_run_with_its_name(service: str, campaign, tmp
     assert errors.count("\n") == 1
     assert service in errors
     assert "Traceback" not in errors
-    assert [path.name for path in out.iterdir()] == ["logs"]
+    # Without an iterator nobody closes the recording, without a recorder nobody sends it: it stays where it lies.
+    where_written = service in ("iterator", "recorder")
+    left = ["logs", "recordings"] if where_written else ["live.rrd", "logs", "recording.mcap"]
+    assert sorted(path.name for path in out.iterdir()) == left
+    kept = out / ("recordings/front_axle_demo.mcap" if where_written else "recording.mcap")
+    assert f"What was played until then is in {kept};" in errors
+    recording = duralab.open(kept)
+    assert recording.specification.id == "front_axle_demo"
+    if service != "identifier":
+        assert recording.model is not None
+        assert list(recording.iterations.numbers)[:1] == [1]
+        drive, response = recording.signal("front_axle_demo.i01")
+        np.testing.assert_array_equal(drive.samples, recording.playback(1).drive.samples)
+        np.testing.assert_array_equal(response.samples, recording.playback(1).response.samples)
+        assert duralab.write_report(recording, tmp_path / "report.html").exists()
     _, alive = psutil.wait_procs(children, timeout=30.0)
     assert alive == []
 

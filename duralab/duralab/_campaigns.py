@@ -11,8 +11,9 @@ from duralab._asking import Asking
 from duralab._fetching import fetch_result
 from duralab._following import ENDED, OnProgress, follow_campaign, progress_of
 from duralab._patience import FOREVER, Patience
+from duralab._rescuing import Rescue
 from duralab.campaign_result import CampaignResult
-from duralab.errors import CampaignFaultError, LabError, LabTimeoutError, StoppedError
+from duralab.errors import CampaignFaultError, LabError, ServiceEndedError
 from duralab.sentences import ended
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import BusError, FaultError
@@ -39,29 +40,51 @@ def followed(
     *,
     begin: Callable[[], iterator_pb2.CampaignStatus],
     tell: OnProgress,
+    rescue: Rescue,
     patience: Patience = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and follow it to its end; an interrupt and the end of the patience stop it."""
+    """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is."""
+    begun, played = False, False
+
+    def beginning() -> iterator_pb2.CampaignStatus:
+        nonlocal begun
+        status = begin()
+        begun = True
+        return status
 
     def on_status(status: iterator_pb2.CampaignStatus) -> None:
+        nonlocal played
+        played = bool(status.iterations)
         if (failure := ask.failure()) is not None:
             raise failure
         tell(progress_of(status))
         if patience.is_set() and status.phase not in ENDED:
             raise patience.error(f"The campaign {id!r}")
 
+    def stopped(reason: str, *, silence_seconds: float = SILENCE_SECONDS) -> None:
+        # Best effort: the services that are left are ended with the lab.
+        with suppress(FaultError, BusError):
+            stop_campaign(ask, id, reason=reason, silence_seconds=silence_seconds)
+
     try:
-        return follow_campaign(ask.bus, id, begin=begin, on_status=on_status)
-    except FaultError as fault:
-        raise ask.explained(fault) from fault
-    except (StoppedError, LabTimeoutError) as error:
-        with suppress(FaultError, BusError):
-            stop_campaign(ask, id, reason=str(error))
-        raise type(error)(f"{ended(str(error))} What was played until then is in its recording.") from error
-    except KeyboardInterrupt:
-        # Best effort: whoever interrupts does not want to wait for a service that is gone.
-        with suppress(FaultError, BusError):
-            stop_campaign(ask, id, reason="interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
+        try:
+            return follow_campaign(ask.bus, id, begin=beginning, on_status=on_status)
+        except FaultError as fault:
+            error = ask.explained(fault)
+            # What was refused has left nothing behind.
+            raise (rescue.told(error, played=played) if begun else error) from fault
+        except LabError as error:
+            ended_itself = isinstance(error, ServiceEndedError)
+            stopped(str(error), silence_seconds=_STOP_SILENCE_SECONDS if ended_itself else SILENCE_SECONDS)
+            raise rescue.told(error, played=played) from error
+    except KeyboardInterrupt as interrupt:
+        try:
+            # Whoever interrupts does not want to wait for a service that is gone.
+            stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
+            rescue.note(interrupt, played=played)
+        except KeyboardInterrupt as again:
+            rescue.note_where_it_lies(again, played=played)
+            raise
         raise
 
 
@@ -78,23 +101,29 @@ def stop_campaign(
 
 
 def collect(
-    ask: Asking, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
+    ask: Asking,
+    specification: iterator_pb2.CampaignSpec,
+    status: iterator_pb2.CampaignStatus,
+    *,
+    folder: Path,
+    rescue: Rescue,
 ) -> CampaignResult:
     """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is."""
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
-        if (failure := ask.failure()) is not None:
-            raise failure
-        sentence = ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}")
-        if status.iterations:
-            with suppress(FaultError, LabError):
-                kept = fetch_result(ask.bus, specification, status, folder=folder).recording_path
-                sentence += f" What was played until then is in {kept}; `duralab report` shows it."
-        raise CampaignFaultError(
-            sentence,
+        error = ask.failure() or CampaignFaultError(
+            ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}"),
             field=status.fault.field,
             service=status.fault.service,
         )
+        raise rescue.told(error, played=bool(status.iterations))
     try:
-        return fetch_result(ask.bus, specification, status, folder=folder)
+        result = fetch_result(ask.bus, specification, status, folder=folder)
     except FaultError as fault:
-        raise ask.explained(fault) from fault
+        raise rescue.named(ask.explained(fault)) from fault
+    except LabError as error:
+        raise rescue.named(error) from error
+    except KeyboardInterrupt as interrupt:
+        rescue.note_where_it_lies(interrupt, played=True)
+        raise
+    rescue.place.fetched(specification.id)
+    return result

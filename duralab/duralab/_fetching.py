@@ -35,21 +35,21 @@ class Part(StrEnum):
     LIVE = "live"
 
 
-def wait_until_closed(bus: Bus, id: str) -> recorder_pb2.RecordingInfo:
+def wait_until_closed(bus: Bus, id: str, *, seconds: float = CLOSE_SECONDS) -> recorder_pb2.RecordingInfo:
     """Return the description of a recording when its file is complete.
 
     Raises
     ------
     LabError
-        It is not closed in time.
+        It is not closed in so many seconds.
     """
-    deadline = time.monotonic() + CLOSE_SECONDS
+    deadline = time.monotonic() + seconds
     while True:
         information = bus.query(bus.keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
         if information.closed:
             return information
         if time.monotonic() > deadline:
-            raise LabError(f"The recorder did not close the recording {id!r} within {CLOSE_SECONDS:g} s.")
+            raise LabError(f"The recorder did not close the recording {id!r} within {seconds:g} s.")
         time.sleep(0.1)
 
 
@@ -190,19 +190,42 @@ def fetch_result(
             f"The recording {specification.id!r} lacks {information.missing_blocks} signal blocks that the bus "
             "lost; it stays with the recorder, run the campaign again."
         )
-    result = CampaignResult(
-        specification=specification,
-        status=status,
-        recording_path=folder / "recording.mcap",
-        live_path=folder / "live.rrd",
+    recording_path, live_path = fetch_files(bus, information, folder=folder)
+    return CampaignResult(
+        specification=specification, status=status, recording_path=recording_path, live_path=live_path
     )
-    fetch_recording(bus, information, path=result.recording_path)
+
+
+def fetch_files(bus: Bus, information: recorder_pb2.RecordingInfo, *, folder: Path) -> tuple[Path, Path]:
+    """Fetch the files of a closed recording into a folder.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    information : RecordingInfo
+        What the recorder says about it.
+    folder : Path
+        As for `fetch_result`.
+
+    Returns
+    -------
+    recording_path, live_path : Path
+        Of `recording.mcap` and `live.rrd`, which is not there where the recorder writes none.
+
+    Raises
+    ------
+    FaultError, LabError
+        As `fetch`.
+    """
+    recording_path, live_path = folder / "recording.mcap", folder / "live.rrd"
+    fetch_recording(bus, information, path=recording_path)
     try:
-        fetch(bus, specification.id, part=Part.LIVE, path=result.live_path)
+        fetch(bus, information.recording, part=Part.LIVE, path=live_path)
     except FaultError as fault:
         # A recorder that is told to write no live file has none; a later one can be made of the recording.
         if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:
             raise
         # Of another recording that was there before: it would be shown as this one's.
-        result.live_path.unlink(missing_ok=True)
-    return result
+        live_path.unlink(missing_ok=True)
+    return recording_path, live_path

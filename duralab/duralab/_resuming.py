@@ -11,6 +11,8 @@ from duralab._campaigns import collect, followed, free_id
 from duralab._following import OnProgress
 from duralab._outputs import OUTPUTS, require_free
 from duralab._patience import Patience
+from duralab._recordings_place import RecordingsPlace
+from duralab._rescuing import Rescue
 from duralab._script_values import whole_number
 from duralab._specification import stop_message, update_message
 from duralab.campaign_file import Campaign
@@ -65,6 +67,7 @@ def resume_campaign(
     from_iteration: int,
     describe: Callable[[str], Rig],
     folder: Callable[[str], Path],
+    place: RecordingsPlace,
     replace: bool,
     tell: OnProgress,
     patience: Patience,
@@ -85,6 +88,8 @@ def resume_campaign(
         Returns what a rig is.
     folder : callable
         Returns where the outputs of a campaign go.
+    place : RecordingsPlace
+        Where the recorder writes.
     replace : bool
         Whether outputs that are there are overwritten.
     tell : callable
@@ -106,7 +111,10 @@ def resume_campaign(
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
         require_free([folder(name) / file for file in OUTPUTS], replace=replace)
         request.new_id = name if name != id else ""
-        return followed(ask, name, begin=begin, tell=tell, patience=patience)
+        return followed(ask, name, begin=begin, tell=tell, rescue=rescue(name), patience=patience)
+
+    def rescue(name: str) -> Rescue:
+        return Rescue(ask, name, folder(name), place)
 
     name, status = id, None
     if settings is None and from_iteration == 0:
@@ -125,7 +133,7 @@ def resume_campaign(
                 raise
             raise _no_playback_left(error, id) from error
     specification = _as_resumed(parent, name, request, own_settings=settings is None)
-    return collect(ask, specification, status, folder=folder(name))
+    return collect(ask, specification, status, folder=folder(name), rescue=rescue(name))
 
 
 def _parent(ask: Asking, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:

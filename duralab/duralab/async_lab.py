@@ -211,16 +211,17 @@ class AsyncLab:
         return await asyncio.get_running_loop().run_in_executor(self._threads, work)
 
     async def _stoppable(self, work: Callable[[threading.Event], T]) -> T:
-        cancel = threading.Event()
-        context = contextvars.copy_context()
+        cancel, context = threading.Event(), contextvars.copy_context()
         done = asyncio.get_running_loop().run_in_executor(self._threads, lambda: context.run(work, cancel))
         try:
             return await asyncio.shield(done)
-        except asyncio.CancelledError:
+        except asyncio.CancelledError as cancelled:
             cancel.set()
             # What was asked for is stopped when this returns: nothing moves behind the back of who cancelled it.
-            with suppress(LabError, BusError):
+            try:
                 await asyncio.shield(done)
+            except (LabError, BusError) as error:
+                cancelled.add_note(str(error))
             raise
 
 
@@ -289,8 +290,7 @@ async def async_start(
     InputError, LabError
         As in `start`.
     """
-    lab = start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer)
-    async with _opened(lab) as opened:
+    async with _opened(start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer)) as opened:
         yield opened
 
 

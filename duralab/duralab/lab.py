@@ -13,6 +13,8 @@ from duralab._asking import Asking
 from duralab._campaigns import collect, followed, free_id, stop_campaign
 from duralab._following import OnProgress, RunProgress, Stage, progress_of
 from duralab._patience import Patience, patience
+from duralab._recordings_place import RecordingsPlace
+from duralab._rescuing import Rescue
 from duralab._resuming import resume_campaign
 from duralab._script_values import folder_of, listener, require_text
 from duralab._specification import build_specification, check_against_rig
@@ -46,10 +48,20 @@ class Lab(LabRigs):
         Folder for what campaigns leave behind.
     supervisor : Supervisor, optional
         Of the services, where this process started them.
+    recordings : RecordingsPlace, optional
+        Where its recorder writes, as far as that is known.
     """
 
-    def __init__(self, bus: Bus, *, out: Path, supervisor: Supervisor | None = None) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        *,
+        out: Path,
+        supervisor: Supervisor | None = None,
+        recordings: RecordingsPlace | None = None,
+    ) -> None:
         self.out = out
+        self._recordings = recordings or RecordingsPlace()
         self._bus = bus
         self._supervisor = supervisor
         super().__init__(Asking(bus, self.failure))
@@ -188,8 +200,9 @@ class Lab(LabRigs):
         def begin() -> iterator_pb2.CampaignStatus:
             return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
 
-        status = followed(self._ask, id, begin=begin, tell=tell, patience=end)
-        return collect(self._ask, specification, status, folder=folder)
+        rescue = Rescue(self._ask, id, folder, self._recordings)
+        status = followed(self._ask, id, begin=begin, tell=tell, rescue=rescue, patience=end)
+        return collect(self._ask, specification, status, folder=folder, rescue=rescue)
 
     def resume(
         self,
@@ -239,6 +252,7 @@ class Lab(LabRigs):
             from_iteration=from_iteration,
             describe=self.describe,
             folder=lambda name: folder_of(out, usual=self.out / name),
+            place=self._recordings,
             replace=replace,
             tell=listener(on_progress),
             patience=patience(timeout_seconds, cancel),

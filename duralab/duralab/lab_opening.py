@@ -12,6 +12,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
+from duralab._recordings_place import RecordingsPlace, own_recordings
 from duralab._supervisor import Supervisor, lab_services
 from duralab.errors import InputError, UnavailableError
 from duralab.lab import Lab
@@ -50,10 +51,12 @@ def start(
     ----------
     out : str or Path, optional
         Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, where not given.
+        While the lab is open, `recordings` in it is the recorder's folder. It is removed at the end, except where it
+        holds the recording of a campaign that did not end well, or that nobody fetched: that is told and stays.
     listen : str
         Endpoint on which others may connect; a free port of 127.0.0.1 where not given.
     recordings : str or Path, optional
-        The recorder's folder; a temporary one, removed at the end, where not given.
+        The recorder's folder, which stays; the one in `out` where not given.
     rigs : sequence of str
         The rigs to start.
     viewer : str, optional
@@ -72,17 +75,16 @@ def start(
         A service did not start.
     """
     with ExitStack() as stack:
-        private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
-        folder = Path(out) if out is not None else private / "out"
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
-        plans = lab_services(
-            rigs=rigs,
-            recordings=Path(recordings) if recordings is not None else private / "recordings",
-            viewer=viewer,
-        )
+        if recordings is None:
+            place = stack.enter_context(own_recordings(Path(out) if out is not None else None))
+        else:
+            place = RecordingsPlace(Path(recordings), passing=_passing(stack, out))
+        folder = place.passing or Path(out or "")
+        plans = lab_services(rigs=rigs, recordings=place.folder or folder, viewer=viewer)
         supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
         supervisor.start()
-        yield Lab(bus, out=folder, supervisor=supervisor)
+        yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)
 
 
 @contextmanager
@@ -125,7 +127,6 @@ def connect(
         running = the_running_lab()
         endpoint = running.endpoint if running is not None else DEFAULT_ENDPOINT
     with ExitStack() as stack:
-        private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True)))
         bus = stack.enter_context(join_bus(endpoint, identity=identity))
         needed = {(service, "main") for service in ("identifier", "iterator", "recorder")}
         try:
@@ -133,7 +134,8 @@ def connect(
         except FaultError as fault:
             raise UnavailableError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
         _wait_until_all_are_known(bus)
-        yield Lab(bus, out=Path(out) if out is not None else private / "out")
+        place = RecordingsPlace(passing=_passing(stack, out), goes_on=True)
+        yield Lab(bus, out=place.passing or Path(out or ""), recordings=place)
 
 
 def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
@@ -161,6 +163,13 @@ def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
         )
     # All goes through the router, which knows who may do what.
     return _open(mode=BusMode.CLIENT, connect=(endpoint,), tls=TlsConfig.of(shown))
+
+
+def _passing(stack: ExitStack, out: str | Path | None) -> Path | None:
+    """Return a folder for results that is deleted with `stack` where the user gave none."""
+    if out is not None:
+        return None
+    return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True))) / "out"
 
 
 def _wait_until_all_are_known(bus: Bus) -> None:

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from duralab.cli import app
 from duralab.cli.campaign_summary import shown_playbacks
 from duralab.cli.run_display import remaining_words
+from duralab.recording import open_recording
 
 COMMAND = [sys.executable, "-m", "duralab"]
 
@@ -228,10 +229,15 @@ def test_interrupt_stops_the_campaign_and_ends_the_lab(fake_services, tmp_path, 
     process.send_signal(signal.SIGINT)
     code, _, stderr = finish(process)
     assert code == 130
-    assert stderr == "Interrupted; everything that was started is ended.\n"
+    kept = tmp_path / "out" / "recording.mcap"
+    assert stderr == (
+        "Interrupted; everything that was started is ended. "
+        f"What was played until then is in {kept}; `duralab.open` reads it.\n"
+    )
     assert (tmp_path / "stopped").read_text() == "interrupted by the user"
     assert wait_until_gone(started, seconds=0.0) == []
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["logs"]
+    assert sorted(path.name for path in kept.parent.iterdir()) == ["live.rrd", "logs", "recording.mcap"]
+    assert open_recording(kept).specification.id == "demo"
 
 
 def test_remaining_time_is_said_in_minutes():

@@ -13,6 +13,7 @@ import typer
 
 from duralab.cli.exit_codes import ExitCode
 from duralab.errors import InputError, LabError
+from duralab.sentences import ended
 
 
 class TerminatedError(KeyboardInterrupt):
@@ -47,18 +48,28 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        fail(error.message, ExitCode.USER_ERROR, as_json=as_json, field=error.field, service=error.service)
+        said = _with_notes(error.message, error)
+        fail(said, ExitCode.USER_ERROR, as_json=as_json, field=error.field, service=error.service)
     except LabError as error:
-        fail(error.message, ExitCode.FAILED, as_json=as_json, field=error.field, service=error.service)
-    except TerminatedError:
-        _end("Terminated; everything that was started is ended.", ExitCode.TERMINATED, as_json=as_json)
-    except KeyboardInterrupt:
-        _end("Interrupted; everything that was started is ended.", ExitCode.INTERRUPTED, as_json=as_json)
+        said = _with_notes(error.message, error)
+        fail(said, ExitCode.FAILED, as_json=as_json, field=error.field, service=error.service)
+    except TerminatedError as signalled:
+        said = _with_notes("Terminated; everything that was started is ended.", signalled)
+        _end(said, ExitCode.TERMINATED, as_json=as_json)
+    except KeyboardInterrupt as interrupt:
+        said = _with_notes("Interrupted; everything that was started is ended.", interrupt)
+        _end(said, ExitCode.INTERRUPTED, as_json=as_json)
     except OSError as error:
         if error.errno == errno.EPIPE:
             raise  # whoever read the output went away: nobody is there to be told
         place = f"{error.filename}: " if error.filename else ""
         fail(f"{place}{error.strerror or error}.", ExitCode.FAILED, as_json=as_json)
+
+
+def _with_notes(sentence: str, error: BaseException) -> str:
+    """Return a sentence and, after it, where the recordings are that the lab's end noted in the error."""
+    notes = getattr(error, "__notes__", ())
+    return " ".join([ended(sentence), *notes]) if notes else sentence
 
 
 def fail(sentence: str, code: ExitCode, *, as_json: bool, field: str = "", service: str = "") -> NoReturn:

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from duralab._recordings_place import RecordingsPlace
 from duralab._supervisor import ServicePlan, Supervisor, lab_services
 from duralab.errors import LabError
 from duralab.lab import Lab
@@ -48,6 +49,8 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
     LabError
         A rig cannot be used, or a service did not start.
     """
+    # The whole folder goes with the cell: what of a campaign that failed is not fetched is not kept.
+    place = RecordingsPlace(passing=folder)
     paths = {specimen.rig: specimen.write(folder / "specimens") for specimen in specimens}
     plans = lab_services(rigs=rigs, recordings=folder / "recordings", viewer=None, specimens=paths, live_file=False)
     with ExitStack() as stack:
@@ -57,7 +60,7 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
             if kind is CellKind.LAB:
                 supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
                 supervisor.start()
-                yield Lab(bus, out=folder / "out", supervisor=supervisor)
+                yield Lab(bus, out=folder / "out", supervisor=supervisor, recordings=place)
                 return
             stack.enter_context(host_services(bus, _hosted(plans)))
             # What was declared is known a moment later, in the same process too.
@@ -65,7 +68,7 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
             bus.wait_for_live(instances, LIVE_SECONDS)
         except (BusError, ConfigError, FaultError) as error:
             raise LabError(str(error)) from error
-        yield Lab(bus, out=folder / "out")
+        yield Lab(bus, out=folder / "out", recordings=place)
 
 
 def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
