@@ -36,6 +36,7 @@ class ModelWarningCode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MODEL_WARNING_CODE_CLIPPED: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_FEW_AVERAGES: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_SMOOTHED: _ClassVar[ModelWarningCode]
+    MODEL_WARNING_CODE_STUCK: _ClassVar[ModelWarningCode]
 EXCITATION_KIND_UNSPECIFIED: ExcitationKind
 EXCITATION_KIND_PURE_RANDOM: ExcitationKind
 EXCITATION_KIND_BURST_RANDOM: ExcitationKind
@@ -56,6 +57,7 @@ MODEL_WARNING_CODE_TRANSIENT_LEFT: ModelWarningCode
 MODEL_WARNING_CODE_CLIPPED: ModelWarningCode
 MODEL_WARNING_CODE_FEW_AVERAGES: ModelWarningCode
 MODEL_WARNING_CODE_SMOOTHED: ModelWarningCode
+MODEL_WARNING_CODE_STUCK: ModelWarningCode
 
 class WhitePinkSpectrum(_message.Message):
     __slots__ = ("lowest_frequency", "highest_frequency", "corner_frequency", "decibels_per_octave")

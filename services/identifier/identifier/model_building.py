@@ -32,6 +32,7 @@ _WARNING_CODES: Final = {
     WarningCode.TRANSIENT: identifier_pb2.MODEL_WARNING_CODE_TRANSIENT_LEFT,
     WarningCode.FEW_AVERAGES: identifier_pb2.MODEL_WARNING_CODE_FEW_AVERAGES,
     WarningCode.SMOOTHED: identifier_pb2.MODEL_WARNING_CODE_SMOOTHED,
+    WarningCode.STUCK: identifier_pb2.MODEL_WARNING_CODE_STUCK,
 }
 
 

@@ -5,7 +5,7 @@ import pytest
 from known_plants import resonance
 from scipy import signal
 
-from identifier.estimators.record_checks import ChannelCheck
+from identifier.estimators.record_checks import STEP_SAMPLES, ChannelCheck
 from identifier.excitation import ExcitationSettings, White, design_experiment
 
 RATE = 512.0
@@ -67,6 +67,11 @@ def test_an_amplifier_that_gives_way_softly_is_found(steps):
     """Below the limit the levels crowd: the signal comes to it on a round shoulder."""
     records = [0.4 * np.tanh(slow(seed) / 0.1) for seed in range(20)]
     assert clipped(*(converted(record, steps=steps) for record in records)) == list(range(20))
+
+
+def test_a_channel_that_rests_at_first_is_judged_as_well():
+    rest = np.full(STEP_SAMPLES, 0.1)
+    assert clipped(np.concatenate([rest, np.minimum(slow(1), 0.5)])) == [0]
 
 
 @pytest.mark.parametrize("piece", [1, 3, 50])

@@ -15,8 +15,8 @@ LARGEST_ROUNDED_OFF = 2.0
 LONGEST_ROUNDED_OFF = 4.0
 """Length of a flat top over that of a crest within one step, if it bends as a sine of the channel's mean frequency."""
 
-FINEST_STEP = 1e-7
-"""Share of a channel's extreme: a step below that is no converter's (24 bit), and rounding explains no flat top."""
+STEP_SAMPLES = 2**16
+"""So many of a channel show the step of its converter: without one two of them are nearly alike."""
 
 # Each is looked at several times: so many stay in the second cache.
 _LOOKED_AT_TOGETHER = 2**15
@@ -49,7 +49,7 @@ class ChannelCheck:
         self._samples = 0
         self._steps = np.full(channels, np.inf)
         self._first, self._before = np.zeros(channels), np.zeros(channels)
-        # Sums of the values, of their squares and of those of their changes, while the step may be a converter's.
+        # Sums of the values, of their squares and of those of their changes.
         self._sums = np.zeros((channels, 3))
         self._looked_at = np.zeros(channels, dtype=np.int64)
         self._tops = _FlatTops(channels, sign=1.0)
@@ -89,7 +89,7 @@ class ChannelCheck:
                 "computed with, so check its sensor or take another unit."
             )
         for row, channel in enumerate(samples):
-            self._find_step(row, channel, largest[row])
+            self._find_step(row, channel)
         self._samples += samples.shape[1]
 
     def warnings(self) -> tuple[ModelWarning, ...]:
@@ -113,30 +113,32 @@ class ChannelCheck:
                 f"These channels are dead: {values}; "
                 + ("excite every drive." if self._of_drive else "check their sensors or leave them out.")
             )
-        rounded = self._longest_rounded(0.5 * (highest - lowest))
-        flat = self._tops.clipped_samples(self._steps, rounded) + self._bottoms.clipped_samples(self._steps, rounded)
+        # A channel that has not moved by then has shown no step, so none explains its flat tops.
+        steps = np.where(np.isfinite(self._steps), self._steps, 0.0)
+        rounded = self._longest_rounded(steps, peak=0.5 * (highest - lowest))
+        flat = self._tops.clipped_samples(steps, rounded) + self._bottoms.clipped_samples(steps, rounded)
         return tuple(self._clipped(int(row), int(flat[row])) for row in np.flatnonzero(flat))
 
-    def _find_step(self, row: int, channel: NDArray[np.float64], largest: float) -> None:
+    def _find_step(self, row: int, channel: NDArray[np.float64]) -> None:
         """Keep the smallest change of a channel from one sample to the next, and how fast it moves."""
-        for start in range(0, channel.size, _LOOKED_AT_TOGETHER):
-            if self._steps[row] <= FINEST_STEP * largest:
-                return
-            if self._looked_at[row] == 0:
-                self._first[row] = self._before[row] = channel[0]
-            part = channel[start : start + _LOOKED_AT_TOGETHER]
-            changes = np.abs(np.diff(part, prepend=self._before[row]))
-            self._steps[row] = min(self._steps[row], np.min(changes, where=changes > 0.0, initial=np.inf))
-            moved = part - self._first[row]
-            self._sums[row] += moved.sum(), moved @ moved, changes @ changes
-            self._looked_at[row] += part.size
-            self._before[row] = part[-1]
+        part = channel[: max(0, STEP_SAMPLES - self._looked_at[row])]
+        if part.size == 0:
+            return
+        if self._looked_at[row] == 0:
+            self._first[row] = self._before[row] = part[0]
+        changes = np.abs(np.diff(part, prepend=self._before[row]))
+        self._steps[row] = min(self._steps[row], np.min(changes, where=changes > 0.0, initial=np.inf))
+        moved = part - self._first[row]
+        self._sums[row] += moved.sum(), moved @ moved, changes @ changes
+        self._looked_at[row] += part.size
+        self._before[row] = part[-1]
 
-    def _longest_rounded(self, peak: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _longest_rounded(self, steps: NDArray[np.float64], *, peak: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how many samples a crest, shape (channels), may stay in one step without being clipped."""
         total, square, change = self._sums.T
-        frequency = change / (square - total**2 / self._looked_at)
-        return 1.0 + LONGEST_ROUNDED_OFF * 2.0 * np.sqrt(2.0 * self._steps / (peak * frequency))
+        variation = square - total**2 / self._looked_at
+        stay = np.divide(2.0 * steps * variation, peak * change, out=np.zeros_like(peak), where=change > 0.0)
+        return 1.0 + LONGEST_ROUNDED_OFF * 2.0 * np.sqrt(stay)
 
     def _clipped(self, row: int, flat: int) -> ModelWarning:
         share = flat / self._samples
