@@ -24,14 +24,16 @@ def identify(seed):
 @pytest.mark.parametrize("seed", [-1, 2**63, 2**64])
 @pytest.mark.parametrize("ask", [play, identify])
 def test_a_seed_out_of_range(ask, seed):
-    with pytest.raises(InputError, match=rf"^The seed is {seed}; it must be from 0 to 2\^63 - 1\.$") as caught:
+    with pytest.raises(
+        InputError, match=rf"^The seed is {seed}; it must be a whole number from 0 to 2\^63 - 1\.$"
+    ) as caught:
         ask(seed)
     assert caught.value.field == "seed"
 
 
 @pytest.mark.parametrize("number", [-1, 2**32])
 def test_a_playback_to_build_on_out_of_range(number):
-    options = dict.fromkeys(("settings", "describe", "folder", "replace", "tell", "patience"), None)
+    options = dict.fromkeys(("settings", "describe", "folder", "place", "replace", "tell", "patience"), None)
     with pytest.raises(
         InputError, match=f"^from_iteration is {number}; give the number of a playback from 1"
     ) as caught:
