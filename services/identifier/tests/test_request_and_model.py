@@ -252,10 +252,8 @@ def test_a_warning_names_its_channel_and_its_band():
     smoothed = ModelWarning(WarningCode.SMOOTHED, "Response 1 bends.", channel=1, size=0.3, band=(19.5, 20.5))
     clipped = ModelWarning(WarningCode.CLIPPED, "Drive 1 is clipped.", channel=1, of_drive=True, size=0.01)
     stuck = ModelWarning(WarningCode.STUCK, "Response 0 is stuck.", channel=0, size=0.3)
-    told = [
-        (warning.code, warning.channel, warning.lowest_frequency, warning.highest_frequency)
-        for warning in to_message(make_model(warnings=(smoothed, clipped, stuck))).warnings
-    ]
+    warnings = to_message(make_model(warnings=(smoothed, clipped, stuck))).warnings
+    told = [(one.code, one.channel, one.lowest_frequency, one.highest_frequency) for one in warnings]
     assert told == [
         (identifier_pb2.MODEL_WARNING_CODE_SMOOTHED, "force_1", 19.5, 20.5),
         (identifier_pb2.MODEL_WARNING_CODE_CLIPPED, "drive_1", 0.0, 0.0),
