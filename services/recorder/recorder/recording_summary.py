@@ -21,6 +21,9 @@ from recorder.run_book import MOST_BLOCKS, PlannedRun, ranges_of
 
 SUMMARY_METADATA: Final = "summary"
 
+# Anybody may publish a state under any number of 64 bits, and it is written.
+_MOST_NUMBERS: Final = 2**64
+
 Runs = dict[tuple[str, str], PlannedRun]
 """Playbacks by rig and run."""
 
@@ -135,7 +138,7 @@ class Summary:
                 attachments=dict(json.loads(entries.get("attachments", "{}"))),
                 story=Story(**json.loads(entries.get("story", "{}"))),
                 streams={
-                    (str(key), int(epoch)): _continuity_of(pairs, f"messages on {key}")
+                    (str(key), int(epoch)): _continuity_of(pairs, f"messages on {key}", most=_MOST_NUMBERS)
                     for key, epoch, pairs in json.loads(entries.get("streams", "[]"))
                 },
                 next_file=entries.get("next_file", ""),
@@ -160,7 +163,7 @@ def _run_of(entry: Mapping[str, object], recording: str) -> tuple[tuple[str, str
         epoch, blocks = played
         run.played = recorder_pb2.RunPlayed(run=name, rig=rig, epoch=epoch, blocks=blocks)
     for epoch, ranges in stored.items():
-        run.epochs[int(epoch)] = _continuity_of(ranges, f"blocks of run {name!r}")
+        run.epochs[int(epoch)] = _continuity_of(ranges, f"blocks of run {name!r}", most=MOST_BLOCKS)
     return (rig, name), run
 
 
@@ -168,10 +171,10 @@ def _pairs(ranges: Iterable[range]) -> list[list[int]]:
     return [[part.start, part.stop] for part in ranges]
 
 
-def _continuity_of(pairs: Iterable[tuple[int, int]], what: str) -> Continuity:
+def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) -> Continuity:
     continuity = Continuity()
     for first, stop in pairs:
-        if not 0 <= first <= stop <= MOST_BLOCKS:
+        if not 0 <= first <= stop <= most:
             raise ValueError(f"The summary's {what} from {first} to {stop} are none.")
         continuity.fill(range(first, stop))
     return continuity
