@@ -14,22 +14,6 @@ TOO_LARGE = rig_pb2.RigState(reason="x" * 2 * LARGEST_BYTES)
 EPOCH = 7
 
 
-class Link:
-    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages."""
-
-    def __init__(self, publisher, *, lost=()):
-        self._publisher, self._lost = publisher, lost
-        self._seq = 0
-
-    def put(self, payload, **options):
-        if self._seq not in self._lost:
-            self._publisher.put(payload, **options)
-        self._seq += 1
-
-    def undeclare(self):
-        self._publisher.undeclare()
-
-
 @pytest.fixture
 def key(hub):
     return hub.keys.rig_state("r")
@@ -61,14 +45,19 @@ class Receiving:
         return [item.seq for item in self.items]
 
 
-def publish(bus, key, messages, *, lost=()):
+@pytest.fixture
+def publish(lose):
     """Publish messages of which some are lost on the way; return the publisher, open."""
-    publisher = bus.publisher(key)
-    time.sleep(0.2)  # The offer to replay is on its way to the receiver.
-    publisher._publisher.current = Link(publisher._publisher.current, lost=lost)
-    for message in messages:
-        publisher.put(message)
-    return publisher
+
+    def put(bus, key, messages, *, lost=()):
+        publisher = bus.publisher(key)
+        time.sleep(0.2)  # The offer to replay is on its way to the receiver.
+        lose(publisher, lost)
+        for message in messages:
+            publisher.put(message)
+        return publisher
+
+    return put
 
 
 def states(count, refused):
@@ -92,7 +81,7 @@ def stranger(hub, key):
 
 # What the links lose comes by replay, the rest as it is published: the first, the last, some in between, two in a row.
 @pytest.mark.parametrize("lost", [(), range(300), {0, 50, 51, 299}, {49, 52, 298}])
-def test_refused_messages_are_lost_and_all_others_come_in_order(hub, receiver, key, lost, until):
+def test_refused_messages_are_lost_and_all_others_come_in_order(hub, receiver, key, lost, publish, until):
     refused = {0: OTHER, 50: OTHER, 51: TOO_LARGE, 200: TOO_LARGE, 299: OTHER}
     receiving = Receiving(receiver, key, marks=True)
     publisher = publish(hub, key, states(300, refused), lost=lost)
@@ -117,7 +106,7 @@ def test_refused_messages_are_lost_and_all_others_come_in_order(hub, receiver, k
     receiving.subscription.close()
 
 
-def test_message_that_was_spoilt_on_its_way_is_told_once_and_comes_from_its_spool(hub, receiver, key, until):
+def test_message_that_was_spoilt_on_its_way_is_told_once_and_comes_from_its_spool(hub, receiver, key, publish, until):
     receiving = Receiving(receiver, key)
     publisher = publish(hub, key, states(3, {}))
     spoilt = {"encoding": labbus.encoding_of(rig_pb2.RigState)}
@@ -149,7 +138,9 @@ def test_refused_message_of_which_nobody_has_another_is_left_out_and_the_order_k
     receiving.subscription.close()
 
 
-def test_refused_number_that_cannot_be_holds_up_nothing_and_ends_with_its_stream(hub, receiver, key, until):
+def test_refused_number_that_cannot_be_holds_up_nothing_and_ends_with_its_stream(
+    hub, receiver, key, publish, lose, until
+):
     receiving = Receiving(receiver, key, marks=True)
     publisher = publish(hub, key, states(3, {}))
     until(lambda: len(receiving.items) == 3)
@@ -159,7 +150,7 @@ def test_refused_number_that_cannot_be_holds_up_nothing_and_ends_with_its_stream
         hub._session.current.put(key, b"\xff", encoding=encoding, attachment=attachment)
     until(lambda: len(receiving.problems) == 2)
     # Every other one is lost on its way: they are put back in their place as before.
-    publisher._publisher.current = Link(publisher._publisher.current, lost=range(0, 100, 2))
+    lose(publisher, range(0, 100, 2))
     for message in states(100, {}):
         publisher.put(message)
     until(lambda: len(receiving.items) == 103)
@@ -185,7 +176,7 @@ def test_stream_of_which_all_is_refused_is_let_go_where_its_receiver_stores(hub,
     receiving.subscription.close()
 
 
-def test_message_without_a_position_is_told_and_no_part_of_any_stream(hub, receiver, key, until):
+def test_message_without_a_position_is_told_and_no_part_of_any_stream(hub, receiver, key, publish, until):
     receiving = Receiving(receiver, key)
     publisher = publish(hub, key, states(3, {}))
     for attachment in (None, b"short", b"\x00" * 24):

@@ -29,29 +29,14 @@ def received(hub, key):
         yield seqs
 
 
-class Link:
-    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages."""
-
-    def __init__(self, publisher, *, lost):
-        self._publisher, self._lost, self._seq = publisher, lost, 0
-
-    def put(self, payload, **options):
-        if self._seq not in self._lost:
-            self._publisher.put(payload, **options)
-        self._seq += 1
-
-    def undeclare(self):
-        self._publisher.undeclare()
-
-
 @pytest.fixture
-def publish(hub, key):
+def publish(hub, key, lose):
     """Make a publisher of which some messages are lost; `replay` returns what it replays of what it was asked for."""
 
     def make(*, lost, replay):
         publisher = hub.publisher(key)
         time.sleep(0.2)  # The offer to replay is on its way to the receiver.
-        publisher._publisher.current = Link(publisher._publisher.current, lost=lost)
+        lose(publisher, lost)
         spool = publisher._spool
         kept = spool.read
         spool.read = lambda first, stop, *, most: replay(kept(first, stop, most=most))

@@ -53,7 +53,7 @@ class Audit:
             gap = next(number for number, found in enumerate([*numbers, -1]) if number != found)
             self.findings.append(f"Step {gap} is missing, though step {numbers[-1]} is there.")
         if not self.read_whole:
-            self.findings.append(f"What follows was not read; {len(numbers)} steps lie before it.")
+            self.findings.append(f"What follows, if anything does, was not read; {len(numbers)} steps lie before it.")
         elif content.last_step_type != type_name_of(recorder_pb2.RecordingClosed):
             self.findings.append(f"The last of its {len(numbers)} steps is not RecordingClosed: it was cut short.")
         for played in content.played:
