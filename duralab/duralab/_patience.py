@@ -61,9 +61,24 @@ def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> P
         raise InputError(f"cancel is {cancel!r}; give a threading.Event, or leave it out.", field="cancel")
     if timeout_seconds is None:
         return Patience(cancel=cancel)
-    if not isinstance(timeout_seconds, Real) or isinstance(timeout_seconds, bool) or not timeout_seconds > 0.0:
-        raise InputError(
-            f"timeout_seconds is {timeout_seconds!r}; it must be a number greater than 0, or left out.",
-            field="timeout_seconds",
-        )
+    require_time(timeout_seconds, field="timeout_seconds")
     return Patience(timeout_seconds, time.monotonic() + timeout_seconds, cancel)
+
+
+def require_time(seconds: object, *, field: str) -> None:
+    """Check a time that somebody is willing to wait.
+
+    Parameters
+    ----------
+    seconds : object
+        What was given.
+    field : str
+        The argument's name.
+
+    Raises
+    ------
+    InputError
+        It is no number greater than 0.
+    """
+    if not isinstance(seconds, Real) or isinstance(seconds, bool) or not seconds > 0.0:
+        raise InputError(f"{field} is {seconds!r}; it must be a number greater than 0, or left out.", field=field)

@@ -54,11 +54,29 @@ def folder_of(given: str | Path | None, *, usual: Path, field: str = "out") -> P
     InputError
         It is no path.
     """
-    if given is None:
-        return usual
-    if not isinstance(given, str | os.PathLike):
-        raise InputError(f"{field} is {given!r}; give the path of a folder, a text or a pathlib.Path.", field=field)
-    return Path(given)
+    require_path(given, of="a folder", field=field)
+    return usual if given is None else Path(given)
+
+
+def require_path(given: object, *, of: str, field: str) -> None:
+    """Check a path that may be left out.
+
+    Parameters
+    ----------
+    given : object
+        What was given.
+    of : str
+        What the path is of, for the error.
+    field : str
+        The argument's name.
+
+    Raises
+    ------
+    InputError
+        It is neither a path nor None.
+    """
+    if given is not None and not isinstance(given, str | os.PathLike):
+        raise InputError(f"{field} is {given!r}; give the path of {of}, a text or a pathlib.Path.", field=field)
 
 
 def listener(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:

@@ -12,7 +12,9 @@ from typing import Final
 
 from pydantic import ValidationError
 
+from duralab._patience import require_time
 from duralab._recordings_place import RecordingsPlace, own_recordings
+from duralab._script_values import require_path, require_text
 from duralab._supervisor import Supervisor, lab_services
 from duralab.errors import InputError, UnavailableError
 from duralab.lab import Lab
@@ -70,10 +72,20 @@ def start(
     Raises
     ------
     InputError
-        The port is in use, or a folder cannot be made.
+        An argument is of another type, no rig is given, the port is in use, or a folder cannot be made.
     LabError
         A service did not start.
     """
+    require_text(listen, field="listen")
+    if viewer is not None:
+        require_text(viewer, field="viewer")
+    require_path(out, of="a folder", field="out")
+    require_path(recordings, of="a folder", field="recordings")
+    # A text is a sequence of texts as well, of one letter each.
+    if isinstance(rigs, str) or not isinstance(rigs, Sequence) or not rigs:
+        raise InputError(f"rigs is {rigs!r}; give the names of one rig or more, such as ('front_axle',).", field="rigs")
+    for rig in rigs:
+        require_text(rig, field="rigs")
     with ExitStack() as stack:
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
         if recordings is None:
@@ -119,10 +131,16 @@ def connect(
     Raises
     ------
     InputError
-        Nothing listens there, several labs run here and none is named, or the lab does not let this identity in.
+        An argument is of another type, nothing listens there, several labs run here and none is named, or the lab
+        does not let this identity in.
     UnavailableError
         A service of the lab is not on that bus.
     """
+    if endpoint is not None:
+        require_text(endpoint, field="endpoint")
+    require_path(out, of="a folder", field="out")
+    require_path(identity, of="a certificate", field="identity")
+    require_time(timeout_seconds, field="timeout_seconds")
     if endpoint is None:
         running = the_running_lab()
         endpoint = running.endpoint if running is not None else DEFAULT_ENDPOINT
