@@ -45,6 +45,12 @@ class IterationMetrics:
     specimen_damage: NDArray[np.float64]
     controlled: NDArray[np.bool_] | None = None
 
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        """Of each response with its target, -1 to 1, shape (n_y,), by the law of cosines; 0 for a response at rest."""
+        r, e = self.rms_response, self.relative_rms_error
+        return np.divide(1.0 + r**2 - e**2, 2.0 * r, out=np.zeros_like(r), where=r != 0.0)
+
     def judged(self, figures: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the part of some figures, one row for each response, by which a playback is judged."""
         return figures if self.controlled is None else figures[self.controlled]

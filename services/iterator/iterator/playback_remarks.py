@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from duralab_proto.v1 import iterator_pb2
 from iterator.campaign_plan import CampaignPlan
 from iterator.convergence_prediction import predict_convergence
 from iterator.iteration_loop import Iteration
 from iterator.standstill import Standstill
+
+_UNRELATED: Final = 0.1
+"""Correlation of a response with its target up to which nothing of the target is in it. Noise alone has 0, give or take
+0.04 over 10 s of a band of 35 Hz; a good response has more even at a gain of 0.1, unless its noise is ten times it."""
 
 
 def remarks_of(
@@ -29,7 +34,8 @@ def remarks_of(
     -------
     list of str
         Limits that its drive would have passed, how much it was changed to hold them, where the target was out of the
-        rig's reach, which responses stood still, and whether the next playback is predicted to diverge.
+        rig's reach, which responses stood still or reproduced nothing, and whether the next playback is predicted to
+        diverge.
     """
     if iteration.number < len(recorded):
         return list(recorded[iteration.number - 1].remarks)
@@ -48,6 +54,7 @@ def remarks_of(
             f"{of_it}{told}"
             for told in standstills_in_words(iteration.stood_still, plan=plan, then=_way_on_without(iteration.number))
         ),
+        *(f"{of_it}{told}" for told in _not_reproduced(iteration, plan)),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
     # What stood still in a recorded playback is told in its step and seen again.
@@ -85,6 +92,19 @@ def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, the
 
 def _way_on_without(number: int) -> str:
     return f"resume from playback {number - 1} or start anew" if number > 1 else "start anew"
+
+
+def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which controlled responses have nothing of their target, as behind a sensor that only hums."""
+    stood_still = {found.response for found in iteration.stood_still}
+    return [
+        f"{channel.name} has a correlation of {related:.2f} with its target; check its sensor, its sign and the model "
+        "there before the drive grows."
+        for i, (channel, related) in enumerate(
+            zip(plan.description.responses, iteration.metrics.correlation, strict=True)
+        )
+        if plan.response_weight[i] > 0.0 and related <= _UNRELATED and i not in stood_still
+    ]
 
 
 def _projected(iteration: Iteration, plan: CampaignPlan) -> list[str]:

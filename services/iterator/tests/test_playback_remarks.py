@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1 import array_pb2, iterator_pb2
-from iterator import DriveLimits, Outcome, Segment, Standstill, control_band, project_drive
+from iterator import DriveLimits, Outcome, Segment, Standstill, control_band, judge_response, project_drive
 from iterator.playback_remarks import remarks_of
 
 RATE = 256.0
@@ -23,10 +23,16 @@ def remarks(drive, *, peak, slew=0.0):
         sample_rate=RATE,
     )
     projection = project_drive(drive, limits=limits, band=control_band(1.0, 30.0, sample_rate=RATE))
-    description = SimpleNamespace(drives=[array_pb2.Channel(name=name, unit="m") for name in NAMES])
+    description = SimpleNamespace(drives=[array_pb2.Channel(name=name, unit="m") for name in NAMES], responses=[])
     # Over, so that nothing is predicted of a next playback.
-    iteration = SimpleNamespace(number=2, projection=projection, unreachable=(), stood_still=(), outcome="reached")
+    iteration = SimpleNamespace(
+        number=2, projection=projection, unreachable=(), stood_still=(), outcome="reached", metrics=related()
+    )
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
+
+
+def related(*correlations):
+    return SimpleNamespace(correlation=np.array(correlations))
 
 
 @pytest.fixture
@@ -62,7 +68,9 @@ def stood_still(number, *, weight, outcome, recorded=()):
         response_weight=np.array(weight),
     )
     found = tuple(Standstill(response=i, segment=Segment(start=5.0, end=15.0)) for i in range(2))
-    iteration = SimpleNamespace(number=number, projection=None, unreachable=(), stood_still=found, outcome=outcome)
+    iteration = SimpleNamespace(
+        number=number, projection=None, unreachable=(), stood_still=found, outcome=outcome, metrics=related(0.0, 0.0)
+    )
     return remarks_of(iteration, plan=plan, recorded=recorded)
 
 
@@ -78,6 +86,41 @@ def test_a_response_that_stood_still_is_told_with_the_time_and_what_to_do():
     assert stood_still(3, weight=(1.0, 0.0), outcome=Outcome.RESPONSE_STOOD_STILL, recorded=recorded) == told
     first = stood_still(1, weight=(1.0, 0.0), outcome=Outcome.RESPONSE_STOOD_STILL)
     assert first[0].endswith("check the sensor and its cable, then start anew.")
+
+
+def test_a_controlled_response_that_reproduces_nothing_is_told():
+    names = ("left", "right", "beam", "axle")
+    plan = SimpleNamespace(
+        description=SimpleNamespace(responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
+        response_weight=np.array([1.0, 0.5, 0.0, 1.0]),
+    )
+    iteration = SimpleNamespace(
+        number=4,
+        projection=None,
+        unreachable=(),
+        stood_still=(),
+        outcome="last",
+        metrics=related(0.101, 0.0625, np.nan, 0.99),
+    )
+    assert remarks_of(iteration, plan=plan) == [
+        "Playback 4: right has a correlation of 0.06 with its target; check its sensor, its sign and the model there "
+        "before the drive grows."
+    ]
+
+
+def test_the_correlation_of_a_response_is_that_of_its_samples():
+    generator = np.random.default_rng(2)
+    target = generator.standard_normal((4, 3000)) * [[1.0], [200.0], [1e-3], [1.0]]
+    # Behind a sensor that hums, with some of the target, with the other sign, and at rest.
+    response = np.array([1e-4, 150.0, 1e-5, 0.0])[:, None] * generator.standard_normal((4, 3000))
+    response += np.array([0.0, 0.5, -0.3, 0.0])[:, None] * target
+    expected = [
+        np.sum(y * w) / np.sqrt(np.sum(y**2) * np.sum(w**2)) for y, w in zip(response[:3], target, strict=False)
+    ]
+    found = judge_response(target, response).correlation
+    np.testing.assert_allclose(found, [*expected, 0.0], atol=1e-9)
+    assert abs(found[0]) < 0.05
+    assert found[2] < -0.9
 
 
 def test_nothing_is_told_of_a_drive_that_fits(tones):
