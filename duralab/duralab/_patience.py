@@ -80,5 +80,5 @@ def require_time(seconds: object, *, field: str) -> None:
     InputError
         It is no number greater than 0.
     """
-    if not isinstance(seconds, Real) or isinstance(seconds, bool) or not seconds > 0.0:
+    if not isinstance(seconds, Real) or isinstance(seconds, bool) or not float(seconds) > 0.0:
         raise InputError(f"{field} is {seconds!r}; it must be a number greater than 0, or left out.", field=field)

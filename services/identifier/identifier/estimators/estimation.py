@@ -14,6 +14,7 @@ from identifier.estimators.local_regression import LocalModel, LocalSums
 from identifier.estimators.local_solution import degrees_of_freedom, solve_local
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
+from identifier.estimators.rest_check import RestCheck
 from identifier.estimators.smoothing_check import smoothing_warnings
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.standstill import StandstillCheck
@@ -101,6 +102,7 @@ class Estimation:
         self._response_check = ChannelCheck(responses, name="response", of_drive=False, taken_off=of_responses)
         self._standstill = StandstillCheck(layout, responses=responses, taken_off=of_responses)
         self._periodicity = PeriodicityCheck(layout, responses=responses)
+        self._rest = RestCheck(layout, drives=drives, responses=responses)
 
     def add(self, drive: ArrayLike, response: ArrayLike) -> None:
         """Add the next samples.
@@ -140,6 +142,7 @@ class Estimation:
             self._drive_check.add(inputs[:, piece])
             self._response_check.add(outputs[:, piece])
             self._standstill.add(inputs[:, piece], outputs[:, piece], first=first + piece.start)
+            self._rest.add(inputs[:, piece], outputs[:, piece])
             seen = piece.stop
         _require_finite(inputs[:, seen:], outputs[:, seen:])
 
@@ -161,7 +164,7 @@ class Estimation:
                 f"The record has {self._used.position} samples, its layout {self._layout.samples}; "
                 "estimate from the whole record of the drive that was played."
             )
-        checks = (self._drive_check, self._response_check, self._standstill, self._periodicity)
+        checks = (self._drive_check, self._response_check, self._standstill, self._periodicity, self._rest)
         warnings = tuple(warning for check in checks for warning in check.warnings())
         spectra = self._spectral.averages()
         if self._local is None:
