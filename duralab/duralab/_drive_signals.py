@@ -34,7 +34,8 @@ def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signal
     Raises
     ------
     InputError
-        The shape does not fit, a value is not real or not finite, or a channel with a name has no unit.
+        The shape does not fit, a value is masked, not real or not finite, a channel with a name has no unit, or an
+        array without names has one.
     """
     if isinstance(drive, Signals):
         return _checked(_in_order(drive, rig))

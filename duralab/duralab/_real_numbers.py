@@ -33,7 +33,7 @@ def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
     Raises
     ------
     InputError
-        They are complex, truth values, text or objects, or rows of several lengths.
+        They are complex, truth values, text or objects, masked or with a unit, or rows of several lengths.
     """
     try:
         given = np.asarray(values)
@@ -43,4 +43,24 @@ def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
         # numpy would drop the imaginary part with no more than a warning, and read numbers out of text.
         held = _IN_WORDS.get(given.dtype.kind, f"values of type {given.dtype}")
         raise InputError(f"{what} holds {held}; give an array of real numbers, such as float64.", field=field)
+    _require_plain(values, what=what, field=field)
     return np.ascontiguousarray(given, dtype=np.float64)
+
+
+def _require_plain(values: object, *, what: str, field: str) -> None:
+    """Refuse what numpy would strip off: a mask, and the unit of a quantity as pint, astropy and xarray carry one."""
+    masked = int(np.ma.count_masked(values)) if isinstance(values, np.ma.MaskedArray) else 0
+    if masked:
+        raise InputError(
+            f"{what} has {masked} masked values, which are no numbers; fill them in before.",
+            field=field,
+        )
+    for name in ("units", "unit"):
+        if hasattr(values, name):
+            unit = getattr(values, name)
+            told = f"the unit {unit}" if np.ndim(unit) == 0 else "units"
+            raise InputError(
+                f"{what} carries {told}, which is read of named channels only; give `Signals` or an xarray with names "
+                "and units, or plain numbers in the rig's units.",
+                field=field,
+            )

@@ -127,6 +127,34 @@ def test_a_drive_that_is_not_of_real_numbers_is_refused(samples, held):
         assert caught.value.field == "drive.samples"
 
 
+def test_a_drive_with_masked_values_is_refused():
+    with pytest.raises(InputError, match="The drive has 1 masked values, which are no numbers; fill them in"):
+        drive_signals(np.ma.masked_equal(SIGNALS.samples, SIGNALS.samples[1, 2]), RIG)
+    np.testing.assert_array_equal(drive_signals(np.ma.array(SIGNALS.samples), RIG).samples, SIGNALS.samples)
+
+
+def test_a_drive_whose_unit_would_be_lost_is_refused():
+    class Quantity:
+        """What pint and astropy make: numbers behind `__array__`, with their unit beside them."""
+
+        def __init__(self, name: str) -> None:
+            setattr(self, name, "mm")
+
+        def __array__(self, dtype: object = None, copy: object = None) -> np.ndarray:
+            return SIGNALS.samples
+
+    unnamed = xarray.DataArray(SIGNALS.samples, dims=("channel", "time"), attrs={"units": "mm"})
+    for drive in (Quantity("units"), Quantity("unit"), unnamed):
+        with pytest.raises(
+            InputError, match="The drive carries the unit mm, which is read of named channels only"
+        ) as caught:
+            drive_signals(drive, RIG)
+        assert caught.value.field == "drive.samples"
+    in_each = unnamed.assign_coords(unit=("channel", ["mm", "mm"])).drop_attrs()
+    with pytest.raises(InputError, match="The drive carries units, which"):
+        drive_signals(in_each, RIG)
+
+
 @pytest.mark.parametrize("kind", [np.int16, np.uint8, np.float32, ">f8"])
 def test_real_numbers_of_every_kind_become_float64(kind):
     given = np.arange(8).reshape(2, 4).astype(kind)

@@ -22,7 +22,7 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
     Raises
     ------
     ValueError
-        Where the shape is not (channels, samples), a value is not finite or a number is not real.
+        Where the shape is not (channels, samples), a value is masked or not finite or a number is not real.
     """
     record = shaped_record(samples, name=name)
     _require_finite(record, name)
@@ -47,8 +47,11 @@ def shaped_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.fl
     Raises
     ------
     ValueError
-        Where the shape is not (channels, samples) or a number is not real.
+        Where the shape is not (channels, samples), a value is masked or a number is not real.
     """
+    # numpy drops a mask, and what lies under it is no measurement.
+    if np.ma.is_masked(samples):
+        raise ValueError(f"{name} has {np.ma.count_masked(samples)} masked values; fill them in or leave them out.")
     array = np.asarray(samples)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[1] < 1:
         raise ValueError(

@@ -24,6 +24,10 @@ BLOCKS = {"block_samples": 256, "overlap": 0.5, "sample_rate": 1000.0}
         (lambda: spectra.as_frf(np.ones((1, 2, 2))), "2 lines or more"),
         (lambda: spectra.as_frf(np.full((2, 1, 1), np.nan)), "at line 0, row 0, column 0"),
         (lambda: spectra.as_record([[1.0, np.inf]], name="drive"), "drive holds inf in channel 0 at sample 1"),
+        (
+            lambda: spectra.as_record(np.ma.masked_greater([[1.0, 2.0]], 1.5)),
+            "samples has 1 masked values; fill them in",
+        ),
         (lambda: spectra.paired_spectra(np.ones((2, 300)), np.ones((1, 300)), **BLOCKS), "2 and 1 channels"),
         (lambda: spectra.CrossSpectra(0, 1, **BLOCKS), "0 and 1 channels"),
     ],
