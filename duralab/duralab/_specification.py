@@ -261,9 +261,17 @@ def stop_message(stop: StopSection) -> iterator_pb2.StopCriteria:
         largest_damage_ratio=stop.damage_ratio[1] if stop.damage_ratio is not None else 0.0,
         damage_exponent=float(stop.damage_exponent),
         damage_budget=stop.damage_budget,
+        error_bound=_bound(stop.error_bound),
+        peak_bound=_bound(stop.peak_bound),
+        damage_bound=_bound(stop.damage_bound),
         smallest_improvement=stop.smallest_improvement,
         improvement_playbacks=stop.improvement_playbacks,
     )
+
+
+def _bound(value: float | None) -> float:
+    """Return a bound of the contract, which is infinite for none."""
+    return np.inf if value is None else value
 
 
 def build_specification(
@@ -295,6 +303,9 @@ def build_specification(
         stop=stop_message(campaign.stop),
         lowest_frequency=campaign.control_band.lowest_frequency,
         highest_frequency=campaign.control_band.highest_frequency,
+        lower_flank=campaign.control_band.lower_flank or 0.0,
+        upper_flank=campaign.control_band.upper_flank or 0.0,
+        largest_overrun=campaign.largest_overrun,
         seed=campaign.seed,
         scenario=campaign.text,
         levels=campaign.levels,

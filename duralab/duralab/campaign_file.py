@@ -84,10 +84,20 @@ class Target(Section):
 
 
 class ControlBand(Section):
-    """Where the target is reproduced and judged."""
+    """Where the target is reproduced and judged; it is whole between the two edges."""
 
-    lowest_frequency: Positive = Field(description="In hertz; the target holds one period of it at least.")
-    highest_frequency: Positive = Field(description="In hertz.")
+    lowest_frequency: Positive = Field(description="Lower edge in hertz; the target holds one period of it at least.")
+    highest_frequency: Positive = Field(description="Upper edge in hertz.")
+    lower_flank: Positive | None = Field(
+        default=None,
+        description="Width in hertz of the flank below the band, in which target and drives fade out, within the "
+        "excited band; left out: half of lowest_frequency, or less where the excited band begins sooner.",
+    )
+    upper_flank: Positive | None = Field(
+        default=None,
+        description="Width in hertz of the flank above the band; left out: a tenth of highest_frequency, or less where "
+        "the excited band ends sooner.",
+    )
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -96,6 +106,8 @@ class ControlBand(Section):
                 f"reaches from {self.lowest_frequency:g} to {self.highest_frequency:g} Hz; "
                 "lowest_frequency must be below highest_frequency"
             )
+        if self.lower_flank is not None and self.lower_flank > self.lowest_frequency:
+            raise ValueError(f"has lower_flank {self.lower_flank:g} Hz; it must not exceed lowest_frequency")
         return self
 
 
@@ -138,6 +150,13 @@ class Campaign(Section):
         description="What becomes of a drive past a limit: project plays a near one and says so, refuse ends the "
         "campaign.",
     )
+    largest_overrun: float = Field(
+        default=1.25,
+        ge=1,
+        le=1000,
+        description="Multiple of a limit that the first drive may ask for to be projected; a target that asks for more "
+        "is refused before it is played.",
+    )
     levels: Levels = Field(
         default=(),
         strict=False,
@@ -152,9 +171,12 @@ class Campaign(Section):
     @model_validator(mode="after")
     def _check_control_band(self) -> Self:
         band, excited = self.control_band, self.excitation
-        if band.lowest_frequency < excited.lowest_frequency or band.highest_frequency > excited.highest_frequency:
+        lowest = band.lowest_frequency - (band.lower_flank or 0.0)
+        highest = band.highest_frequency + (band.upper_flank or 0.0)
+        if lowest < excited.lowest_frequency or highest > excited.highest_frequency:
+            flanks = "" if band.lower_flank is None and band.upper_flank is None else " with its flanks"
             raise ValueError(
-                f"control_band reaches from {band.lowest_frequency:g} to {band.highest_frequency:g} Hz; it must lie in "
+                f"control_band reaches{flanks} from {lowest:g} to {highest:g} Hz; it must lie in "
                 f"the excited band from {excited.lowest_frequency:g} to {excited.highest_frequency:g} Hz"
             )
         return self

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from enum import IntEnum, StrEnum
 from itertools import pairwise
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from duralab.campaign_values import Gain, GainPerChannel, NotNegative, Positive, Section
+
+Bound = Annotated[float, Field(gt=1.0, allow_inf_nan=False)]
+"""Multiple of the target's figure that no playback may pass."""
 
 
 class Algorithm(StrEnum):
@@ -175,6 +178,19 @@ class StopSection(Section):
     )
     damage_budget: NotNegative = Field(
         default=0.0, description="End before the specimen took this multiple of the target's damage; 0: no limit."
+    )
+    error_bound: Bound | None = Field(
+        default=2.5,
+        description="End the campaign where a playback's relative RMS error of a channel passes this, measured or "
+        "predicted by the model; a rig at rest has 1; null: no bound.",
+    )
+    peak_bound: Bound | None = Field(
+        default=2.5, description="The same for a channel's peak over the target's; null: no bound."
+    )
+    damage_bound: Bound | None = Field(
+        default=100.0,
+        description="The same for a channel's damage in one playback over the target's, at damage_exponent; null: no "
+        "bound.",
     )
     smallest_improvement: float = Field(
         default=0.0, ge=0, lt=1, description="End when the last playbacks did not lower the best error by this share."

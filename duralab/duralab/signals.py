@@ -35,6 +35,8 @@ class Channel:
         Largest allowed magnitude of the time derivative, in `unit` per second; 0 where none is stated.
     label : str
         What it is and where it acts.
+    watchdog : float
+        Of a response: magnitude at which the rig's watchdog ends a run, in `unit`; 0 where none is stated.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Channel:
     maximum: float = np.inf
     slew_limit: float = 0.0
     label: str = ""
+    watchdog: float = 0.0
 
     @property
     def title(self) -> str:
@@ -61,6 +64,7 @@ class Channel:
             maximum=message.maximum,
             slew_limit=message.slew_limit,
             label=message.label,
+            watchdog=message.watchdog,
         )
 
     def to_message(self) -> array_pb2.Channel:
@@ -73,6 +77,7 @@ class Channel:
             maximum=self.maximum,
             slew_limit=self.slew_limit,
             label=self.label,
+            watchdog=self.watchdog,
         )
 
 

@@ -50,7 +50,7 @@ class Array(_message.Message):
     def __init__(self, element_type: _Optional[_Union[ElementType, str]] = ..., shape: _Optional[_Iterable[int]] = ..., data: _Optional[bytes] = ...) -> None: ...
 
 class Channel(_message.Message):
-    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label")
+    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label", "watchdog")
     NAME_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
@@ -58,6 +58,7 @@ class Channel(_message.Message):
     MAXIMUM_FIELD_NUMBER: _ClassVar[int]
     SLEW_LIMIT_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
+    WATCHDOG_FIELD_NUMBER: _ClassVar[int]
     name: str
     unit: str
     kind: ChannelKind
@@ -65,7 +66,8 @@ class Channel(_message.Message):
     maximum: float
     slew_limit: float
     label: str
-    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ...) -> None: ...
+    watchdog: float
+    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ..., watchdog: _Optional[float] = ...) -> None: ...
 
 class Record(_message.Message):
     __slots__ = ("channels", "sample_rate", "samples")

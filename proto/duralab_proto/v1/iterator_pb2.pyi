@@ -56,6 +56,7 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_NO_IMPROVEMENT: _ClassVar[Outcome]
     OUTCOME_DAMAGE_BUDGET_USED: _ClassVar[Outcome]
     OUTCOME_RESPONSE_STOOD_STILL: _ClassVar[Outcome]
+    OUTCOME_BOUND_PASSED: _ClassVar[Outcome]
 UPDATE_KIND_UNSPECIFIED: UpdateKind
 UPDATE_KIND_BASIC_TWR: UpdateKind
 UPDATE_KIND_ADAPTIVE_MODELLING: UpdateKind
@@ -84,6 +85,7 @@ OUTCOME_DIVERGED: Outcome
 OUTCOME_NO_IMPROVEMENT: Outcome
 OUTCOME_DAMAGE_BUDGET_USED: Outcome
 OUTCOME_RESPONSE_STOOD_STILL: Outcome
+OUTCOME_BOUND_PASSED: Outcome
 
 class SecantSettings(_message.Message):
     __slots__ = ("forgetting", "prior_strength", "caution", "regularisation")
@@ -130,7 +132,7 @@ class UpdateSettings(_message.Message):
     def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., shape: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., response_weight: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
-    __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent")
+    __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent", "error_bound", "peak_bound", "damage_bound")
     LARGEST_ITERATIONS_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     DIVERGENCE_RATIO_FIELD_NUMBER: _ClassVar[int]
@@ -140,6 +142,9 @@ class StopCriteria(_message.Message):
     IMPROVEMENT_PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
     DAMAGE_BUDGET_FIELD_NUMBER: _ClassVar[int]
     DAMAGE_EXPONENT_FIELD_NUMBER: _ClassVar[int]
+    ERROR_BOUND_FIELD_NUMBER: _ClassVar[int]
+    PEAK_BOUND_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_BOUND_FIELD_NUMBER: _ClassVar[int]
     largest_iterations: int
     relative_rms_error: float
     divergence_ratio: float
@@ -149,7 +154,10 @@ class StopCriteria(_message.Message):
     improvement_playbacks: int
     damage_budget: float
     damage_exponent: float
-    def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ...) -> None: ...
+    error_bound: float
+    peak_bound: float
+    damage_bound: float
+    def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ..., error_bound: _Optional[float] = ..., peak_bound: _Optional[float] = ..., damage_bound: _Optional[float] = ...) -> None: ...
 
 class TargetStepChannel(_message.Message):
     __slots__ = ("channel", "energy_removed", "spikes", "damage_kept")
@@ -194,7 +202,7 @@ class TargetStep(_message.Message):
     def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ...) -> None: ...
 
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "confirmations", "target_steps")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -214,6 +222,9 @@ class CampaignSpec(_message.Message):
     PARENT_FIELD_NUMBER: _ClassVar[int]
     PARENT_ITERATION_FIELD_NUMBER: _ClassVar[int]
     LIMIT_POLICY_FIELD_NUMBER: _ClassVar[int]
+    LOWER_FLANK_FIELD_NUMBER: _ClassVar[int]
+    UPPER_FLANK_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_OVERRUN_FIELD_NUMBER: _ClassVar[int]
     CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
     TARGET_STEPS_FIELD_NUMBER: _ClassVar[int]
     id: str
@@ -235,9 +246,12 @@ class CampaignSpec(_message.Message):
     parent: str
     parent_iteration: int
     limit_policy: LimitPolicy
+    lower_flank: float
+    upper_flank: float
+    largest_overrun: float
     confirmations: int
     target_steps: _containers.RepeatedCompositeFieldContainer[TargetStep]
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ...) -> None: ...
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()

@@ -11,6 +11,7 @@ from iterator.convergence_prediction import ConvergencePrediction, predict_conve
 from iterator.drive_limits import (
     DriveLimitError,
     DriveLimits,
+    DriveOverrunError,
     LimitPolicy,
     LimitQuantity,
     LimitViolation,
@@ -41,6 +42,7 @@ from iterator.iteration_loop import (
 )
 from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
 from iterator.outside_band import OutsideBand, energy_outside_band
+from iterator.playback_bounds import NO_BOUNDS, BoundedQuantity, PassedBound, PlaybackBoundError, PlaybackBounds
 from iterator.repeatability import Repeatability, judge_repeatability
 from iterator.rig_model import ModelUncertainty, RigModel, rig_model
 from iterator.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
@@ -51,9 +53,11 @@ from iterator.time_segments import Segment, segments_of
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
 
 __all__ = [
+    "NO_BOUNDS",
     "UPDATES",
     "AcceptanceSettings",
     "AcceptedIterate",
+    "BoundedQuantity",
     "CampaignResult",
     "CampaignSettings",
     "ControlBand",
@@ -63,6 +67,7 @@ __all__ = [
     "DamageBounds",
     "DriveLimitError",
     "DriveLimits",
+    "DriveOverrunError",
     "DriveProjection",
     "GainCurve",
     "Iteration",
@@ -76,8 +81,11 @@ __all__ = [
     "NextDrive",
     "Outcome",
     "OutsideBand",
+    "PassedBound",
     "Play",
     "Playback",
+    "PlaybackBoundError",
+    "PlaybackBounds",
     "Prediction",
     "RecordedPlayback",
     "Repeatability",

@@ -176,10 +176,10 @@ def _apply(
             f"The model is for records of {2.0 * model.frequency[-1]:g} Hz and the control band for those of "
             f"{band.sample_rate:g} Hz; take both of one sample rate."
         )
-    if band.lowest < known[0] - spacing or band.highest > known[-1] + spacing:
+    if band.lowest_driven < known[0] - spacing or band.highest_driven > known[-1] + spacing:
         raise ValueError(
-            f"The control band of {band.lowest:g} to {band.highest:g} Hz passes the model's identified lines, "
-            f"{known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
+            f"The control band and its flanks reach from {band.lowest_driven:g} to {band.highest_driven:g} Hz, past "
+            f"the model's identified lines, {known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
         )
     count = record.shape[1]
     transform = band.transform(count)

@@ -25,10 +25,11 @@ from iterator.campaign_messages import (
 from iterator.campaign_plan import CampaignPlan
 from iterator.campaign_resumption import Resumption
 from iterator.confirmation import confirmation_message, confirmed
-from iterator.drive_limits import DriveLimitError
+from iterator.drive_limits import DriveLimitError, DriveOverrunError
 from iterator.identification import identification_request, identification_run
 from iterator.iteration_loop import Iteration, iterate
 from iterator.iteration_metrics import IterationMetrics
+from iterator.playback_bounds import PlaybackBoundError
 from iterator.playback_levels import best_at_full_level
 from iterator.playback_remarks import remarks_of
 from iterator.progress_estimate import ProgressEstimate
@@ -222,6 +223,15 @@ class Campaign:
         except DriveLimitError as error:
             raise FaultError(
                 query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="update.iteration_gain"
+            ) from error
+        except DriveOverrunError as error:
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="target") from error
+        except PlaybackBoundError as error:
+            name = self._plan.description.responses[error.passed.response].name
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                error.sentence(name),
+                field=f"stop.{error.passed.quantity.value}",
             ) from error
         except ValueError as error:
             self._journal.exception("The core refused.", step=self._step)

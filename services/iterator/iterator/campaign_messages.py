@@ -24,6 +24,7 @@ OUTCOMES: Final = {
     Outcome.NO_IMPROVEMENT: iterator_pb2.OUTCOME_NO_IMPROVEMENT,
     Outcome.DAMAGE_BUDGET_USED: iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED,
     Outcome.RESPONSE_STOOD_STILL: iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL,
+    Outcome.BOUND_PASSED: iterator_pb2.OUTCOME_BOUND_PASSED,
 }
 """Outcome of the core to that of the contract."""
 

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import from_record
+from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.adaptive_modelling import FEWEST_BLOCKS
 from iterator.control_band import ControlBand, control_band
-from iterator.drive_limits import DriveLimits
+from iterator.drive_limits import DEFAULT_LARGEST_OVERRUN, DriveLimits
 from iterator.drive_update import UpdateKind, UpdateSettings
 from iterator.iteration_loop import CampaignSettings
 from iterator.outside_band import energy_outside_band
@@ -129,6 +129,7 @@ def plan_campaign(
             "watch it only.",
             field="target.samples",
         )
+    _check_reach(target_in_band, description, controlled=weight > 0.0)
     if spec.confirmations > _MOST_CONFIRMATIONS:
         raise invalid(
             f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
@@ -136,9 +137,15 @@ def plan_campaign(
         )
     policy = checked_limit_policy(spec.limit_policy)
     try:
-        settings = CampaignSettings(update=update, stop=stop, levels=tuple(spec.levels), limit_policy=policy)
+        settings = CampaignSettings(
+            update=update,
+            stop=stop,
+            levels=tuple(spec.levels),
+            limit_policy=policy,
+            largest_overrun=spec.largest_overrun or DEFAULT_LARGEST_OVERRUN,
+        )
     except ValueError as error:
-        raise invalid(str(error), field="levels") from error
+        raise invalid(str(error), field="largest_overrun" if "overrun" in str(error) else "levels") from error
     return CampaignPlan(
         spec=spec,
         description=description,
@@ -244,22 +251,55 @@ def _checked_band(
     samples: int,
 ) -> ControlBand:
     try:
-        band = control_band(spec.lowest_frequency, spec.highest_frequency, sample_rate=description.sample_rate)
+        band = control_band(
+            spec.lowest_frequency,
+            spec.highest_frequency,
+            sample_rate=description.sample_rate,
+            excited=(experiment.lowest_frequency, experiment.highest_frequency),
+            lower_flank=spec.lower_flank or None,
+            upper_flank=spec.upper_flank or None,
+        )
     except ValueError as error:
-        above = spec.highest_frequency > description.sample_rate / 2.0
-        raise invalid(str(error), field="highest_frequency" if above else "lowest_frequency") from error
-    for field, inside in (
-        ("lowest_frequency", band.lowest >= experiment.lowest_frequency),
-        ("highest_frequency", band.highest <= experiment.highest_frequency),
-    ):
-        if not inside:
-            raise invalid(
-                f"The control band is {band.lowest:g} to {band.highest:g} Hz; it must lie within the excitation's, "
-                f"{experiment.lowest_frequency:g} to {experiment.highest_frequency:g} Hz, where the model is known.",
-                field=field,
-            )
+        raise invalid(str(error), field=_band_field(spec, description, experiment)) from error
     _check_lower_edge(band, samples=samples)
     return band
+
+
+def _band_field(
+    spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, experiment: identifier_pb2.ExperimentPlan
+) -> str:
+    """Name the edge of a refused control band that is to be changed."""
+    if spec.lower_flank < 0.0 or spec.upper_flank < 0.0:
+        return "lower_flank" if spec.lower_flank < 0.0 else "upper_flank"
+    ends = min(description.sample_rate / 2.0, experiment.highest_frequency)
+    return "highest_frequency" if spec.highest_frequency + spec.upper_flank >= ends else "lowest_frequency"
+
+
+def _check_reach(
+    target_in_band: NDArray[np.float64], description: rig_pb2.RigDescription, *, controlled: NDArray[np.bool_]
+) -> None:
+    """Refuse a target that a response of the rig cannot reach: before anything moves, a wrong unit shows here."""
+    rest = from_array(description.static_response, field="static_response", shape=controlled.shape, dtype=np.float64)
+    worst: tuple[float, str] | None = None
+    for i in np.flatnonzero(controlled):
+        channel = description.responses[i]
+        level = rest[i] + target_in_band[i]
+        for value, limit in ((float(level.max()), channel.maximum), (float(level.min()), channel.minimum)):
+            watchdog = np.copysign(channel.watchdog, limit) if channel.watchdog > 0.0 else limit
+            bound = min(abs(limit), abs(watchdog))
+            if not (np.sign(value) == np.sign(limit) and abs(value) > bound):
+                continue
+            times = abs(value) / bound
+            what = "its watchdog" if bound < abs(limit) else "its range"
+            if worst is None or times > worst[0]:
+                worst = (
+                    times,
+                    f"The target of {channel.name} peaks at {value:.3g} {channel.unit} with what the rig carries at "
+                    f"rest, {times:.3g} times {what} of {np.copysign(bound, limit):.3g} {channel.unit}; look at the "
+                    "target's unit, scale and channel, or take another rig.",
+                )
+    if worst is not None:
+        raise invalid(worst[1], field="target.samples")
 
 
 def _check_lower_edge(band: ControlBand, *, samples: int) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+DEFAULT_LARGEST_OVERRUN: Final = 1.25
+"""Of a limit, the most that a first drive may reach to be projected: a quarter beyond it is a crest, not the drive."""
 # Of the range between the limits: a drive that is carried to a limit within a band stays just short of it.
 _HELD_WITHIN: Final = 0.01
 
@@ -102,6 +105,70 @@ class DriveLimitError(ValueError):
         )
 
 
+class DriveOverrunError(ValueError):
+    """A first drive that reaches so far beyond a limit that it is not projected.
+
+    Parameters
+    ----------
+    violation : LimitViolation
+        The worst one, relative to its limit.
+    allowed : float
+        Multiple of the limit up to which a drive is projected.
+    """
+
+    def __init__(self, violation: LimitViolation, *, allowed: float) -> None:
+        self.violation = violation
+        super().__init__(
+            f"The target asks {violation.channel} for a {violation.quantity.value} of {abs(violation.value):.3g} "
+            f"{violation.unit}, {abs(violation.value / violation.limit):.3g} times the rig's limit of "
+            f"{abs(violation.limit):.3g} {violation.unit}; a first drive of at most {allowed:g} times a limit "
+            "(largest_overrun) is projected: look at the target's units, scales, signs and channels, or scale it down."
+        )
+
+
+def require_small_overrun(drive: NDArray[np.float64], *, limits: DriveLimits, allowed: float) -> None:
+    """Refuse a first drive that reaches beyond a multiple of a limit.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        For the whole target, not projected.
+    limits : DriveLimits
+        Of the rig.
+    allowed : float
+        Multiple of each limit, 1 or more.
+
+    Raises
+    ------
+    DriveOverrunError
+        A value or a slew is beyond it.
+    """
+    worst = max(
+        (
+            LimitViolation(channel=name, unit=unit, quantity=quantity, value=value, limit=limit)
+            for quantity, name, unit, values, lowest, highest in _limited(drive, limits)
+            for value, limit in ((float(values.max()), highest), (float(values.min()), lowest))
+        ),
+        key=lambda found: found.value / found.limit,
+    )
+    if worst.value > allowed * worst.limit if worst.limit > 0.0 else worst.value < allowed * worst.limit:
+        raise DriveOverrunError(worst, allowed=allowed)
+
+
+def _limited(
+    drive: NDArray[np.float64], limits: DriveLimits
+) -> Iterator[tuple[LimitQuantity, str, str, NDArray[np.float64], float, float]]:
+    """Yield what is limited of each drive: quantity, channel, unit, values, smallest and largest allowed value."""
+    if drive.shape[0] != len(limits.names):
+        raise ValueError(f"The drive has {drive.shape[0]} channels; the rig has {len(limits.names)} drives.")
+    for i, (name, unit) in enumerate(zip(limits.names, limits.units, strict=True)):
+        yield LimitQuantity.PEAK, name, unit, drive[i], float(limits.minimum[i]), float(limits.maximum[i])
+        slew_limit = float(limits.slew_limit[i])
+        if slew_limit > 0.0:
+            slew = drive_slew(drive[i], limits.sample_rate)
+            yield LimitQuantity.SLEW, name, f"{unit}/s", slew, -slew_limit, slew_limit
+
+
 def require_within_limits(
     drive: NDArray[np.float64],
     *,
@@ -129,24 +196,18 @@ def require_within_limits(
     ValueError
         The drive does not have the rig's channels.
     """
-    if drive.shape[0] != len(limits.names):
-        raise ValueError(f"The drive has {drive.shape[0]} channels; the rig has {len(limits.names)} drives.")
     start = np.zeros_like(drive) if last_drive is None else last_drive
     violations: list[LimitViolation] = []
     share = 1.0
-    for i, (name, unit) in enumerate(zip(limits.names, limits.units, strict=True)):
-        slew_limit = float(limits.slew_limit[i])
-        checks = [(LimitQuantity.PEAK, unit, drive[i], start[i], float(limits.minimum[i]), float(limits.maximum[i]))]
-        if slew_limit > 0.0:
-            slew, slew_before = (drive_slew(values[i], limits.sample_rate) for values in (drive, start))
-            checks.append((LimitQuantity.SLEW, f"{unit}/s", slew, slew_before, -slew_limit, slew_limit))
-        for quantity, quantity_unit, values, before, lowest, highest in checks:
-            worst = _worst(values, lowest=lowest, highest=highest)
-            if worst is not None:
-                violations.append(
-                    LimitViolation(channel=name, unit=quantity_unit, quantity=quantity, value=worst[0], limit=worst[1])
-                )
-                share = min(share, _fitting_share(values, before, lowest=lowest, highest=highest))
+    for (quantity, name, unit, values, lowest, highest), before in zip(
+        _limited(drive, limits), _limited(start, limits), strict=True
+    ):
+        worst = _worst(values, lowest=lowest, highest=highest)
+        if worst is not None:
+            violations.append(
+                LimitViolation(channel=name, unit=unit, quantity=quantity, value=worst[0], limit=worst[1])
+            )
+            share = min(share, _fitting_share(values, before[3], lowest=lowest, highest=highest))
     if violations:
         worst_of_all = max(violations, key=lambda found: abs(found.value) / max(abs(found.limit), np.finfo(float).tiny))
         raise DriveLimitError(worst_of_all, fitting_share=share, iteration_gain=iteration_gain)

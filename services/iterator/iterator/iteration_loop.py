@@ -11,11 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iterator import adaptive_modelling, basic_twr, secant_update
-from iterator.drive_limits import DriveLimits, LimitPolicy, held_share, require_within_limits
+from iterator.applied_model import predict
+from iterator.drive_limits import (
+    DEFAULT_LARGEST_OVERRUN,
+    DriveLimits,
+    LimitPolicy,
+    held_share,
+    require_small_overrun,
+    require_within_limits,
+)
 from iterator.drive_projection import DriveProjection, project_drive
 from iterator.drive_update import NextDrive, Update, UpdateKind, UpdateSettings
 from iterator.iteration_history import IterationHistory, Playback
 from iterator.iteration_metrics import IterationMetrics, judge_response
+from iterator.playback_bounds import PassedBound, PlaybackBoundError
 from iterator.playback_levels import (
     best_at_full_level,
     comparable_history,
@@ -24,9 +33,10 @@ from iterator.playback_levels import (
     partial_playbacks,
     require_levels,
 )
+from iterator.rest import DRIVE_FADE_SECONDS, faded
 from iterator.rig_model import RigModel
 from iterator.standstill import Standstill, standstills
-from iterator.stop_criteria import Outcome, StopCriteria
+from iterator.stop_criteria import Outcome, StopCriteria, passed_bound
 from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
 from iterator.watched_responses import controlled_model, controlled_responses, controlled_settings, whole_model
 from spectra import as_record
@@ -63,20 +73,26 @@ class CampaignSettings:
         Share of the target in each of the first playbacks, see `require_levels`; empty: all are at full level.
     limit_policy : LimitPolicy
         What is done with a next drive that would pass a limit of the rig.
+    largest_overrun : float
+        Most that the first drive for the whole target may reach of a limit to be projected, 1 or more: a target that
+        asks for more is refused, because projection is for small overruns.
 
     Raises
     ------
     ValueError
-        The levels are not allowed, or leave no playback at full level.
+        The levels are not allowed, or leave no playback at full level, or the overrun is below 1.
     """
 
     update: UpdateSettings
     stop: StopCriteria
     levels: tuple[float, ...] = ()
     limit_policy: LimitPolicy = LimitPolicy.REFUSE
+    largest_overrun: float = DEFAULT_LARGEST_OVERRUN
 
     def __post_init__(self) -> None:
         require_levels(self.levels)
+        if not 1.0 <= self.largest_overrun < np.inf:
+            raise ValueError(f"The largest overrun is {self.largest_overrun:g}; it must be finite and 1 or more.")
         partial = partial_playbacks(self.levels)
         if partial >= self.stop.largest_iterations:
             raise ValueError(
@@ -130,6 +146,8 @@ class Iteration:
         Where responses missed the target because a drive was held at its limits.
     stood_still : tuple of Standstill
         Where responses stood still while their target moved; after a controlled one nothing is made of the playback.
+    passed_bound : PassedBound or None
+        The bound of a playback that a controlled response passed furthest.
     """
 
     number: int
@@ -143,6 +161,7 @@ class Iteration:
     projection: DriveProjection | None = None
     unreachable: tuple[UnreachableSegment, ...] = ()
     stood_still: tuple[Standstill, ...] = ()
+    passed_bound: PassedBound | None = None
 
 
 @dataclass(frozen=True)
@@ -205,6 +224,10 @@ def iterate(
     ------
     DriveLimitError
         A next drive would pass a limit and the policy is to refuse it; it is not played.
+    DriveOverrunError
+        The first drive would pass a limit by more than is projected; it is not played.
+    PlaybackBoundError
+        The response that the model predicts of a drive passes a bound of a playback; it is not played.
     ValueError
         The response played back is not as long as the drive, not finite or of other channels, or the update refuses.
     """
@@ -216,6 +239,7 @@ def iterate(
     metrics: tuple[IterationMetrics, ...] = ()
     outcome = None
     without_squares = replace(own_settings, secant=replace(own_settings.secant, squares=False))
+    own, first_model = replace(settings, update=own_settings), model
     held = False
     while outcome is None:
         number = len(metrics) + 1
@@ -226,9 +250,11 @@ def iterate(
         if number <= len(recorded):
             drive, response = recorded[number - 1].drive, recorded[number - 1].response
         else:
-            drive, projection = _playable_drive(
-                step, own_settings, level=level, limits=limits, policy=settings.limit_policy
-            )
+            drive, projection = _playable_drive(step, level=level, limits=limits, settings=own, first=number == 1)
+            passed = _predicted_beyond_bounds(drive / level, first_model, history, level=level, settings=own)
+            if passed is not None:
+                row = int(np.flatnonzero(controlled)[passed.response])
+                raise PlaybackBoundError(number, replace(passed, response=row))
             # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
             response = as_record(play(drive.copy()), name="response").copy()
         stood_still = standstills(response, level * target, band=settings.update.band)
@@ -237,11 +263,15 @@ def iterate(
         response_in_band = settings.update.band.limit_response(response) / level
         judged = judge_response(target, response_in_band, level=level, controlled=controlled)
         metrics = (*metrics, judged)
+        passed = None if dead else passed_bound(judged, settings.stop, level=level)
         if number >= len(recorded):
             # What a dead sensor told is not judged: it may come out as anything, even as reached.
-            outcome = (
-                Outcome.RESPONSE_STOOD_STILL if dead else judge_end_at_levels(metrics, settings.stop, settings.levels)
-            )
+            if dead:
+                outcome = Outcome.RESPONSE_STOOD_STILL
+            elif passed is not None:
+                outcome = Outcome.BOUND_PASSED
+            else:
+                outcome = judge_end_at_levels(metrics, settings.stop, settings.levels)
         history = history.after(Playback(drive=drive / level, response=_rows(response_in_band, controlled)))
         yield Iteration(
             number=number,
@@ -255,24 +285,48 @@ def iterate(
             projection=projection,
             unreachable=() if dead else _unreachable(history, projection, settings=settings, controlled=controlled),
             stood_still=stood_still,
+            passed_bound=passed,
         )
 
 
+def _predicted_beyond_bounds(
+    drive: NDArray[np.float64], model: RigModel, history: IterationHistory, *, level: float, settings: CampaignSettings
+) -> PassedBound | None:
+    """Return the bound of a playback that the identified model's prediction of a drive passes furthest, or None.
+
+    The prediction is the last response and what the model says of the step from its drive. What is unknown of a rig,
+    friction and arcs, is in the last response as far as the step is small. The identified model, because one that an
+    update has bent foresees what that update wants.
+    """
+    if settings.stop.bounds.none:
+        return None
+    if history.playbacks:
+        last = history.playbacks[-1]
+        predicted = last.response + predict(model, drive - last.drive, band=settings.update.band)
+    else:
+        predicted = predict(model, drive, band=settings.update.band)
+    return passed_bound(judge_response(history.target, predicted, level=level), settings.stop, level=level)
+
+
 def _playable_drive(
-    step: NextDrive, settings: UpdateSettings, *, level: float, limits: DriveLimits | None, policy: LimitPolicy
+    step: NextDrive, *, level: float, limits: DriveLimits | None, settings: CampaignSettings, first: bool
 ) -> tuple[NDArray[np.float64], DriveProjection | None]:
-    """Return the next drive at its level, within the limits, and what was changed for them; or refuse it."""
-    drive = level * step.drive
+    """Return the next drive at its level, from rest to rest and within the limits, and what was changed for them."""
+    band = settings.update.band
+    whole = faded(step.drive, sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)
+    drive = level * whole
     if limits is None:
         return drive, None
-    if policy is LimitPolicy.PROJECT:
-        projection = project_drive(drive, limits=limits, band=settings.band)
+    if settings.limit_policy is LimitPolicy.PROJECT:
+        if first:
+            require_small_overrun(whole, limits=limits, allowed=settings.largest_overrun)
+        projection = project_drive(drive, limits=limits, band=band)
         return projection.drive, projection
     require_within_limits(
         drive,
         last_drive=None if step.stepped_from is None else level * step.stepped_from,
         limits=limits,
-        iteration_gain=settings.iteration_gain,
+        iteration_gain=settings.update.iteration_gain,
     )
     return drive, None
 

@@ -18,8 +18,8 @@ class OutsideBand:
     Parameters
     ----------
     below, above : ndarray, shape (n_y,)
-        Share of each channel's energy below and above the band, 0 to 1, its smooth flanks included; the square root is
-        the share of the RMS. 0 for a channel that does not move.
+        Share of each channel's energy below and above the band's edges, 0 to 1; the square root is the share of the
+        RMS. 0 for a channel that does not move.
     """
 
     below: NDArray[np.float64]
@@ -57,10 +57,9 @@ def energy_outside_band(target: NDArray[np.float64], band: ControlBand) -> Outsi
     # Every line but those at 0 and at half the sample rate stands for two.
     energy[:, 1:-1] *= 2.0
     total = energy.sum(axis=1)
-    left_out = energy * (1.0 - band.target_mask(frequency) ** 2)
-    low = frequency < 0.5 * (band.lowest + band.highest)
+    sides = frequency < band.lowest, frequency > band.highest
     moves = total > 0.0
     below, above = (
-        np.divide(left_out[:, side].sum(axis=1), total, out=np.zeros_like(total), where=moves) for side in (low, ~low)
+        np.divide(energy[:, side].sum(axis=1), total, out=np.zeros_like(total), where=moves) for side in sides
     )
     return OutsideBand(below=below, above=above)

@@ -55,6 +55,7 @@ def remarks_of(
             for told in standstills_in_words(iteration.stood_still, plan=plan, then=_way_on_without(iteration.number))
         ),
         *(f"{of_it}{told}" for told in _not_reproduced(iteration, plan)),
+        *_bound_passed(iteration, plan),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
     # What stood still in a recorded playback is told in its step and seen again.
@@ -104,6 +105,18 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
             zip(plan.description.responses, iteration.metrics.correlation, strict=True)
         )
         if plan.response_weight[i] > 0.0 and related <= _UNRELATED and i not in stood_still
+    ]
+
+
+def _bound_passed(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which bound of a playback ended the campaign."""
+    passed = iteration.passed_bound
+    if passed is None:
+        return []
+    name = plan.description.responses[passed.response].name
+    return [
+        f"Playback {iteration.number}: {passed.sentence(name)}; no further drive is played. Begin at partial levels, "
+        "take a smaller gain, or look at the model there."
     ]
 
 

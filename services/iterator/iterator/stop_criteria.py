@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iterator.iteration_metrics import IterationMetrics
+from iterator.playback_bounds import PassedBound, PlaybackBounds
 from loads import DAMAGE_EXPONENTS
 
 
@@ -21,6 +22,7 @@ class Outcome(enum.Enum):
     NO_IMPROVEMENT = "the last playbacks did not improve the best error by the asked share"
     DAMAGE_BUDGET_USED = "one more playback would put more damage into the specimen than was allowed"
     RESPONSE_STOOD_STILL = "a controlled response stood still while its target moved"
+    BOUND_PASSED = "a playback passed a bound of error, peak or damage"
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,9 @@ class StopCriteria:
         greater than 0; 0 is no limit. A playback counts as the target at its level at least, whatever was measured.
         What the identification puts in is not counted: it is not known here.
     damage_budget_exponent : float
-        Slope of the S-N line it is counted at, one of `DAMAGE_EXPONENTS`.
+        Slope of the S-N line it is counted at, one of `DAMAGE_EXPONENTS`; that of the bounds, too.
+    bounds : PlaybackBounds
+        What no playback may pass, measured or predicted; `NO_BOUNDS` for none.
 
     Raises
     ------
@@ -99,6 +103,7 @@ class StopCriteria:
     improvement_playbacks: int = 2
     damage_budget: float = 0.0
     damage_budget_exponent: float = 5.0
+    bounds: PlaybackBounds = field(default_factory=PlaybackBounds)
 
     def __post_init__(self) -> None:
         if self.largest_iterations < 1:
@@ -126,6 +131,21 @@ class StopCriteria:
                 "no limit."
             )
         _column(self.damage_budget_exponent)
+
+
+def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: float) -> PassedBound | None:
+    """Return the bound that a playback passes furthest, or None.
+
+    Parameters
+    ----------
+    metrics : IterationMetrics
+        Of the playback, measured or predicted.
+    criteria : StopCriteria
+        Its bounds and exponent count.
+    level : float
+        Share of the target that it plays for, above 0 to 1.
+    """
+    return criteria.bounds.passed(metrics, level=level, exponent=criteria.damage_budget_exponent)
 
 
 def judge_end(

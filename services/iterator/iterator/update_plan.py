@@ -21,6 +21,7 @@ from iterator.drive_update import (
     UpdateSettings,
 )
 from iterator.gains import GainCurve, require_shares
+from iterator.playback_bounds import BoundedQuantity, PlaybackBounds
 from iterator.segment_acceptance import AcceptanceSettings
 from iterator.stop_criteria import DamageBounds, StopCriteria
 from labbus import FaultError
@@ -48,6 +49,7 @@ _SHAPES: Final = {
 # What the contract says that 0 stands for.
 _DAMAGE_EXPONENT: Final = 5.0
 _IMPROVEMENT_PLAYBACKS: Final = 2
+_BOUNDS: Final = tuple(quantity.value for quantity in BoundedQuantity)
 
 
 def invalid(message: str, *, field: str) -> FaultError:
@@ -228,6 +230,7 @@ def checked_stop(stop: iterator_pb2.StopCriteria) -> StopCriteria:
             improvement_playbacks=stop.improvement_playbacks or _IMPROVEMENT_PLAYBACKS,
             damage_budget=stop.damage_budget,
             damage_budget_exponent=exponent,
+            bounds=PlaybackBounds(**{bound: getattr(stop, bound) for bound in _BOUNDS if getattr(stop, bound)}),
         )
     except ValueError as error:
         raise invalid(str(error), field="stop") from error

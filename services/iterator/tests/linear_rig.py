@@ -15,7 +15,7 @@ DRIVES = [
     array_pb2.Channel(name=name, unit="m", minimum=-0.5, maximum=0.5, slew_limit=100.0) for name in ("left", "right")
 ]
 RESPONSES = [
-    array_pb2.Channel(name=name, unit="N", minimum=-1e5, maximum=1e5) for name in ("left_vertical", "right_vertical")
+    array_pb2.Channel(name=name, unit="N", minimum=-1e6, maximum=1e6) for name in ("left_vertical", "right_vertical")
 ]
 
 

@@ -23,7 +23,8 @@ from iterator.model_correction import (
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target
 
-BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
+# Drives have energy from 2 to 60 Hz.
+BAND = control_band(3.0, 54.0, sample_rate=SAMPLE_RATE, lower_flank=1.0, upper_flank=6.0)
 UNGUARDED = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
 
 

@@ -43,7 +43,7 @@ def secant_that_forgets_nothing_or_more(spec):
 
 
 def with_band_from(spec, lowest):
-    spec.lowest_frequency = spec.excitation.spectrum.lowest_frequency = lowest
+    spec.lowest_frequency, spec.excitation.spectrum.lowest_frequency = lowest, 0.5 * lowest
 
 
 def with_curve(spec, frequency, share):
@@ -74,7 +74,10 @@ MISTAKES = {
     "lowest_frequency": [
         lambda s: setattr(s, "lowest_frequency", 0.5),
         lambda s: setattr(s, "lowest_frequency", np.nan),
-        lambda s: setattr(s, "lowest_frequency", 59.0),
+        lambda s: setattr(s, "lowest_frequency", 60.0),
+        # The excitation begins at 1 Hz.
+        lambda s: setattr(s, "lowest_frequency", 1.05),
+        lambda s: setattr(s, "lower_flank", 1.2),
         # A period of 40.4 s in a target of 40 s, and one that no memory would hold.
         lambda s: with_band_from(s, 0.02475),
         lambda s: with_band_from(s, 1e-12),
@@ -83,6 +86,8 @@ MISTAKES = {
         lambda s: setattr(s, "highest_frequency", 80.0),
         lambda s: setattr(s, "highest_frequency", 101.0),
     ],
+    "lower_flank": [lambda s: setattr(s, "lower_flank", -1.0)],
+    "largest_overrun": [lambda s: setattr(s, "largest_overrun", 0.9)],
     "update.kind": [lambda s: setattr(s.update, "kind", 0)],
     "update.iteration_gain": [
         lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.5, 1.2]))),
@@ -100,6 +105,8 @@ MISTAKES = {
     "limit_policy": [lambda s: setattr(s, "limit_policy", 9)],
     "update.smallest_correction": [lambda s: setattr(s.update, "smallest_correction", 0.0)],
     "stop": [
+        lambda s: setattr(s.stop, "peak_bound", 0.5),
+        lambda s: setattr(s.stop, "error_bound", np.nan),
         lambda s: setattr(s.stop, "largest_iterations", 0),
         lambda s: setattr(s.stop, "relative_rms_error", -0.1),
         lambda s: setattr(s.stop, "divergence_ratio", 0.5),

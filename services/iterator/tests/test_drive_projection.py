@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from iterator import DriveLimits, LimitQuantity, control_band, project_drive, require_within_limits
 
 RATE = 256.0
-BAND = control_band(1.0, 30.0, sample_rate=RATE)
+BAND = control_band(1.5, 27.0, sample_rate=RATE, lower_flank=0.5, upper_flank=3.0)
 OUTSIDE = 31.0
 
 

@@ -24,7 +24,8 @@ from iterator.model_correction import FullPredictionSpectra, full_correction_fro
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target
 
-BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
+# Drives have energy from 2 to 60 Hz.
+BAND = control_band(3.0, 54.0, sample_rate=SAMPLE_RATE, lower_flank=1.0, upper_flank=6.0)
 ERROR = np.array([1.4, 0.6])
 UNGUARDED = CorrectionSettings(
     smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False, shape=CorrectionShape.FULL
@@ -104,7 +105,7 @@ def test_backward_a_line_without_target_in_one_response_corrects_no_drive():
     model = exact_model()
     history = history_of(model, replace(model, frf=1.3 * model.frf))
     quiet = history.target.copy()
-    quiet[1] = control_band(2.0, 20.0, sample_rate=SAMPLE_RATE).limit_target(quiet)[1]
+    quiet[1] = control_band(3.0, 18.0, sample_rate=SAMPLE_RATE).limit_target(quiet)[1]
     history = IterationHistory(target=quiet).after(history.playbacks[0])
     found = estimate_correction(history, model, settings(prediction=Prediction.BACKWARD))
     above = (model.frequency > 25.0) & (model.frequency < 55.0)

@@ -44,6 +44,7 @@ def run(*, peak=np.inf, policy=LimitPolicy.PROJECT, **stop):
         UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.7), kind=UpdateKind.BASIC_TWR),
         StopCriteria(**{"largest_iterations": 6, **stop}),
         limit_policy=policy,
+        largest_overrun=2.0,
     )
     model = rig_model(*frequency_response(H), identified_band=(1.0, 60.0))
     target = noise_target(4000)

@@ -26,7 +26,13 @@ def remarks(drive, *, peak, slew=0.0):
     description = SimpleNamespace(drives=[array_pb2.Channel(name=name, unit="m") for name in NAMES], responses=[])
     # Over, so that nothing is predicted of a next playback.
     iteration = SimpleNamespace(
-        number=2, projection=projection, unreachable=(), stood_still=(), outcome="reached", metrics=related()
+        number=2,
+        projection=projection,
+        unreachable=(),
+        stood_still=(),
+        outcome="reached",
+        metrics=related(),
+        passed_bound=None,
     )
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
 
@@ -69,7 +75,13 @@ def stood_still(number, *, weight, outcome, recorded=()):
     )
     found = tuple(Standstill(response=i, segment=Segment(start=5.0, end=15.0)) for i in range(2))
     iteration = SimpleNamespace(
-        number=number, projection=None, unreachable=(), stood_still=found, outcome=outcome, metrics=related(0.0, 0.0)
+        number=number,
+        projection=None,
+        unreachable=(),
+        stood_still=found,
+        outcome=outcome,
+        metrics=related(0.0, 0.0),
+        passed_bound=None,
     )
     return remarks_of(iteration, plan=plan, recorded=recorded)
 
@@ -101,6 +113,7 @@ def test_a_controlled_response_that_reproduces_nothing_is_told():
         stood_still=(),
         outcome="last",
         metrics=related(0.101, 0.0625, np.nan, 0.99),
+        passed_bound=None,
     )
     assert remarks_of(iteration, plan=plan) == [
         "Playback 4: right has a correlation of 0.06 with its target; check its sensor, its sign and the model there "

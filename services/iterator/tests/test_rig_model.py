@@ -82,7 +82,7 @@ def test_a_singular_line_is_refused_with_its_frequency():
 def test_a_control_band_beyond_the_identified_one_is_refused():
     h = impulse_responses()
     model = rig_model(*frequency_response(h), identified_band=(5.0, 50.0))
-    with pytest.raises(ValueError, match="control band of 2 to 60 Hz"):
+    with pytest.raises(ValueError, match="from 1 to 66 Hz, past the model"):
         predict(model, np.zeros((2, 100)), band=BAND)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from iterator import (
+    NO_BOUNDS,
     AcceptanceSettings,
     CampaignSettings,
     CorrectionSettings,
@@ -37,7 +38,7 @@ def errors(model, *, kind, playbacks, gain=0.8, band=BAND, samples=8001, **more)
         lambda drive: play(h, drive),
         noise_target(samples),
         model=model,
-        settings=CampaignSettings(update=settings, stop=StopCriteria(largest_iterations=playbacks)),
+        settings=CampaignSettings(update=settings, stop=StopCriteria(playbacks, bounds=NO_BOUNDS)),
     )
     return np.array([iteration.metrics.overall_relative_rms_error for iteration in result.iterations])
 

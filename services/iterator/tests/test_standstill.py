@@ -152,7 +152,7 @@ def test_a_dead_sensor_is_seen_at_partial_level_and_not_judged_as_reached():
 def test_a_coarse_converter_at_partial_level_is_measured_by_the_target_at_that_level():
     # In its quiet half the target moves by some twenty steps, and by half a step at a fiftieth of it.
     wanted = BAND.limit_target(noise_target(4000, level=(1.0, 1.0)))
-    wanted *= np.where(np.arange(4000) < 2000, 1.0, 0.2)
+    wanted *= np.where(np.arange(4000) < 2000, 1.0, 0.18)
     step = np.sqrt(np.mean(wanted**2, axis=1, keepdims=True)) / 30.0
     result = run_campaign(
         lambda drive: quantised(play(H, drive), step), wanted, **campaign(levels=(0.02, 1.0), largest_iterations=2)

@@ -101,7 +101,7 @@ def test_what_ended_while_it_was_taking_over_needs_nothing_of_its_parent():
 def test_what_was_told_of_a_playback_is_told_again_where_it_is_not_made_again(lab):
     target = np.vstack([noise_target(8000, level=(9e4, 40.0)), np.zeros(8000)])
     spec = specification("held", target=target, iterations=ITERATIONS)
-    spec.limit_policy = iterator_pb2.LIMIT_POLICY_PROJECT
+    spec.limit_policy, spec.largest_overrun = iterator_pb2.LIMIT_POLICY_PROJECT, 20.0
     lab.start(spec)
     told = list(lab.end_of("held").remarks)
     assert any(remark.startswith("Playback 1: ") for remark in told)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from iterator import (
+    NO_BOUNDS,
     AcceptanceSettings,
     CampaignSettings,
     CorrectionSettings,
@@ -43,7 +44,7 @@ def campaign(model, update, *, playbacks=6, samples=6001):
         lambda drive: play(h, drive),
         noise_target(samples),
         model=model,
-        settings=CampaignSettings(update=update, stop=StopCriteria(largest_iterations=playbacks)),
+        settings=CampaignSettings(update=update, stop=StopCriteria(largest_iterations=playbacks, bounds=NO_BOUNDS)),
     )
 
 

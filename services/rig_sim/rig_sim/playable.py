@@ -11,7 +11,7 @@ from rig_sim.actuator_use import Use
 from rig_sim.approach import Approach
 from rig_sim.playback import Block
 from rig_sim.specimen import InputChannel, Quantity
-from rig_sim.watchdogs import Watchdog
+from rig_sim.watchdogs import Watchdog, WatchdogLimits
 
 
 class Response(Protocol):
@@ -84,6 +84,11 @@ class PlayableSpecimen(Protocol):
     @property
     def responses(self) -> Sequence[Response]:
         """What is measured, in order."""
+        ...
+
+    @property
+    def watchdogs(self) -> WatchdogLimits:
+        """Limits at which a run ends."""
         ...
 
 

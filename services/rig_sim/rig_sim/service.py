@@ -23,7 +23,7 @@ from rig_sim.frf_query import answer_frf
 from rig_sim.interlock import Interlock
 from rig_sim.loading import load_any_rig, rigs_by_name
 from rig_sim.performance import Performance, published_samples
-from rig_sim.playable import PlayableRig, Response
+from rig_sim.playable import PlayableRig, PlayableSpecimen
 from rig_sim.player import Rig
 from rig_sim.refused import serve_refusal
 from rig_sim.rig_figures import RigFigures
@@ -109,7 +109,7 @@ class RigServer:
             bus,
             rig,
             self._interlock,
-            responses=[_response_channel(channel) for channel in rig.specimen.responses],
+            responses=_response_channels(rig.specimen),
             tell_state=self._publish_state,
             spools=spools,
             spool_wait_seconds=spool_wait_seconds,
@@ -136,7 +136,7 @@ class RigServer:
             version=version("duralab-rig-sim"),
             sample_rate=specimen.sample_rate,
             drives=[_drive_channel(channel) for channel in specimen.drives],
-            responses=[_response_channel(channel) for channel in specimen.responses],
+            responses=_response_channels(specimen),
             longest_drive_seconds=specimen.longest_drive,
             static_response=to_array(self._rig.static_response),
             block_samples=published_samples(self._rig),
@@ -219,15 +219,19 @@ def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
     )
 
 
-def _response_channel(channel: Response) -> array_pb2.Channel:
-    return array_pb2.Channel(
-        name=channel.name,
-        unit=channel.unit,
-        kind=_KINDS[channel.quantity],
-        minimum=-channel.range,
-        maximum=channel.range,
-        label=channel.label,
-    )
+def _response_channels(specimen: PlayableSpecimen) -> list[array_pb2.Channel]:
+    return [
+        array_pb2.Channel(
+            name=channel.name,
+            unit=channel.unit,
+            kind=_KINDS[channel.quantity],
+            minimum=-channel.range,
+            maximum=channel.range,
+            label=channel.label,
+            watchdog=specimen.watchdogs.responses.get(channel.name, 0.0),
+        )
+        for channel in specimen.responses
+    ]
 
 
 @contextmanager

@@ -1,0 +1,42 @@
+"""Targets and drives that begin and end at rest, because a rig does."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+TARGET_FADE_SECONDS: Final = 0.25
+"""Time in which a target rises from rest at its start, and returns to it at its end."""
+DRIVE_FADE_SECONDS: Final = 0.05
+"""The same of a drive: short beside the target's, so that the fade itself is no error worth a correction."""
+# A short record fades for this share of itself at most.
+_LARGEST_SHARE: Final = 0.125
+
+
+def faded(samples: NDArray[np.float64], *, sample_rate: float, seconds: float) -> NDArray[np.float64]:
+    """Return a record that rises from 0 at its first sample and falls to 0 at its last one.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (channels, samples)
+        Around rest, in any unit.
+    sample_rate : float
+        Hz, greater than 0.
+    seconds : float
+        Duration of each fade, 0 or more; an eighth of the record at most. It rises as a squared sine.
+
+    Returns
+    -------
+    ndarray, shape (channels, samples)
+        A copy.
+    """
+    count = samples.shape[1]
+    result = samples.copy()
+    length = min(round(seconds * sample_rate), int(_LARGEST_SHARE * count))
+    if length > 0:
+        weight = np.sin(0.5 * np.pi * np.arange(length) / length) ** 2
+        result[:, :length] *= weight
+        result[:, count - length :] *= weight[::-1]
+    return result
