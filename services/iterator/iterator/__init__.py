@@ -6,6 +6,7 @@ is any function from a drive to a response. The service (`python -m iterator --c
 
 from iterator.adaptive_modelling import corrected, estimate_correction
 from iterator.applied_model import apply_inverse, predict
+from iterator.basic_twr import StepStart, step_start
 from iterator.control_band import ControlBand, control_band
 from iterator.convergence_prediction import ConvergencePrediction, predict_convergence
 from iterator.drive_limits import (
@@ -94,6 +95,7 @@ __all__ = [
     "Segment",
     "SpectrumOverlay",
     "Standstill",
+    "StepStart",
     "StopCriteria",
     "UnreachableSegment",
     "Update",
@@ -120,5 +122,6 @@ __all__ = [
     "run_campaign",
     "segments_of",
     "standstills",
+    "step_start",
     "unreachable_segments",
 ]

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from iterator.control_band import ControlBand
 from iterator.gains import GainCurve, require_shares
-from iterator.iteration_history import IterationHistory
+from iterator.iteration_history import IterationHistory, Playback
 from iterator.rig_model import RigModel
 from iterator.segment_acceptance import AcceptanceSettings
+from spectra import as_record
 
 
 class UpdateKind(enum.Enum):
@@ -172,6 +173,8 @@ class UpdateSettings:
 
     Raises
     ------
+    TypeError
+        The kind is not an `UpdateKind`.
     ValueError
         A gain or a share is not in (0, 1], or gain and curve are for different numbers of responses.
     """
@@ -186,6 +189,11 @@ class UpdateSettings:
     gain_curve: GainCurve | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.kind, UpdateKind):
+            raise TypeError(
+                f"The kind of update is {self.kind!r}; it must be an UpdateKind: pass a function of your own as "
+                "`run_campaign(..., update=function)`."
+            )
         gain = np.asarray(self.iteration_gain, dtype=np.float64)
         if gain.ndim != 1 or gain.size == 0:
             raise ValueError(f"The iteration gain has the shape {gain.shape}; it must be one value per response.")
@@ -222,3 +230,66 @@ class NextDrive:
 
 Update = Callable[[IterationHistory, RigModel, UpdateSettings], NextDrive]
 """An update: pure, and the same result for the same arguments."""
+
+
+def own_update(function: Update) -> Update:
+    """Return a function as an update whose results are checked, and that cannot write to the history.
+
+    Parameters
+    ----------
+    function : callable
+        `(history, model, settings) -> NextDrive`, as each of `UPDATES`.
+
+    Returns
+    -------
+    callable
+        Raises TypeError or ValueError where the function returns anything but a `NextDrive` of finite drives as long
+        as the target, with a model of the same channels.
+
+    Raises
+    ------
+    TypeError
+        `function` cannot be called.
+    """
+    if not callable(function):
+        raise TypeError(f"`update` is {function!r}; it must be a function (history, model, settings) -> NextDrive.")
+
+    def update(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
+        step = function(_read_only(history), model, settings)
+        if not isinstance(step, NextDrive):
+            raise TypeError(
+                f"`update` returned {type(step).__name__}; it must return a NextDrive(drive=..., model=...)."
+            )
+        _require_fitting(step, history, model)
+        return step
+
+    return update
+
+
+def _require_fitting(step: NextDrive, history: IterationHistory, model: RigModel) -> None:
+    if not isinstance(step.model, RigModel) or step.model.frf.shape != model.frf.shape:
+        raise ValueError(
+            f"The model of the NextDrive that `update` returned is {type(step.model).__name__}; it must be a RigModel "
+            f"with an FRF of the shape {model.frf.shape}: return the `model` that `update` was called with."
+        )
+    shape = (model.frf.shape[2], history.target.shape[1])
+    records = {"drive": step.drive}
+    if step.stepped_from is not None:
+        records["stepped_from"] = step.stepped_from
+    for name, record in records.items():
+        found = as_record(record, name=f"{name} of the NextDrive that `update` returned").shape
+        if found != shape:
+            raise ValueError(
+                f"{name} of the NextDrive that `update` returned has the shape {found}; it must be {shape}: drives of "
+                "the model by samples of the target."
+            )
+
+
+def _read_only(history: IterationHistory) -> IterationHistory:
+    def view(record: NDArray[np.float64]) -> NDArray[np.float64]:
+        seen = record.view()
+        seen.flags.writeable = False
+        return seen
+
+    playbacks = (Playback(view(played.drive), view(played.response)) for played in history.playbacks)
+    return IterationHistory(view(history.target), tuple(playbacks))

@@ -21,7 +21,7 @@ from iterator.drive_limits import (
     require_within_limits,
 )
 from iterator.drive_projection import DriveProjection, project_drive
-from iterator.drive_update import NextDrive, Update, UpdateKind, UpdateSettings
+from iterator.drive_update import NextDrive, Update, UpdateKind, UpdateSettings, own_update
 from iterator.iteration_history import IterationHistory, Playback
 from iterator.iteration_metrics import IterationMetrics, judge_response
 from iterator.playback_bounds import PassedBound, PlaybackBoundError
@@ -194,6 +194,7 @@ def iterate(
     settings: CampaignSettings,
     limits: DriveLimits | None = None,
     recorded: Sequence[RecordedPlayback] = (),
+    update: Update | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
 
@@ -214,6 +215,10 @@ def iterate(
     recorded : sequence of RecordedPlayback
         The first playbacks, where they were made before: they are gone through again and not played, so that what
         follows is what would have followed then. Only after the last of them it may end.
+    update : callable, optional
+        `(history, model, settings) -> NextDrive`, used in place of the update of `settings.update.kind`. It sees the
+        controlled responses only, each playback divided by its level, and cannot write to the history. A function that
+        steps from `step_start` honours the acceptance of its settings.
 
     Yields
     ------
@@ -228,14 +233,17 @@ def iterate(
         The first drive would pass a limit by more than is projected; it is not played.
     PlaybackBoundError
         The response that the model predicts of a drive passes a bound of a playback; it is not played.
+    TypeError
+        `update` is not a function, or does not return a `NextDrive`.
     ValueError
-        The response played back is not as long as the drive, not finite or of other channels, or the update refuses.
+        The response played back is not as long as the drive, not finite or of other channels, or the update refuses, or
+        the drive that `update` returns is not finite or of another shape.
     """
     target, identified = as_record(target_in_band, name="target"), model
     controlled = controlled_responses(model)
     own_settings, model = controlled_settings(settings.update, controlled), controlled_model(model, controlled)
     history = IterationHistory(target=_rows(target, controlled))
-    update = UPDATES[settings.update.kind]
+    make_step = UPDATES[settings.update.kind] if update is None else own_update(update)
     metrics: tuple[IterationMetrics, ...] = ()
     outcome = None
     without_squares = replace(own_settings, secant=replace(own_settings.secant, squares=False))
@@ -245,7 +253,7 @@ def iterate(
         number = len(metrics) + 1
         level = level_of(number, settings.levels)
         projection = None
-        step = update(comparable_history(history, settings.levels), model, without_squares if held else own_settings)
+        step = make_step(comparable_history(history, settings.levels), model, without_squares if held else own_settings)
         model = step.model
         if number <= len(recorded):
             drive, response = recorded[number - 1].drive, recorded[number - 1].response
@@ -362,6 +370,7 @@ def run_campaign(
     model: RigModel,
     settings: CampaignSettings,
     limits: DriveLimits | None = None,
+    update: Update | None = None,
 ) -> CampaignResult:
     """Iterate to the end; see `iterate`.
 
@@ -377,6 +386,8 @@ def run_campaign(
         How and how long.
     limits : DriveLimits, optional
         Of the rig.
+    update : callable, optional
+        Used in place of the update of `settings.update.kind`, see `iterate`.
 
     Returns
     -------
@@ -385,11 +396,11 @@ def run_campaign(
 
     Raises
     ------
-    DriveLimitError, ValueError
+    DriveLimitError, TypeError, ValueError
         As `iterate` does.
     """
     target_in_band = settings.update.band.limit_target(as_record(target, name="target"))
-    iterations = tuple(iterate(play, target_in_band, model=model, settings=settings, limits=limits))
+    iterations = tuple(iterate(play, target_in_band, model=model, settings=settings, limits=limits, update=update))
     outcome = iterations[-1].outcome
     if outcome is None:
         raise AssertionError("The last iteration carries the outcome.")
