@@ -78,6 +78,8 @@ class IteratorService:
         self._entries: dict[str, _Entry] = {}
         # Rig to the campaign that has it, from the checks to the end.
         self._taken_rigs: dict[str, str] = {}
+        # Campaigns that a resume reads back and checks now.
+        self._resumed: set[str] = set()
         self._figures = CampaignFigures(bus.figures, self._running)
         keys = bus.keys
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
@@ -233,26 +235,49 @@ class IteratorService:
         Raises
         ------
         FaultError
-            As `start`; NOT_FOUND without a recording, FAILED_PRECONDITION where the campaign runs, has ended or the
-            rig is not the one that was identified.
+            As `start`; NOT_FOUND without a recording, FAILED_PRECONDITION where the campaign runs, is being resumed by
+            another request, has ended or the rig is not the one that was identified.
         """
         id = id_of(call.key)
+        with self._resuming_alone(id) as shown:
+            call.progress("reading back", 0.0, detail=f"campaign {id}")
+            return self._resume_as_new(id, request) if request.new_id else self._resume_in_place(id, request, shown)
+
+    @contextmanager
+    def _resuming_alone(self, id: str) -> Iterator[iterator_pb2.CampaignStatus | None]:
+        """Refuse a second resume of a campaign until the first is decided: what it read back would be out of date."""
         with self._lock:
             entry = self._entries.get(id)
-        if entry is not None and not entry.board.ended:
-            raise FaultError(
-                query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Campaign {id!r} runs; wait for its end or stop it first."
-            )
-        call.progress("reading back", 0.0, detail=f"campaign {id}")
-        if request.new_id:
-            require_id(request.new_id, field="new_id")
-            expect_free_id(self._bus, request.new_id, field="new_id")
-            spec, resumption = new_campaign(read_campaign(self._bus, id), request)
-            with self._admitting(spec):
-                return self._begin(spec, resumption)
+            if entry is not None and not entry.board.ended:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                    f"Campaign {id!r} runs; wait for its end or stop it first.",
+                )
+            if id in self._resumed:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                    f"Campaign {id!r} is being resumed by another request; wait for its answer.",
+                )
+            self._resumed.add(id)
+        try:
+            yield None if entry is None else entry.board.snapshot()
+        finally:
+            with self._lock:
+                self._resumed.discard(id)
+
+    def _resume_as_new(self, id: str, request: iterator_pb2.ResumeCampaignRequest) -> iterator_pb2.CampaignStatus:
+        require_id(request.new_id, field="new_id")
+        expect_free_id(self._bus, request.new_id, field="new_id")
+        spec, resumption = new_campaign(read_campaign(self._bus, id), request)
+        with self._admitting(spec):
+            return self._begin(spec, resumption)
+
+    def _resume_in_place(
+        self, id: str, request: iterator_pb2.ResumeCampaignRequest, shown: iterator_pb2.CampaignStatus | None
+    ) -> iterator_pb2.CampaignStatus:
         require_no_settings(request)
         recorded = read_campaign(self._bus, id)
-        if (final := finished_unseen(recorded, None if entry is None else entry.board.snapshot())) is not None:
+        if (final := finished_unseen(recorded, shown)) is not None:
             self._keep_final(id, final)
             return final
         resumption = same_campaign(recorded, read_parent(self._bus, recorded) if lacks_copies(recorded) else None)

@@ -23,6 +23,8 @@ class Recorder:
         self.refused = {}
         # Called with recording, step number and whether it is stored; may raise.
         self.watch = lambda recording, step, stored: None
+        # Called with a recording and whether the answer, made up already, is the last part of it.
+        self.watch_reading = lambda recording, last: None
         bus.serve(bus.keys.commit(), recorder_pb2.CommitRequest, self.commit)
         bus.serve(bus.keys.recording("*"), recorder_pb2.RecordingRequest, self.recording)
         bus.serve(bus.keys.recording_steps("*"), recorder_pb2.ReadStepsRequest, self.read_steps)
@@ -64,6 +66,7 @@ class Recorder:
         if name not in self.steps:
             raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, f"No recording {name!r}.")
         steps = list(enumerate(self.steps[name]))
+        self.watch_reading(name, request.first + 2 >= len(steps))
         return recorder_pb2.RecordedSteps(
             # Two at a time, as a long recording comes.
             steps=[

@@ -275,6 +275,51 @@ def test_a_campaign_is_taken_up_from_an_earlier_playback_with_other_settings(lab
     assert errors == pytest.approx([0.5 * 0.2**k for k in range(4)], rel=0.02)
 
 
+@pytest.mark.parametrize("new_ids", [("", ""), ("one", "one"), ("first", "second")])
+def test_of_two_resumes_at_once_exactly_one_goes_on(lab, undisturbed, new_ids):
+    """The first request is held up with what it read until the second is answered, and what it began has ended."""
+    id = f"twice-{new_ids[0]}"
+    with killed_at(lab, id, 9, stored=True, later=0.0) as killed:
+        lab.start(specification(id, iterations=ITERATIONS))
+        assert killed.wait(20.0)
+    lab.iterator.end()
+    lab.iterator.start()
+    lab.iterator.wait()
+    reading, may_go_on = threading.Event(), threading.Event()
+
+    def hold_up(name, last):
+        if name == id and last and not reading.is_set():
+            reading.set()
+            assert may_go_on.wait(20.0)
+
+    def attempt(new_id):
+        try:
+            lab.resume(id, new_id=new_id)
+        except FaultError as fault:
+            refused.append(fault)
+        else:
+            accepted.append(new_id or id)
+
+    accepted, refused = [], []
+    lab.recorder.watch_reading = hold_up
+    first = threading.Thread(target=attempt, args=new_ids[:1])
+    first.start()
+    assert reading.wait(20.0)
+    attempt(new_ids[1])
+    for campaign in accepted:
+        lab.end_of(campaign)
+    may_go_on.set()
+    first.join(20.0)
+    lab.recorder.watch_reading = lambda *_: None
+    assert (len(accepted), len(refused)) == (1, 1)
+    assert refused[0].code == query_pb2.FAULT_CODE_FAILED_PRECONDITION
+    assert "is being resumed by another request" in refused[0].message
+    assert lab.end_of(accepted[0]).phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    assert playbacks(lab, accepted[0]) == undisturbed
+    runs = [run.run for run in lab.recorder.read(accepted[0], recorder_pb2.RunPlayed)]
+    assert len(set(runs)) == len(runs)
+
+
 @pytest.mark.parametrize(
     ("id", "settings", "code", "field"),
     [
