@@ -25,8 +25,7 @@ responses = recording.responses()  # lazy: nothing is read before it is used
 window = responses.sel(time=slice(3.0, 5.0)).load()
 print(window.left_vertical.max("time").values.round())
 
-last = recording.playback(recording.iterations.numbers[-1])
-error = recording.target.to_xarray() - last.response_in_band.to_xarray()
-spectrum = np.abs(np.fft.rfft(error.sel(channel="left_vertical").values))
-worst = np.fft.rfftfreq(error.sizes["time"], 1.0 / recording.target.sample_rate)[spectrum.argmax()]
+error = recording.error().isel(run=-1)  # target minus response, both in the control band
+spectrum = np.abs(np.fft.rfft(error.left_vertical.values))
+worst = np.fft.rfftfreq(error.sizes["time"], 1.0 / error.attrs["sample_rate"])[spectrum.argmax()]
 print(f"most of the error of left_vertical is at {worst:.1f} Hz")

@@ -23,7 +23,7 @@ def folder(lab, tmp_path_factory):
 
 def test_every_block_prints_what_the_guide_shows(folder):
     blocks = re.findall(r"```python\n(.*?)```\n```text\n(.*?)```", GUIDE.read_text(encoding="utf-8"), flags=re.S)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     names: dict[str, object] = {}
     for script, shown in blocks:
         printed = io.StringIO()

@@ -16,7 +16,17 @@ from duralab.errors import InputError
 from duralab.iteration_table import IterationTable
 from duralab.mcap_damage import unreadable, within_contract
 from duralab.mcap_reading import SUMMARY, McapFile
-from duralab.recording_content import ActuatorUse, Model, Playback, actuator_use, playback_of
+from duralab.recording_content import (
+    ActuatorUse,
+    Model,
+    Playback,
+    RecordedTarget,
+    actuator_use,
+    level_of,
+    playback_of,
+    response_note,
+    target_note,
+)
 from duralab.recording_parts import open_end
 from duralab.run_epochs import played_epochs
 from duralab.signal_windows import SignalWindows
@@ -120,13 +130,34 @@ class Recording:
         return next(self.messages(recorder_pb2.RecordingClosed), None)
 
     @cached_property
-    def target(self) -> Signals:
-        """The target as it is judged: in the control band."""
+    def target(self) -> RecordedTarget:
+        """The target as it is judged, in the control band; `target(in_band=...)` has the layout of the responses.
+
+        `responses()` are as measured. Compare `target(in_band=True)` with `responses(in_band=True)`, or take `error()`,
+        which is their difference.
+        """
         message = self._first(iterator_pb2.TargetInBand, "target")
         given = self.specification.target
         with within_contract(self.path):
             samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
-        return Signals(channels_of(given.channels), given.sample_rate, samples)
+        return RecordedTarget(
+            channels_of(given.channels),
+            given.sample_rate,
+            samples,
+            note=target_note(self.specification, in_band=True),
+            dataset=self._target_dataset,
+        )
+
+    def _target_dataset(self, in_band: bool) -> xarray.Dataset:
+        from duralab.recording_arrays import target_dataset
+
+        if _true_or_false(in_band):
+            signals = self.target
+        else:
+            with within_contract(self.path):
+                signals = Signals.from_message(self.specification.target, field="target")
+        channels = channels_of(self.rig.responses)
+        return target_dataset(signals, channels, target_note(self.specification, in_band=in_band))
 
     @cached_property
     def model(self) -> Model | None:
@@ -178,7 +209,7 @@ class Recording:
         for step in self.messages(iterator_pb2.IterationStep):
             if step.iteration == number:
                 with within_contract(self.path):
-                    return playback_of(step)
+                    return playback_of(step, self.specification)
         numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
 
@@ -216,7 +247,7 @@ class Recording:
 
         return self._signals(runs, Direction.DRIVE)
 
-    def responses(self, *runs: str) -> xarray.Dataset:
+    def responses(self, *runs: str, in_band: bool = False) -> xarray.Dataset:
         """Return what was measured in runs; samples are read when they are used, and only those that are.
 
         Parameters
@@ -226,23 +257,79 @@ class Recording:
             given, the iterations but those that a resumed campaign took over: their signals are in the recording of its
             parent, `specification.parent`. One run alone has no dimension `run`; one that was broken off is as long as
             what there is of it.
+        in_band : bool
+            True for the responses as they are judged against the target: in the control band, without their static
+            part, divided by the level of their playback. There are those of iterations, of all where no run is given,
+            and of confirmations.
 
         Returns
         -------
         xarray.Dataset
             A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
-            coordinate `iteration` is 0 for a run that is none. `responses().sel(time=slice(20, 30))` reads ten seconds.
+            coordinate `iteration` is 0 for a run that is none, and `level` NaN for one that was not judged.
+            `responses().sel(time=slice(20, 30))` reads ten seconds. The coordinate `band` and the attributes
+            `quantity`, `band`, `lowest_frequency`, `highest_frequency`, `static_part` and `level` say what they are:
+            the difference with what is in another band raises InputError.
             It is the caller's own: what is done in place on it changes nothing that is asked for later.
 
         Raises
         ------
         InputError
             A run that is no text, no signals of such a run or of any iteration, runs of different lengths, or a file
-            that is damaged or was never finished.
+            that is damaged or was never finished; in band, a run that was not judged.
         """
         from duralab.recording_arrays import Direction
 
+        if _true_or_false(in_band):
+            return self._judged(runs, quantity="response")
         return self._signals(runs, Direction.RESPONSE)
+
+    def error(self, *runs: str) -> xarray.Dataset:
+        """Return target minus response of playbacks, in the control band, as it is judged.
+
+        Parameters
+        ----------
+        *runs : str
+            Names of iterations or confirmations; all iterations where none is given.
+
+        Returns
+        -------
+        xarray.Dataset
+            As `target(in_band=True) - responses(*runs, in_band=True)`, with attributes. The RMS over `time` of a
+            channel, over that of its target, is the `relative_rms_error` of `iterations`. The error of a playback at
+            partial level is divided by its level.
+
+        Raises
+        ------
+        InputError
+            A run that is no text or was not judged, or a file that is damaged.
+        """
+        return self._judged(runs, quantity="error")
+
+    def _judged(self, runs: Sequence[str], *, quantity: str) -> xarray.Dataset:
+        from duralab.judged_windows import JudgedWindows
+        from duralab.recording_arrays import Direction, signal_dataset
+
+        for run in runs:
+            require_run_name(run, example=f"{quantity}('demo.i01')")
+        target = self.target
+        windows = JudgedWindows(
+            self._file,
+            target=target.samples,
+            sample_rate=target.sample_rate,
+            levels=self._levels,
+            errors=quantity == "error",
+        )
+        return signal_dataset(
+            windows,
+            channels_of(self.rig.responses),
+            runs or tuple(self._iteration_runs),
+            direction=Direction.RESPONSE,
+            iterations=self._iteration_runs,
+            levels=self._levels,
+            flat=len(runs) == 1,
+            note=response_note(self.specification, in_band=True, quantity=quantity),
+        )
 
     def _signals(self, runs: Sequence[str], direction: Direction) -> xarray.Dataset:
         from duralab.recording_arrays import Direction, signal_dataset
@@ -254,14 +341,16 @@ class Recording:
                 f"{self.path} was never finished and has no index; go on with it (`duralab resume`), start the "
                 "recorder on its folder anew, which repairs it, or read whole runs with `signal`."
             )
-        channels = self.rig.drives if direction is Direction.DRIVE else self.rig.responses
+        is_drive = direction is Direction.DRIVE
         return signal_dataset(
             self._windows,
-            channels_of(channels),
+            channels_of(self.rig.drives if is_drive else self.rig.responses),
             runs or self._iterations_played_here(),
             direction=direction,
             iterations=self._iteration_runs,
+            levels=self._levels,
             flat=len(runs) == 1,
+            note=None if is_drive else response_note(self.specification, in_band=False),
         )
 
     @cached_property
@@ -273,8 +362,18 @@ class Recording:
         return played_epochs(self.messages(recorder_pb2.RunPlayed))
 
     @cached_property
+    def _iteration_steps(self) -> dict[str, tuple[int, float]]:
+        return {step.run: (step.iteration, level_of(step)) for step in self.messages(iterator_pb2.IterationStep)}
+
+    @cached_property
     def _iteration_runs(self) -> dict[str, int]:
-        return {step.run: step.iteration for step in self.messages(iterator_pb2.IterationStep)}
+        return {run: number for run, (number, _) in self._iteration_steps.items()}
+
+    @cached_property
+    def _levels(self) -> dict[str, float]:
+        """Levels of the runs that were judged; the best drive is confirmed at full level."""
+        confirmations = {step.run: 1.0 for step in self.messages(iterator_pb2.ConfirmationStep)}
+        return {run: level for run, (_, level) in self._iteration_steps.items()} | confirmations
 
     def _iterations_played_here(self) -> tuple[str, ...]:
         """Return the runs of the iterations whose signals belong here: of those taken over only the steps do."""
@@ -320,6 +419,12 @@ class Recording:
         from duralab.showing.campaigns import recording_html
 
         return recording_html(self)
+
+
+def _true_or_false(in_band: object) -> bool:
+    if not isinstance(in_band, bool):
+        raise InputError(f"in_band is {in_band!r}; give True or False.", field="in_band")
+    return in_band
 
 
 def open_recording(path: str | Path) -> Recording:

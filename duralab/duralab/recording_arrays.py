@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from enum import Enum
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray
@@ -11,8 +12,14 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from duralab.errors import InputError
+from duralab.judged_windows import JudgedWindows
+from duralab.recording_content import BandNote
 from duralab.signal_windows import SignalWindows
-from duralab.signals import Channel
+from duralab.signals import Channel, Signals
+
+LabelledT = TypeVar("LabelledT", xarray.DataArray, xarray.Dataset)
+Windows = SignalWindows | JudgedWindows
+"""Where samples are read."""
 
 
 class Direction(Enum):
@@ -22,11 +29,98 @@ class Direction(Enum):
     RESPONSE = "response"
 
 
+class BandIndex(xarray.Index):
+    """Index of the coordinate `band`: what is in band and what is as measured cannot be aligned, and so not subtracted.
+
+    Parameters
+    ----------
+    band : str
+        Value of the coordinate.
+    """
+
+    def __init__(self, band: str) -> None:
+        self.band = band
+
+    @classmethod
+    def from_variables(
+        cls, variables: Mapping[Any, xarray.Variable], *, options: Mapping[str, Any] | None = None
+    ) -> BandIndex:
+        """Make the index of the coordinate."""
+        del options
+        (variable,) = variables.values()
+        return cls(str(variable.values))
+
+    def create_variables(
+        self, variables: Mapping[Any, xarray.Variable] | None = None
+    ) -> dict[Hashable, xarray.Variable]:
+        """Return the coordinate as it is."""
+        return dict(variables or {})
+
+    def equals(self, other: xarray.Index, *, exclude: frozenset[Hashable] | None = None) -> bool:
+        """Return whether both are in band, or both as measured."""
+        del exclude
+        return isinstance(other, BandIndex) and self.band == other.band
+
+    def join(self, other: xarray.Index, how: str = "inner") -> BandIndex:
+        """Refuse what xarray asks for where two are not equal."""
+        del how
+        others = other.band if isinstance(other, BandIndex) else type(other).__name__
+        raise InputError(
+            f"Some signals are {self.band}, others {others}; ask for all with the same `in_band=`, or drop the "
+            "coordinate `band` of all if you mean to mix them.",
+            field="in_band",
+        )
+
+
+def marked(labelled: LabelledT, note: BandNote) -> LabelledT:
+    """Return labelled signals that say in coordinate and attributes whether they are in band, and hold to it."""
+    labelled = labelled.assign_coords(band=note.band).set_xindex("band", BandIndex)
+    labelled.attrs |= note.attributes
+    if isinstance(labelled, xarray.Dataset):
+        for variable in labelled.data_vars.values():
+            variable.attrs |= note.attributes
+    return labelled
+
+
+def target_dataset(signals: Signals, channels: Sequence[Channel], note: BandNote) -> xarray.Dataset:
+    """Return a target in the layout of `signal_dataset`: a variable for each channel over time.
+
+    Parameters
+    ----------
+    signals : Signals
+        The target.
+    channels : sequence of Channel
+        The rig's responses.
+    note : BandNote
+        What it is.
+
+    Returns
+    -------
+    xarray.Dataset
+        The caller's own.
+    """
+    variables = {
+        channel.name: ("time", row.copy(), _attributes(channel))
+        for channel, row in zip(channels, signals.samples, strict=True)
+    }
+    time = ("time", np.arange(signals.samples.shape[1]) / signals.sample_rate, {"units": "s"})
+    return marked(xarray.Dataset(variables, coords={"time": time}, attrs={"sample_rate": signals.sample_rate}), note)
+
+
+def _attributes(channel: Channel) -> dict[str, str | float]:
+    return {
+        "units": channel.unit,
+        "long_name": channel.label or channel.title,
+        "minimum": channel.minimum,
+        "maximum": channel.maximum,
+    }
+
+
 class _LazySignal(BackendArray):
     """One channel of runs of one length, (runs, samples), or of one run, (samples)."""
 
     def __init__(
-        self, windows: SignalWindows, runs: Sequence[str], *, direction: Direction, row: int, samples: int, flat: bool
+        self, windows: Windows, runs: Sequence[str], *, direction: Direction, row: int, samples: int, flat: bool
     ) -> None:
         self._windows = windows
         self._runs = list(runs)
@@ -65,19 +159,21 @@ class _LazySignal(BackendArray):
 
 
 def signal_dataset(
-    windows: SignalWindows,
+    windows: Windows,
     channels: Sequence[Channel],
     runs: Sequence[str],
     *,
     direction: Direction,
     iterations: Mapping[str, int],
+    levels: Mapping[str, float],
     flat: bool,
+    note: BandNote | None = None,
 ) -> xarray.Dataset:
     """Return the drives or the responses of runs, one variable for each channel, read when they are used.
 
     Parameters
     ----------
-    windows : SignalWindows
+    windows : SignalWindows or JudgedWindows
         Reads the files.
     channels : sequence of Channel
         Of that direction, in the rig's order.
@@ -87,14 +183,18 @@ def signal_dataset(
         Drives or responses.
     iterations : mapping of str to int
         Numbers of those runs that are iterations.
+    levels : mapping of str to float
+        Levels of those runs that were judged.
     flat : bool
         Leave the dimension `run` out; there is one run then.
+    note : BandNote, optional
+        Of responses.
 
     Returns
     -------
     xarray.Dataset
-        Dimensions `run` and `time`; coordinates time in s, run, and iteration, 0 for what is none. Variables have
-        their `units`, `long_name`, `minimum` and `maximum` as attributes.
+        Dimensions `run` and `time`; coordinates time in s, run, iteration, 0 for what is none, and level, NaN for what
+        was not judged. Variables have their `units`, `long_name`, `minimum` and `maximum` as attributes.
 
     Raises
     ------
@@ -110,6 +210,7 @@ def signal_dataset(
     samples, rate = next(iter(sizes.values()))
     dims = ("time",) if flat else ("run", "time")
     numbers = [iterations.get(run, 0) for run in runs]
+    shares = [levels.get(run, np.nan) for run in runs]
     variables = {
         channel.name: xarray.Variable(
             dims,
@@ -119,21 +220,18 @@ def signal_dataset(
                     _LazySignal(windows, runs, direction=direction, row=row, samples=samples, flat=flat)
                 )
             ),
-            {
-                "units": channel.unit,
-                "long_name": channel.label or channel.title,
-                "minimum": channel.minimum,
-                "maximum": channel.maximum,
-            },
+            _attributes(channel),
         )
         for row, channel in enumerate(channels)
     }
-    return xarray.Dataset(
+    dataset = xarray.Dataset(
         variables,
         coords={
             "time": ("time", np.arange(samples) / rate, {"units": "s"}),
             "run": runs[0] if flat else ("run", list(runs)),
             "iteration": numbers[0] if flat else ("run", numbers),
+            "level": shares[0] if flat else ("run", shares),
         },
         attrs={"sample_rate": rate, "direction": direction.value},
     )
+    return dataset if note is None else marked(dataset, note)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,6 +70,126 @@ def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, 
     )
 
 
+@dataclass(frozen=True)
+class BandNote:
+    """What signals of a recording are, and whether they are in the control band: targets and responses differ in it.
+
+    Parameters
+    ----------
+    quantity : str
+        "target", "response" or "error".
+    in_band : bool
+        Whether they are as they are judged: in the control band, without their static part.
+    lowest_frequency, highest_frequency : float
+        Edges of the control band, in hertz.
+    level : str
+        How a playback at partial level is scaled; empty for a target.
+    """
+
+    quantity: str
+    in_band: bool
+    lowest_frequency: float
+    highest_frequency: float
+    level: str = ""
+
+    @property
+    def band(self) -> str:
+        """The value of the coordinate `band`."""
+        return "in band" if self.in_band else "as measured"
+
+    @property
+    def attributes(self) -> dict[str, str | float]:
+        """What labelled arrays say of themselves in their attributes; the edges are those of in-band signals only."""
+        edges = {"lowest_frequency": self.lowest_frequency, "highest_frequency": self.highest_frequency}
+        return {
+            "quantity": self.quantity,
+            "band": self.band,
+            **(edges if self.in_band else {}),
+            "static_part": "removed" if self.in_band else "kept",
+            **({"level": self.level} if self.level else {}),
+        }
+
+
+def response_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool, quantity: str = "response") -> BandNote:
+    """Return the note of the responses of a campaign."""
+    return BandNote(
+        quantity,
+        in_band,
+        specification.lowest_frequency,
+        specification.highest_frequency,
+        level="divided by the level of the playback" if in_band else "as played",
+    )
+
+
+def target_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool) -> BandNote:
+    """Return the note of the target of a campaign."""
+    return BandNote("target", in_band, specification.lowest_frequency, specification.highest_frequency)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedSignals(Signals):
+    """Signals of a recording whose labelled arrays refuse to be mixed with those of another band.
+
+    Parameters
+    ----------
+    note : BandNote
+        What they are.
+    """
+
+    note: BandNote = field(kw_only=True)
+
+    def to_xarray(self, name: str = "signals") -> xarray.DataArray:
+        """Return a labelled array as `Signals.to_xarray` does, with the coordinate `band` and attributes.
+
+        Parameters
+        ----------
+        name : str
+            Of the array.
+
+        Returns
+        -------
+        xarray.DataArray
+            A difference of arrays of which one is in band and the other as measured raises InputError.
+        """
+        from duralab.recording_arrays import marked
+
+        return marked(super().to_xarray(name), self.note)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedTarget(RecordedSignals):
+    """The target of a recording: signals in the control band; called, a dataset in the layout of the responses.
+
+    Parameters
+    ----------
+    dataset : callable
+        Makes that dataset.
+    """
+
+    dataset: Callable[[bool], xarray.Dataset] = field(kw_only=True)
+
+    def __call__(self, *, in_band: bool) -> xarray.Dataset:
+        """Return the target in the layout of `Recording.responses`: a variable for each channel over `time`.
+
+        Parameters
+        ----------
+        in_band : bool
+            True for the target as it is judged, False for the target as it was given, with its static part and what is
+            outside the control band.
+
+        Returns
+        -------
+        xarray.Dataset
+            The difference with `responses(in_band=...)` of another band is refused.
+
+        Raises
+        ------
+        InputError
+            `in_band` is neither True nor False.
+        """
+        return self.dataset(in_band)
+
+
 @dataclass(frozen=True, eq=False)
 class Playback:
     """One playback of the target's drive.
@@ -83,9 +203,11 @@ class Playback:
     drive, response : Signals
         What was played and what was measured.
     response_in_band : Signals
-        The response as it is judged: in the control band.
+        The response as it is judged: in the control band, without its static part, divided by `level`.
     actuators : tuple of ActuatorUse
         One for each drive.
+    level : float
+        Share of the target that was played for, above 0 to 1.
     """
 
     number: int
@@ -94,6 +216,7 @@ class Playback:
     response: Signals
     response_in_band: Signals
     actuators: tuple[ActuatorUse, ...]
+    level: float = 1.0
 
     def __repr__(self) -> str:
         """Return it on one line, without arrays."""
@@ -302,15 +425,26 @@ class Model:
         return model_html(self)
 
 
-def playback_of(step: iterator_pb2.IterationStep) -> Playback:
-    """Decode a playback; raises ArrayError where its arrays do not fit together."""
+def level_of(step: iterator_pb2.IterationStep) -> float:
+    """Return the level of a playback; older recordings tell none and are at 1."""
+    return step.level or 1.0
+
+
+def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.CampaignSpec) -> Playback:
+    """Decode a playback of a campaign; raises ArrayError where its arrays do not fit together."""
     response = Signals.from_message(step.response, field="response")
     in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
+
+    def noted(samples: np.ndarray, *, in_band: bool) -> RecordedSignals:
+        note = response_note(specification, in_band=in_band)
+        return RecordedSignals(response.channels, response.sample_rate, samples, note=note)
+
     return Playback(
         number=step.iteration,
         run=step.run,
         drive=Signals.from_message(step.drive, field="drive"),
-        response=response,
-        response_in_band=Signals(response.channels, response.sample_rate, in_band),
+        response=noted(response.samples, in_band=False),
+        response_in_band=noted(in_band, in_band=True),
         actuators=actuator_use(step.actuators),
+        level=level_of(step),
     )
