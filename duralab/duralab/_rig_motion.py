@@ -14,9 +14,9 @@ from duralab._asking import Asking
 from duralab._drive_signals import drive_signals
 from duralab._following import RunProgress, Stage
 from duralab._patience import Patience
-from duralab._script_values import require_text
+from duralab._script_values import require_switch, require_text
 from duralab.campaign_values import require_seed
-from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
+from duralab.errors import LabError, LabTimeoutError, StoppedError
 from duralab.played import Played
 from duralab.recording_content import actuator_use
 from duralab.rig import Rig
@@ -61,8 +61,7 @@ def play_drive(
     require_seed(seed)
     if run is not None:
         require_text(run, field="run")
-    if not isinstance(real_time, bool | np.bool_):
-        raise InputError(f"real_time is {real_time!r}; give True or False.", field="real_time")
+    require_switch(real_time, field="real_time")
     signals = drive_signals(drive, rig)
     name = run or f"script-{uuid.uuid4().hex[:12]}"
     request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=bool(real_time))

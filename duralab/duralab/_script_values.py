@@ -8,6 +8,8 @@ from numbers import Integral
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from duralab.errors import InputError
 
 T = TypeVar("T")
@@ -35,6 +37,25 @@ def require_text(value: object, *, field: str) -> None:
     """
     if not isinstance(value, str):
         raise InputError(f"{field} is {value!r}; give a text.", field=field)
+
+
+def require_switch(value: object, *, field: str) -> None:
+    """Check a value that is True or False, numpy's too.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    field : str
+        The argument's name.
+
+    Raises
+    ------
+    InputError
+        `value` is neither.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{field} is {value!r}; give True or False.", field=field)
 
 
 def folder_of(given: str | Path | None, *, usual: Path, field: str = "out") -> Path:

@@ -311,4 +311,5 @@ def build_specification(
         levels=campaign.levels,
         limit_policy=f"LIMIT_POLICY_{campaign.at_limits.name}",
         confirmations=campaign.confirm.playbacks,
+        real_time=campaign.real_time,
     )

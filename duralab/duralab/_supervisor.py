@@ -65,6 +65,7 @@ def lab_services(
     viewer: str | None,
     specimens: Mapping[str, Path] = MappingProxyType({}),
     live_file: bool = True,
+    real_time: bool = False,
 ) -> tuple[ServicePlan, ...]:
     """Return the four services of a lab; the recorder comes last, and goes last.
 
@@ -80,6 +81,8 @@ def lab_services(
         YAML files of further rigs, by the rig's name.
     live_file : bool
         Whether the recorder also writes what a viewer would show.
+    real_time : bool
+        Whether the rigs play every drive in real time.
     """
     return (
         ServicePlan(
@@ -90,6 +93,7 @@ def lab_services(
                 "rigs": list(rigs),
                 "specimens": [str(path) for path in specimens.values()],
                 "spool_folder": str(recordings.resolve() / "spool"),
+                "real_time": real_time,
             },
         ),
         ServicePlan("identifier"),

@@ -272,12 +272,13 @@ async def async_start(
     recordings: str | Path | None = None,
     rigs: Sequence[str] = DEFAULT_RIGS,
     viewer: str | None = None,
+    real_time: bool = False,
 ) -> AsyncIterator[AsyncLab]:
     """Start a lab of one's own on this machine, `async with async_start() as lab`; see `start`.
 
     Parameters
     ----------
-    out, listen, recordings, rigs, viewer
+    out, listen, recordings, rigs, viewer, real_time
         As in `start`.
 
     Yields
@@ -290,7 +291,8 @@ async def async_start(
     InputError, LabError
         As in `start`.
     """
-    async with _opened(start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer)) as opened:
+    opening = start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer, real_time=real_time)
+    async with _opened(opening) as opened:
         yield opened
 
 

@@ -163,6 +163,10 @@ class Campaign(Section):
         description="Share of the target in each of the first playbacks, rising to 1, e.g. [0.5, 0.75, 1.0]; left out: "
         "all play the whole target.",
     )
+    real_time: bool = Field(
+        default=False,
+        description="Whether the rig plays in real time, as a rehearsal of a real one; left out: as fast as it can.",
+    )
     accept: Acceptance | None = Field(default=None, description="What the result is judged by; left out: by nothing.")
 
     _folder: Path = PrivateAttr(default=Path())

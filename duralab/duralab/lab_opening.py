@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from duralab._patience import require_time
 from duralab._recordings_place import RecordingsPlace, own_recordings
-from duralab._script_values import require_path, require_text
+from duralab._script_values import require_path, require_switch, require_text
 from duralab._supervisor import Supervisor, lab_services
 from duralab.errors import InputError, UnavailableError
 from duralab.lab import Lab
@@ -46,6 +46,7 @@ def start(
     recordings: str | Path | None = None,
     rigs: Sequence[str] = DEFAULT_RIGS,
     viewer: str | None = None,
+    real_time: bool = False,
 ) -> Iterator[Lab]:
     """Start a lab of one's own on this machine: four service processes, ended with the `with` statement.
 
@@ -63,6 +64,8 @@ def start(
         The rigs to start.
     viewer : str, optional
         Address of a running Rerun viewer.
+    real_time : bool
+        Play every drive in real time, whatever is asked: a rehearsal of a real rig. The responses are the same.
 
     Yields
     ------
@@ -86,6 +89,7 @@ def start(
         raise InputError(f"rigs is {rigs!r}; give the names of one rig or more, such as ('front_axle',).", field="rigs")
     for rig in rigs:
         require_text(rig, field="rigs")
+    require_switch(real_time, field="real_time")
     with ExitStack() as stack:
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
         if recordings is None:
@@ -93,7 +97,7 @@ def start(
         else:
             place = RecordingsPlace(Path(recordings), passing=_passing(stack, out))
         folder = place.passing or Path(out or "")
-        plans = lab_services(rigs=rigs, recordings=place.folder or folder, viewer=viewer)
+        plans = lab_services(rigs=rigs, recordings=place.folder or folder, viewer=viewer, real_time=bool(real_time))
         supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
         supervisor.start()
         yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)

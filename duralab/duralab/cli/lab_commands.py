@@ -38,7 +38,9 @@ def _say_where(viewer: Viewer, console: Console) -> None:
     console.print(f"Live viewer: {where}", highlight=False, markup=False)
 
 
-def run_lab(*, listen: str, recordings: Path, rigs: Sequence[str] | None, view: bool, as_json: bool) -> None:
+def run_lab(
+    *, listen: str, recordings: Path, rigs: Sequence[str] | None, real_time: bool, view: bool, as_json: bool
+) -> None:
     """Run a lab until it is interrupted, or a service of it ends; with the usual rigs where none are named."""
     console = console_beside(as_json)
     require_shipped(rigs or (), usual=DEFAULT_RIGS)
@@ -47,7 +49,14 @@ def run_lab(*, listen: str, recordings: Path, rigs: Sequence[str] | None, view: 
         address = viewer.address if viewer is not None else None
         with console.status("Starting the lab …"):
             lab = stack.enter_context(
-                start(recordings, listen=listen, recordings=recordings, rigs=rigs or DEFAULT_RIGS, viewer=address)
+                start(
+                    recordings,
+                    listen=listen,
+                    recordings=recordings,
+                    rigs=rigs or DEFAULT_RIGS,
+                    viewer=address,
+                    real_time=real_time,
+                )
             )
         fault = stack.enter_context(noted(lab.endpoints[0], recordings=recordings, services=lab.process_ids))
         if as_json:
@@ -63,6 +72,8 @@ def run_lab(*, listen: str, recordings: Path, rigs: Sequence[str] | None, view: 
             )
         services = ", ".join(f"{name} ({pid})" for name, pid in lab.process_ids.items())
         console.print(f"The lab is up at {', '.join(lab.endpoints)}: {services}", highlight=False, markup=False)
+        if real_time:
+            console.print("The rigs play in real time, whatever is asked.")
         console.print(
             f"Recordings go to {recordings}/, logs to {recordings / 'logs'}/. Ctrl-C or `duralab down` ends it.",
             highlight=False,

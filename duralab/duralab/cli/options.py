@@ -21,6 +21,9 @@ OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is random in a simulated rig.")]
+RealTime = Annotated[
+    bool, typer.Option("--real-time", help="Play no faster than real time, as a rehearsal of a real rig.")
+]
 Unit = Annotated[
     list[str] | None,
     typer.Option("--unit", metavar="UNIT", help="SI; or a unit for channels of its kind; or CHANNEL=UNIT; repeatable."),

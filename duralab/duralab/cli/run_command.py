@@ -21,13 +21,22 @@ from duralab.shipped_rigs import require_shipped
 
 
 def run_campaign(
-    campaign: str, *, out: Path | None, endpoint: str | None, view: bool, replace: bool, as_json: bool
+    campaign: str,
+    *,
+    out: Path | None,
+    endpoint: str | None,
+    real_time: bool,
+    view: bool,
+    replace: bool,
+    as_json: bool,
 ) -> None:
     """Run a campaign and leave its outputs; raises typer.Exit where the target was not reached."""
     console = console_beside(as_json)
     if view and endpoint is not None:
         raise InputError("--view belongs to the lab: start the lab at --connect with `duralab up --view`.")
     plan = load_campaign(campaign)
+    if real_time:
+        plan = plan.model_copy(update={"real_time": True})
     folder = out or Path("out") / plan.name
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")

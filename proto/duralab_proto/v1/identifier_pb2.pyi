@@ -138,20 +138,22 @@ class Estimator(_message.Message):
     def __init__(self, kind: _Optional[_Union[EstimatorKind, str]] = ..., block_samples: _Optional[int] = ..., overlap: _Optional[float] = ..., local_order: _Optional[int] = ..., local_half_width: _Optional[int] = ...) -> None: ...
 
 class IdentifyRequest(_message.Message):
-    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only")
+    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only", "real_time")
     RIG_FIELD_NUMBER: _ClassVar[int]
     EXCITATION_FIELD_NUMBER: _ClassVar[int]
     ESTIMATOR_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     RIG_SEED_FIELD_NUMBER: _ClassVar[int]
     CHECK_ONLY_FIELD_NUMBER: _ClassVar[int]
+    REAL_TIME_FIELD_NUMBER: _ClassVar[int]
     rig: str
     excitation: Excitation
     estimator: Estimator
     run: str
     rig_seed: int
     check_only: bool
-    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ...) -> None: ...
+    real_time: bool
+    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ..., real_time: _Optional[bool] = ...) -> None: ...
 
 class PlanRequest(_message.Message):
     __slots__ = ("identify",)

@@ -54,7 +54,7 @@ class DescriptionRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class RigDescription(_message.Message):
-    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash", "shapes", "links", "rest_poses")
+    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash", "shapes", "links", "rest_poses", "publishes_after_run", "cannot_be_stopped")
     RIG_FIELD_NUMBER: _ClassVar[int]
     SPECIMEN_FIELD_NUMBER: _ClassVar[int]
     ENGINE_FIELD_NUMBER: _ClassVar[int]
@@ -70,6 +70,8 @@ class RigDescription(_message.Message):
     SHAPES_FIELD_NUMBER: _ClassVar[int]
     LINKS_FIELD_NUMBER: _ClassVar[int]
     REST_POSES_FIELD_NUMBER: _ClassVar[int]
+    PUBLISHES_AFTER_RUN_FIELD_NUMBER: _ClassVar[int]
+    CANNOT_BE_STOPPED_FIELD_NUMBER: _ClassVar[int]
     rig: str
     specimen: str
     engine: str
@@ -85,7 +87,9 @@ class RigDescription(_message.Message):
     shapes: _containers.RepeatedCompositeFieldContainer[RigShape]
     links: _containers.RepeatedCompositeFieldContainer[RigLink]
     rest_poses: _array_pb2.Array
-    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ..., shapes: _Optional[_Iterable[_Union[RigShape, _Mapping]]] = ..., links: _Optional[_Iterable[_Union[RigLink, _Mapping]]] = ..., rest_poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    publishes_after_run: bool
+    cannot_be_stopped: bool
+    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ..., shapes: _Optional[_Iterable[_Union[RigShape, _Mapping]]] = ..., links: _Optional[_Iterable[_Union[RigLink, _Mapping]]] = ..., rest_poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., publishes_after_run: _Optional[bool] = ..., cannot_be_stopped: _Optional[bool] = ...) -> None: ...
 
 class RigShape(_message.Message):
     __slots__ = ("name", "body", "role", "pose", "box", "cylinder", "sphere", "mesh")

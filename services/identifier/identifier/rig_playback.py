@@ -92,7 +92,10 @@ def play_experiment(
         call.progress(message.phase, begin + (end - begin) * share, remaining_seconds=remaining, detail=message.detail)
 
     play = rig_pb2.PlayRequest(
-        run=request.run, drive=to_record(rig.drives, rig.sample_rate, drive), seed=request.rig_seed
+        run=request.run,
+        drive=to_record(rig.drives, rig.sample_rate, drive),
+        seed=request.rig_seed,
+        real_time=request.real_time,
     )
     played = bus.query(bus.keys.rig_play(request.rig), play, rig_pb2.PlayResult, on_progress=pass_on, cancel=given_up)
     if played.run != request.run:

@@ -34,8 +34,8 @@ from iterator.playback_levels import best_at_full_level
 from iterator.playback_remarks import remarks_of
 from iterator.progress_estimate import ProgressEstimate
 from iterator.recording_log import RecordingLog
-from iterator.rig_halt import bring_to_rest
-from iterator.rig_playback import RigPlayback
+from iterator.rig_halt import bring_to_rest, latch_rig
+from iterator.rig_playback import RigPlayback, words_of
 from iterator.status_board import StatusBoard
 from iterator.stop_criteria import Outcome
 from labbus import Bus, FaultError
@@ -82,6 +82,7 @@ class Campaign:
             bus, self._id, next_step=self._before.steps, stop=self._stop, on_wait=self._show_waiting
         )
         self._stop_reason = ""
+        self._latching = self._latched = False
         self._step = "starting"
         self._playback = RigPlayback(plan, bus=bus, log=self._log, planned=self._before.planned, cancel=self._stop)
         self._estimate = ProgressEstimate(
@@ -96,14 +97,19 @@ class Campaign:
         self._board.start_repeating()
         threading.Thread(target=self._run, name=f"campaign-{self._id}", daemon=True).start()
 
-    def stop(self, reason: str) -> None:
+    def stop(self, reason: str, *, latch: bool = True) -> None:
         """Ask it to end: a playback is broken off, nothing new is begun. Return at once.
 
         Parameters
         ----------
         reason : str
             In words; kept in the recording.
+        latch : bool
+            Latch the rig whatever it does then, also between two playbacks. Otherwise only a playback that is broken
+            off latches it.
         """
+        # First: the campaign's thread may end as soon as the event is set.
+        self._latching = self._latching or latch
         if not self._stop.is_set():
             self._stop_reason = reason
             self._stop.set()
@@ -122,6 +128,14 @@ class Campaign:
 
     def _performed(self) -> iterator_pb2.CampaignStatus:
         """Do all steps, tidy up, and return the final status."""
+        final = self._ended()
+        if self._latching and not self._latched:
+            # Stopped when nothing was left to break off.
+            self._halt(final)
+        return final
+
+    def _ended(self) -> iterator_pb2.CampaignStatus:
+        """Do all steps, and return the final status once the recording is closed."""
         try:
             last = self._sequence()
         except FaultError as fault:
@@ -302,7 +316,12 @@ class Campaign:
         yield
 
     def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
-        return lambda progress: self._board.show(activity, self._estimate.at(min(1.0, max(0.0, progress.fraction))))
+        def follow(progress: query_pb2.Progress) -> None:
+            words = words_of(progress, run=self._playback.moving_run)
+            done = self._estimate.at(min(1.0, max(0.0, progress.fraction)))
+            self._board.show(f"{activity}: {words}" if words else activity, done)
+
+        return follow
 
     def _show_waiting(self, why: str) -> None:
         """Say that the campaign pauses, because its next step cannot be stored yet."""
@@ -332,16 +351,26 @@ class Campaign:
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
         """Bring the rig to rest, close the recording as far as that goes, and say why."""
         final = self._final_fault(fault)
-        if self._playback.moving_run:
-            sentence = final.fault.message
-            if not bring_to_rest(self._bus, self._rig, run=self._playback.moving_run, reason=sentence):
-                final.fault.message = f"{sentence} It is not known whether the rig rests; look at it."
+        self._halt(final)
         if self._log.begun:
             try:
                 self._log.close(final, reason=final.fault.message)
             except FaultError as error:
                 self._journal.warning("The recording stays open.", why=error.message)
         return final
+
+    def _halt(self, final: iterator_pb2.CampaignStatus) -> None:
+        """Bring the rig to rest, and latch it where the campaign was stopped; add to the status where that failed."""
+        run, reason = self._playback.moving_run, final.fault.message or self._stop_reason
+        if self._latching:
+            self._latched = True
+            trouble = latch_rig(self._bus, self._rig, run=run, reason=reason)
+        else:
+            trouble = bring_to_rest(self._bus, self._rig, run=run, reason=reason) if run else ""
+        if trouble:
+            final.activity += f"; {trouble}"
+            if final.HasField("fault"):
+                final.fault.message += f" {trouble[0].upper()}{trouble[1:]}."
 
     def _final_fault(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
         """Return the final status of a campaign that was stopped or failed."""

@@ -37,6 +37,7 @@ def identification_request(
         run=run,
         rig_seed=seeds.derived_seed(spec.seed, seeds.IDENTIFICATION_PLAYBACK),
         check_only=check_only,
+        real_time=spec.real_time,
     )
     request.excitation.seed = seeds.derived_seed(spec.seed, seeds.EXCITATION)
     return request

@@ -1,4 +1,4 @@
-"""Making sure that a rig rests after a playback was broken off."""
+"""Making sure that a rig rests after a playback was broken off, and that a stop latches it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,38 @@ _POLL_SECONDS: Final = 0.1
 # A cancelled identification may still be about to play: a service learns of it 0.3 s after its client let go.
 _REST_SECONDS: Final = 0.6
 _SILENCE_SECONDS: Final = 2.0
+_UNKNOWN: Final = "it is not known whether the rig rests; look at it"
 
 
-def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> bool:
+def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
+    """Stop a rig, whatever it does: it ramps down where it plays, and is latched in any case.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the rig is.
+    rig : str
+        Its name.
+    run : str
+        The playback that may be under way; empty where there is none. A rig that plays another run is not stopped.
+    reason : str
+        Why, in words; kept as the latch's reason.
+
+    Returns
+    -------
+    str
+        Empty where the rig rests and is latched; else what is the matter with it, as a clause.
+    """
+    try:
+        state = _state_of(bus, rig)
+        if state.run not in ("", run):
+            return f"{rig} plays {state.run!r}, which this campaign does not wait for, and was not stopped"
+        return _stopped(bus, rig, reason=reason)
+    except FaultError as fault:
+        return _unknown(rig, fault)
+
+
+def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> str:
     """Wait until a rig whose playback was cancelled rests; stop it, which latches it, where it plays on.
 
     Parameters
@@ -34,28 +63,44 @@ def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> bool:
 
     Returns
     -------
-    bool
-        False where it is not known whether the rig rests.
+    str
+        Empty where the rig rests; else what is the matter with it, as a clause.
     """
-    log = structlog.get_logger("iterator").bind(rig=rig)
     begun = time.monotonic()
     until, resting_since = begun + _PATIENCE_SECONDS, begun
     try:
         while bus.live("rig_sim", rig):
-            state = bus.query(
-                bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
-            )
+            state = _state_of(bus, rig)
             now = time.monotonic()
             if state.run == run:
                 # In whatever mode: a rig that is latched may still be on its way down.
                 resting_since = now
             elif now - resting_since >= _REST_SECONDS or state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
-                return True
+                return ""
             if now >= until and resting_since == now:
-                log.warning("The rig went on after its playback was cancelled; it is stopped.", run=state.run)
-                bus.query(bus.keys.rig_stop(rig), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
-                return True
+                return _stopped(bus, rig, reason=reason)
             time.sleep(_POLL_SECONDS)
     except FaultError as fault:
-        log.warning("It is not known whether the rig rests.", why=fault.message)
-    return False
+        return _unknown(rig, fault)
+    return _UNKNOWN
+
+
+def _state_of(bus: Bus, rig: str) -> rig_pb2.RigState:
+    return bus.query(
+        bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
+    )
+
+
+def _stopped(bus: Bus, rig: str, *, reason: str) -> str:
+    """Stop a rig; return what is the matter with it afterwards, empty where it rests."""
+    state = bus.query(bus.keys.rig_stop(rig), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
+    structlog.get_logger("iterator").warning("The rig was stopped.", rig=rig, reason=reason, goes_on=state.run)
+    if state.run:
+        # The contract: only a rig that cannot be stopped answers before it rests.
+        return f"the run {state.run!r} cannot be stopped and goes on to its end, and {rig} is latched from then on"
+    return ""
+
+
+def _unknown(rig: str, fault: FaultError) -> str:
+    structlog.get_logger("iterator").warning("It is not known whether the rig rests.", rig=rig, why=fault.message)
+    return _UNKNOWN

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Final
 
 import numpy as np
 import structlog
@@ -18,6 +19,33 @@ from iterator.campaign_plan import CampaignPlan
 from iterator.campaign_resumption import run_name
 from iterator.recording_log import RecordingLog
 from labbus import Bus
+
+LONGEST_WORDS: Final = 300
+"""Longest text of a rig that is shown; it travels with every status."""
+
+_PLAYING: Final = "playing"
+
+
+def words_of(progress: query_pb2.Progress, *, run: str) -> str:
+    """Return what a rig or the identifier says that it does now, on one line.
+
+    Parameters
+    ----------
+    progress : Progress
+        Of the playback or the identification.
+    run : str
+        The playback; its name is no news.
+
+    Returns
+    -------
+    str
+        Empty where it says no more than that it plays; with an ellipsis at the end where it was too long.
+    """
+    said = [text for text in (progress.phase, progress.detail) if text not in ("", _PLAYING, run)]
+    # Foreign text goes to terminals, tables and logs: no line breaks, no control characters.
+    printable = "".join(letter if letter.isprintable() else " " for letter in ", ".join(said))
+    words = " ".join(printable.split())
+    return words if len(words) <= LONGEST_WORDS else f"{words[:LONGEST_WORDS]}…"
 
 
 class RigPlayback:
@@ -135,6 +163,7 @@ class RigPlayback:
                     run=run,
                     drive=to_record(description.drives, description.sample_rate, drive),
                     seed=seeds.derived_seed(self._plan.spec.seed, seed_index),
+                    real_time=self._plan.spec.real_time,
                 ),
                 rig_pb2.PlayResult,
                 on_progress=on_progress,

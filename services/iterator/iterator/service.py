@@ -98,7 +98,7 @@ class IteratorService:
             running = [entry for entry in self._entries.values() if not entry.board.ended]
         for entry in running:
             if entry.campaign is not None:
-                entry.campaign.stop("the iterator was told to end")
+                entry.campaign.stop("the iterator was told to end", latch=False)
         until = time.monotonic() + _CLOSE_SECONDS
         for entry in running:
             entry.board.wait_ended(max(0.0, until - time.monotonic()))
@@ -190,7 +190,7 @@ class IteratorService:
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: iterator_pb2.StopCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Stop a campaign and its playback; one that has ended stays as it is.
+        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays as it is.
 
         Parameters
         ----------
@@ -211,9 +211,9 @@ class IteratorService:
         """
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
-            call.progress("stopping", 0.0)
             if entry.campaign is not None:
                 entry.campaign.stop(request.reason or "no reason was given")
+            call.progress("stopping", 0.0)
             entry.board.wait_ended(_STOP_SECONDS)
         return entry.board.snapshot()
 

@@ -118,11 +118,12 @@ class Lab:
     def status(self, id):
         return self.bus.query(self.bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
 
-    def stop(self, id, reason="enough"):
+    def stop(self, id, reason="enough", **options):
         return self.bus.query(
             self.bus.keys.campaign_stop(id),
             iterator_pb2.StopCampaignRequest(reason=reason),
             iterator_pb2.CampaignStatus,
+            **options,
         )
 
     def resume(self, id, **settings):
@@ -132,8 +133,11 @@ class Lab:
             iterator_pb2.CampaignStatus,
         )
 
-    def rig_mode(self, rig):
-        return self.bus.query(self.bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState).mode
+    def rig_state(self, rig):
+        return self.bus.query(self.bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
+
+    def reset(self, rig):
+        return self.bus.query(self.bus.keys.rig_reset(rig), rig_pb2.ResetRequest(), rig_pb2.RigState)
 
     def wait(self, id, done, *, seconds=20.0):
         until, status = time.monotonic() + seconds, None

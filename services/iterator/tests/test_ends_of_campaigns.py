@@ -36,8 +36,14 @@ def lab_in_this_process(name, identify):
         ):
             keys = hub.keys
             rig.serve(keys.rig_description("front"), rig_pb2.DescriptionRequest, lambda *_: description())
-            idle = rig_pb2.RigState(mode=rig_pb2.RIG_MODE_IDLE)
-            rig.serve(keys.rig_state("front"), rig_pb2.StateRequest, lambda *_: idle)
+            state = rig_pb2.RigState(mode=rig_pb2.RIG_MODE_IDLE)
+
+            def stop(request, _call):
+                state.mode, state.reason = rig_pb2.RIG_MODE_INTERLOCKED, request.reason
+                return state
+
+            rig.serve(keys.rig_state("front"), rig_pb2.StateRequest, lambda *_: state)
+            rig.serve(keys.rig_stop("front"), rig_pb2.StopRequest, stop, workers=1)
             rig.declare_live("rig_sim", "front")
             identifier.serve(keys.identify(), identifier_pb2.IdentifyRequest, checked_or(identify, recorder))
             identifier.declare_live("identifier", "main")
@@ -111,6 +117,8 @@ def test_the_end_of_the_service_stops_its_campaigns():
         assert identifying.wait(5.0)
         service.__exit__(None, None, None)
         status = lab.status("cut")
+        # Nothing was broken off on the rig: nobody has to look at it before the campaign is resumed.
+        assert lab.rig_state("front").mode == rig_pb2.RIG_MODE_IDLE
     assert status.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
     assert status.fault.message.endswith("stopped while identifying front: the iterator was told to end.")
     assert lab.recorder.kinds("cut")[-1] == "RecordingClosed"

@@ -248,6 +248,10 @@ def test_a_stopped_campaign_is_taken_up_by_a_new_one_that_names_it(lab, undistur
     assert (caught.value.code, caught.value.field) == (query_pb2.FAULT_CODE_FAILED_PRECONDITION, "new_id")
     there = len(playbacks(lab, "halted"))
     assert 1 <= there < ITERATIONS
+    # The stop has latched its rig, wherever in its playbacks it was.
+    with pytest.raises(FaultError, match=r"Rig 'front' is interlocked \(The campaign was stopped .* reset it first"):
+        lab.resume("halted", new_id="halted-2")
+    lab.reset("front")
     lab.resume("halted", new_id="halted-2")
     final = lab.end_of("halted-2")
     assert (final.phase, final.outcome) == (iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.OUTCOME_ITERATIONS_USED)

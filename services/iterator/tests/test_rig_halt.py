@@ -22,8 +22,9 @@ class Bus:
 
     keys = Keys()
 
-    def __init__(self, *states):
+    def __init__(self, *states, goes_on=False):
         self._states = list(states)
+        self._goes_on = goes_on
         self.asked = []
 
     def live(self, *_):
@@ -31,6 +32,8 @@ class Bus:
 
     def query(self, key, _request, _answer, **_):
         self.asked.append(key)
+        if key.endswith("stop") and not self._goes_on:
+            return RESTING
         return self._states.pop(0) if len(self._states) > 1 else self._states[0]
 
 
@@ -47,18 +50,32 @@ def halted(bus):
 
 def test_a_latched_rig_is_waited_for_until_its_ramp_has_ended():
     bus = Bus(MOVING, MOVING, MOVING, RESTING)
-    assert halted(bus)
+    assert halted(bus) == ""
     assert bus.asked == ["rig/state"] * 4
 
 
 @pytest.mark.parametrize("mode", [rig_pb2.RIG_MODE_SETTLING, rig_pb2.RIG_MODE_PLAYING, rig_pb2.RIG_MODE_RAMPING_DOWN])
 def test_a_rig_that_goes_on_is_stopped(mode):
     bus = Bus(rig_pb2.RigState(rig="rig", mode=mode, run="mine"))
-    assert halted(bus)
+    assert halted(bus) == ""
     assert bus.asked[-1] == "rig/stop"
 
 
 def test_what_others_play_is_left_alone():
     bus = Bus(rig_pb2.RigState(rig="rig", mode=rig_pb2.RIG_MODE_PLAYING, run="theirs"))
-    assert halted(bus)
+    assert halted(bus) == ""
     assert "rig/stop" not in bus.asked
+
+
+def test_a_rig_that_goes_on_after_its_stop_is_never_taken_for_one_that_rests():
+    bus = Bus(MOVING, goes_on=True)
+    assert halted(bus) == "the run 'mine' cannot be stopped and goes on to its end, and rig is latched from then on"
+    assert rig_halt.latch_rig(bus, "rig", run="mine", reason="enough") == halted(bus)
+
+
+@pytest.mark.parametrize(("run", "stopped"), [("", True), ("mine", True), ("theirs", False)])
+def test_a_stop_latches_the_rig_whatever_it_does_but_for_the_run_of_somebody_else(run, stopped):
+    bus = Bus(rig_pb2.RigState(rig="rig", mode=rig_pb2.RIG_MODE_IDLE, run=run))
+    trouble = rig_halt.latch_rig(bus, "rig", run="mine", reason="enough")
+    assert ("rig/stop" in bus.asked) is stopped
+    assert ("'theirs'" in trouble) is not stopped

@@ -17,6 +17,7 @@ from .fake_lab import FINAL, Identifier, Lab, Recorder
 from .linear_rig import specification
 
 LAB = "iterator_test"
+RIGS = {"front": 0.0, "slow": 2.5, "endless": 5.0}
 RIG_PROCESS = Path(__file__).with_name("rig_process.py")
 
 
@@ -45,10 +46,10 @@ def lab(tmp_path_factory):
             open_bus(joined, service="recorder") as recorder,
             open_bus(joined, service="identifier") as identifier,
             process(hub, folder, "-m", "iterator"),
-            process(hub, folder, str(RIG_PROCESS), rigs={"front": 0.0, "slow": 2.5}),
+            process(hub, folder, str(RIG_PROCESS), rigs=RIGS, cannot_be_stopped=["endless"]),
         ):
             lab = Lab(hub, Recorder(recorder), Identifier(identifier))
-            wanted = {("iterator", "main"), ("rig_sim", "front"), ("rig_sim", "slow")}
+            wanted = {("iterator", "main"), *(("rig_sim", rig) for rig in RIGS)}
             hub.wait_for_live(wanted | {("recorder", "main"), ("identifier", "main")}, 120.0)
             yield lab
 
@@ -129,7 +130,9 @@ def test_a_stopped_campaign_leaves_the_rig_at_rest_and_the_recording_closed(lab)
     assert status.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
     assert "playing iteration 1 of 3 on slow" in status.fault.message
     assert "the shaft is loose" in status.fault.message
-    assert lab.rig_mode("slow") == rig_pb2.RIG_MODE_IDLE
+    state = lab.rig_state("slow")
+    assert (state.mode, state.run) == (rig_pb2.RIG_MODE_INTERLOCKED, "")
+    assert "the shaft is loose" in state.reason
     assert lab.recorder.kinds("halted")[-2:] == ["CampaignStatus", "RecordingClosed"]
     assert "the shaft is loose" in lab.recorder.read("halted", recorder_pb2.RecordingClosed)[0].reason
     playing = [at for at, item in events if item.message.status.activity.startswith("playing")]
@@ -138,6 +141,56 @@ def test_a_stopped_campaign_leaves_the_rig_at_rest_and_the_recording_closed(lab)
     assert 0.25 < max(fractions) < 0.6
     # Stopping again changes nothing.
     assert lab.stop("halted", reason="again") == status
+    lab.reset("slow")
+
+
+@pytest.mark.parametrize(("iterations", "step", "phase"), [(3, 7, "STOPPED"), (1, 9, "FINISHED")])
+def test_a_stop_latches_the_rig_also_where_its_playback_has_just_ended(lab, iterations, step, phase):
+    """Between two playbacks, and while the recording of a campaign is closed that has made all of them."""
+    id, storing, stopped = f"just-ended-{step}", threading.Event(), threading.Event()
+
+    def hold(*stored):
+        if stored == (id, step, False):
+            storing.set()
+            assert stopped.wait(20.0)
+
+    lab.recorder.watch = hold
+    lab.start(specification(id, iterations=iterations))
+    assert storing.wait(20.0)
+    assert lab.rig_state("front").mode == rig_pb2.RIG_MODE_IDLE
+    status = lab.stop(id, reason="the shaft is loose", on_progress=lambda told: told.phase and stopped.set())
+    lab.recorder.watch = lambda *_: None
+    assert status.phase == getattr(iterator_pb2, f"CAMPAIGN_PHASE_{phase}")
+    state = lab.rig_state("front")
+    assert (state.mode, state.run) == (rig_pb2.RIG_MODE_INTERLOCKED, "")
+    assert "the shaft is loose" in state.reason
+    assert lab.reset("front").mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_a_stop_says_that_a_run_goes_on_where_it_cannot_be_stopped(lab):
+    lab.start(specification("onward", rig="endless"))
+    lab.wait("onward", lambda status: "waiting for the operator" in status.activity)
+    status, state = lab.stop("onward", reason="the shaft is loose"), lab.rig_state("endless")
+    said = "he run 'onward.i01' cannot be stopped and goes on to its end, and endless is latched from then on"
+    assert status.activity == f"stopped while playing iteration 1 of 3 on endless; t{said}"
+    assert status.fault.message.endswith(f": the shaft is loose. T{said}.")
+    assert lab.recorder.read("onward", recorder_pb2.RecordingClosed)[0].reason == status.fault.message
+    assert (state.mode, state.run) == (rig_pb2.RIG_MODE_INTERLOCKED, "onward.i01")
+    # A reset waits for the end of the run.
+    assert lab.reset("endless").mode == rig_pb2.RIG_MODE_IDLE
+
+
+def test_the_words_of_a_rig_are_the_activity_of_its_campaign(lab):
+    with events_of(lab, "words") as (events, ended):
+        lab.start(specification("words", rig="slow", iterations=1))
+        assert ended.wait(20.0)
+    activities = {item.message.status.activity for _, item in events}
+    playing = "playing iteration 1 of 1 on slow"
+    # On one line, without what would move a terminal's cursor; that it plays is not said twice.
+    assert {a for a in activities if a.startswith(playing)} == {
+        playing,
+        f"{playing}: waiting for the operator [2J to press start, run words.i01",
+    }
 
 
 def test_a_rig_killed_in_mid_playback_ends_the_campaign_with_a_clear_sentence(lab, tmp_path):

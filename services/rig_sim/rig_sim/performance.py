@@ -58,7 +58,9 @@ class Performance:
         self._poses = PoseStream(bus, rig.specimen.name, rig.poses) if isinstance(rig, Rig) else None
         self._log = structlog.get_logger("rig_sim").bind(rig=rig.specimen.name)
 
-    def play(self, request: rig_pb2.PlayRequest, drive: np.ndarray, call: Call) -> rig_pb2.PlayResult:
+    def play(
+        self, request: rig_pb2.PlayRequest, drive: np.ndarray, call: Call, *, real_time: bool
+    ) -> rig_pb2.PlayResult:
         """Play a checked drive on a rig that the interlock has given.
 
         Parameters
@@ -69,6 +71,8 @@ class Performance:
             Its drive, checked.
         call : Call
             Of the commander: told of progress; when it is gone, the rig ramps down.
+        real_time : bool
+            Play no faster than real time.
 
         Returns
         -------
@@ -83,14 +87,14 @@ class Performance:
         """
         playback = self._rig.playback(drive, seed=request.seed)
         rate = self._rig.specimen.sample_rate
-        if request.real_time:
+        if real_time:
             playback.block_samples = min(playback.block_samples, max(round(_PACED_SECONDS * rate), 1))
         publisher = self._bus.publisher(
             self._bus.keys.rig_signal(self._rig.specimen.name, request.run), spools=self._spools, durable=True
         )
-        size = self._rig.block_samples if request.real_time else published_samples(self._rig)
+        size = self._rig.block_samples if real_time else published_samples(self._rig)
         publish = _Publishing(publisher, request.run, rate, size=size)
-        clock, moved = _Clock(rate, real_time=request.real_time), False
+        clock, moved = _Clock(rate, real_time=real_time), False
         if self._poses is not None:
             self._poses.begin(request.run)
         try:

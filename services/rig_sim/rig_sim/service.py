@@ -53,6 +53,8 @@ class RigSimConfig(ServiceConfig):
     faults: dict[str, tuple[Fault, ...]] = Field(default_factory=dict)
     #: What integrates a rig, by the rig's name; the compiled player where nothing is said.
     engines: dict[str, EngineChoice] = Field(default_factory=dict)
+    #: Play every drive in real time, whatever its request says: a rehearsal of a real rig. The responses are the same.
+    real_time: bool = False
     #: Where signal blocks lie on disk until the recorder has stored them, so that they survive this process; in memory
     #: where not given.
     spool_folder: Path | None = None
@@ -95,9 +97,12 @@ def find_rigs(config: RigSimConfig) -> dict[str, Path]:
 class RigServer:
     """Serves one rig: description, play, stop, reset, state and its signal stream."""
 
-    def __init__(self, bus: Bus, rig: PlayableRig, spools: SpoolSpace, *, spool_wait_seconds: float) -> None:
+    def __init__(
+        self, bus: Bus, rig: PlayableRig, spools: SpoolSpace, *, spool_wait_seconds: float, real_time: bool = False
+    ) -> None:
         self._bus = bus
         self._rig = rig
+        self._real_time = real_time
         self._name = rig.specimen.name
         self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
         self._interlock = Interlock(self._name)
@@ -160,7 +165,8 @@ class RigServer:
         self._interlock.begin(run)
         try:
             self._publish_state()
-            result = self._performance.play(request, drive, call)
+            real_time = self._real_time or request.real_time
+            result = self._performance.play(request, drive, call, real_time=real_time)
             self._figures.played(result, seconds=drive.shape[1] / sample_rate)
             return result
         except FaultError as fault:
@@ -256,7 +262,9 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
             except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
                 refused[name] = str(error)
                 continue
-            servers.append(RigServer(bus, rig, spools, spool_wait_seconds=config.spool_wait_seconds))
+            servers.append(
+                RigServer(bus, rig, spools, spool_wait_seconds=config.spool_wait_seconds, real_time=config.real_time)
+            )
             # Last: whoever sees a rig may ask it.
             bus.declare_live(SERVICE, name)
         if not servers:

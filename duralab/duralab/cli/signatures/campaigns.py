@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from duralab.cli.options import CampaignId, Connect, Json, OutFolder, Replace, complete_campaign
+from duralab.cli.options import CampaignId, Connect, Json, OutFolder, RealTime, Replace, complete_campaign
 
 
 def init(
@@ -48,6 +48,7 @@ def run(
             "--connect", metavar="ENDPOINT", help="Use the lab that listens there; left out: a lab of its own."
         ),
     ] = None,
+    real_time: RealTime = False,
     view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
     replace: Replace = False,
     as_json: Json = False,
@@ -55,7 +56,7 @@ def run(
     """Run a campaign to its end, in a lab of its own, or in one that runs already (--connect)."""
     from duralab.cli.run_command import run_campaign
 
-    run_campaign(campaign, out=out, endpoint=connect, view=view, replace=replace, as_json=as_json)
+    run_campaign(campaign, out=out, endpoint=connect, real_time=real_time, view=view, replace=replace, as_json=as_json)
 
 
 def resume(

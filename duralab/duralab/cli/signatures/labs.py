@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from duralab.cli.options import Connect, Json, complete_rig
+from duralab.cli.options import Connect, Json, RealTime, complete_rig
 
 
 def up(
@@ -27,13 +27,14 @@ def up(
             autocompletion=complete_rig,
         ),
     ] = None,
+    real_time: RealTime = False,
     view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
     as_json: Json = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C or `duralab down`."""
     from duralab.cli.lab_commands import run_lab
 
-    run_lab(listen=listen, recordings=recordings, rigs=rig, view=view, as_json=as_json)
+    run_lab(listen=listen, recordings=recordings, rigs=rig, real_time=real_time, view=view, as_json=as_json)
 
 
 def down(

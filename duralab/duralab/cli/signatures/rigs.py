@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from duralab.cli.options import Connect, Json, Replace, RigName, Seed, complete_campaign
+from duralab.cli.options import Connect, Json, RealTime, Replace, RigName, Seed, complete_campaign
 
 
 def rigs(connect: Connect = None, as_json: Json = False) -> None:
@@ -34,7 +34,7 @@ def play(
         ),
     ] = None,
     seed: Seed = 0,
-    real_time: Annotated[bool, typer.Option("--real-time", help="No faster than real time.")] = False,
+    real_time: RealTime = False,
     connect: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
