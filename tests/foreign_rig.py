@@ -21,6 +21,7 @@ ROOT = "duralab/v1/local"
 RIG = "stranger"
 RATE = 200.0
 BLOCK = 100
+WAITING = "waiting for the operator to press start"
 DRIVES = [array_pb2.Channel(name=f"{side}_cylinder", unit="m", minimum=-0.05, maximum=0.05) for side in ("a", "b")]
 RESPONSES = [array_pb2.Channel(name=f"{side}_force", unit="N", minimum=-1e5, maximum=1e5) for side in ("a", "b")]
 
@@ -127,6 +128,8 @@ class Stranger:
                 return
             self.run = request.run
             self.played.add(request.run)
+        waiting = query_pb2.Progress(phase=WAITING, remaining_seconds=-1.0)
+        query.reply(query.key_expr, waiting.SerializeToString(), encoding=encoding(waiting))
         response, epoch = beam(drive), time.time_ns()
         blocks = self.publish(request.run, drive, response, epoch)
         result = rig_pb2.PlayResult(run=request.run, epoch=epoch, blocks=blocks, real_time_factor=1.0)

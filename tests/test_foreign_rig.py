@@ -69,10 +69,14 @@ def test_the_iteration_converges_on_a_rig_of_a_stranger(lab: duralab.Lab, tmp_pa
     write_target(tmp_path / "target.csv")
     file = tmp_path / "stranger.yaml"
     file.write_text(CAMPAIGN)
-    result = lab.run(file, out=tmp_path / "out")
+    activities: list[str] = []
+    result = lab.run(file, out=tmp_path / "out", on_progress=lambda progress: activities.append(progress.activity))
     assert result.verdict.judgement is duralab.Judgement.REACHED
     assert len(result.iterations) == 4
     assert result.recording.rig.engine == "somebody's own"
+    # What the rig says reaches people: through the identifier, and from each playback.
+    for doing in ("identifying", *(f"playing iteration {number} of 4 on" for number in range(1, 5))):
+        assert f"{doing} stranger: waiting for the operator to press start" in activities
     # What the gateway published is in the recording, sample by sample, as it answered.
     drive, response = result.recording.signal("stranger.i04")
     playback = result.recording.playback(4)

@@ -117,6 +117,8 @@ def test_a_campaign_is_stopped_by_another_thread_and_leaves_the_rig_at_rest(lab)
         lab.run(campaign(), on_progress=tell, cancel=cancel)
     until(lambda: lab.state(RIG).resting)
     assert lab.stop("sdk").activity.startswith("stopped")
+    # Whatever it did at that moment.
+    assert lab.state(RIG).mode is duralab.RigMode.INTERLOCKED
 
 
 def test_a_campaign_past_its_time_ends_with_that_error(lab):

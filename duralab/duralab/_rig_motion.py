@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -118,18 +118,28 @@ def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
     except (StoppedError, LabTimeoutError) as error:
         if not patience.is_set():
             raise
-        # The rig ramps down by itself when nobody waits any more; asked for it, it says when it rests.
-        with suppress(LabError):
-            stop_rig(ask, rig, reason=str(error))
-        sentence = f"{ended(str(error))} The rig was stopped and is latched: look at it, then reset it."
-        raise type(error)(sentence, service=error.service) from error
+        raise type(error)(f"{ended(str(error))} {_halted(ask, rig, str(error))}", service=error.service) from error
+
+
+def _halted(ask: Asking, rig: str, reason: str) -> str:
+    """Stop a rig; return a sentence about what came of it."""
+    try:
+        # The rig ramps down as soon as it learns that nobody waits; the answer to a stop tells when it rests.
+        state = stop_rig(ask, rig, reason=reason)
+    except LabError as error:
+        return f"It is not known whether the rig rests ({error.message.rstrip('.')}): look at it."
+    if state.goes_on:
+        return f"{state.warning} The rig is latched from then on: wait for its end, look at it, then reset it."
+    return "The rig was stopped and is latched: look at it, then reset it."
 
 
 def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
-    """Ramp a rig down and latch it; returns when it rests."""
+    """Ramp a rig down and latch it; return when it rests, or at once where its run cannot be stopped."""
     require_text(reason, field="reason")
     key = ask.key("rig", ask.bus.keys.rig_stop, rig)
-    return RigState.from_message(ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState))
+    message = ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
+    # The contract: only a rig that cannot be stopped answers before it rests.
+    return RigState.from_message(message, goes_on=bool(message.run))
 
 
 def reset_rig(ask: Asking, rig: str) -> RigState:

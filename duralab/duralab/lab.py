@@ -152,7 +152,7 @@ class Lab(LabRigs):
         on_progress : callable, optional
             Called with every `RunProgress`, on this thread.
         timeout_seconds : float, optional
-            Longest time from now to the campaign's end; then it is stopped, and a rig that plays is latched.
+            Longest time from now to the campaign's end; then it is stopped, and its rig is latched.
         cancel : threading.Event, optional
             Set from another thread, it stops the campaign within about a second.
 
@@ -259,7 +259,10 @@ class Lab(LabRigs):
         )
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
-        """Stop a campaign and its playback, and return how far it got; one that has ended stays as it is.
+        """Stop a campaign and return how far it got; one that has ended stays as it is.
+
+        The rig ramps down where it plays, and is latched whatever it does, also between two playbacks. Where its run
+        cannot be stopped, the activity says so.
 
         Parameters
         ----------

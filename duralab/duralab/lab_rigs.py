@@ -215,7 +215,10 @@ class LabRigs:
         )
 
     def stop_rig(self, rig: str, *, reason: str = "") -> RigState:
-        """Ramp a rig down and latch it, whoever plays on it; returns when it rests.
+        """Ramp a rig down and latch it, whatever it does; return when it rests.
+
+        A rig whose run cannot be stopped answers at once: `goes_on` of the state is True, and the run goes on to its
+        end.
 
         Parameters
         ----------
@@ -227,7 +230,7 @@ class LabRigs:
         Returns
         -------
         RigState
-            At rest, and latched.
+            Latched, and at rest unless `goes_on`.
 
         Raises
         ------

@@ -105,9 +105,20 @@ def _rig(bus: Bus, name: str) -> RigState:
         state = bus.query(
             bus.keys.rig_state(name), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
         )
+        # Latched and not at rest: either on its way down, or on its way to the end of a run that cannot be stopped.
+        goes_on = bool(state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.run) and _cannot_be_stopped(bus, name)
     except FaultError as fault:
         return RigState(name, RigMode.UNKNOWN, fault.message, run="", fraction=0.0)
-    return RigState.from_message(state)
+    return RigState.from_message(state, goes_on=goes_on)
+
+
+def _cannot_be_stopped(bus: Bus, name: str) -> bool:
+    return bus.query(
+        bus.keys.rig_description(name),
+        rig_pb2.DescriptionRequest(),
+        rig_pb2.RigDescription,
+        silence_seconds=_SILENCE_SECONDS,
+    ).cannot_be_stopped
 
 
 def _held(bus: Bus) -> list[recorder_pb2.RecordingInfo] | None:

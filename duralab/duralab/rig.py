@@ -31,6 +31,10 @@ class Rig:
         Each response at rest, in its unit.
     content_hash : str
         SHA-256 of everything that decides what it answers to a drive.
+    publishes_after_run : bool
+        Its signal blocks are published when a run is over.
+    cannot_be_stopped : bool
+        A run that has begun goes on to its end; a stop latches the rig all the same.
     """
 
     name: str
@@ -43,6 +47,8 @@ class Rig:
     longest_drive_seconds: float
     static_response: np.ndarray
     content_hash: str
+    publishes_after_run: bool = False
+    cannot_be_stopped: bool = False
 
     @classmethod
     def from_message(cls, message: rig_pb2.RigDescription) -> Rig:
@@ -60,6 +66,8 @@ class Rig:
                 message.static_response, field="static_response", shape=(len(message.responses),)
             ),
             content_hash=message.content_hash,
+            publishes_after_run=message.publishes_after_run,
+            cannot_be_stopped=message.cannot_be_stopped,
         )
 
     def __repr__(self) -> str:

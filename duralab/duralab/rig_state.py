@@ -7,6 +7,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
+from duralab.sentences import ended
 from duralab_proto.v1 import rig_pb2
 
 
@@ -48,6 +49,9 @@ class RigState:
         The run that moves it; the rig rests if and only if this is empty.
     fraction : float
         Share of that run that is played, 0 to 1.
+    goes_on : bool
+        The rig is latched, but its run cannot be stopped and goes on to its end; told by `Lab.stop_rig` and
+        `duralab status`.
     """
 
     rig: str
@@ -55,6 +59,7 @@ class RigState:
     reason: str
     run: str
     fraction: float
+    goes_on: bool = False
 
     @property
     def resting(self) -> bool:
@@ -62,7 +67,7 @@ class RigState:
         return not self.run
 
     @classmethod
-    def from_message(cls, message: rig_pb2.RigState) -> RigState:
+    def from_message(cls, message: rig_pb2.RigState, *, goes_on: bool = False) -> RigState:
         """Decode a state; a mode that this version does not know is `UNKNOWN`."""
         return cls(
             rig=message.rig,
@@ -70,10 +75,23 @@ class RigState:
             reason=message.reason,
             run=message.run,
             fraction=message.fraction,
+            goes_on=goes_on,
         )
+
+    @property
+    def why(self) -> str:
+        """The reason of the latch and, where its run goes on in spite of it, a sentence about that."""
+        if not self.warning:
+            return self.reason
+        return f"{ended(self.reason)} {self.warning}" if self.reason else self.warning
+
+    @property
+    def warning(self) -> str:
+        """A sentence about a run that cannot be stopped; empty where there is none."""
+        return f"The run {self.run!r} cannot be stopped and goes on to its end." if self.goes_on else ""
 
     def __str__(self) -> str:
         """Return the state in words."""
         run = f" {self.run} ({self.fraction:.0%})" if self.run else ""
-        reason = f": {self.reason}" if self.reason else ""
+        reason = f": {self.why}" if self.why else ""
         return f"{self.rig} is {self.mode}{run}{reason}"

@@ -63,18 +63,31 @@ class Defect(StrEnum):
     STOP_GIVES_RESULT = "stop_gives_result"
     DROPS_DEAD = "drops_dead"
     RESET_DOES_NOTHING = "reset_does_nothing"
+    PUBLISHES_LATE = "publishes_late"
+    STOP_DOES_NOT_WAIT = "stop_does_not_wait"
+    STOP_CLAIMS_REST = "stop_claims_rest"
+    STOP_IS_FORGOTTEN = "stop_is_forgotten"
+    UNSTOPPABLE_STOPS = "unstoppable_stops"
+
+
+#: Defects that only a rig can have that cannot be stopped.
+GOES_ON = (Defect.STOP_CLAIMS_REST, Defect.STOP_IS_FORGOTTEN, Defect.UNSTOPPABLE_STOPS)
 
 
 class Gateway:
-    """One rig, with one defect."""
+    """One rig, with one defect; it may publish its blocks after the run, and its runs may go on to their end."""
 
-    def __init__(self, bus: Bus, name: str, defect: Defect) -> None:
+    def __init__(
+        self, bus: Bus, name: str, defect: Defect, *, publishes_after_run: bool = False, cannot_be_stopped: bool = False
+    ) -> None:
         self.bus, self.name, self.defect = bus, name, defect
+        self.publishes_after_run = publishes_after_run
+        self.cannot_be_stopped = cannot_be_stopped or defect in GOES_ON
         self.lock = threading.Lock()
         self.latched = defect is Defect.LATCHED
         self.reason = "somebody was here" if self.latched else ""
         self.playing, self.runs, self.asked = "", set(), 0
-        self.stopping, self.resting = threading.Event(), threading.Event()
+        self.stopping, self.resting, self.never = threading.Event(), threading.Event(), threading.Event()
         self.resting.set()
         keys = bus.keys
         self.states, self.poses = bus.publisher(keys.rig_state(name)), bus.publisher(keys.rig_pose(name))
@@ -92,6 +105,7 @@ class Gateway:
         told = synthetic_campaign.description(self.name)
         told.sample_rate, told.block_samples, told.engine = RATE, BLOCK, "fake"
         told.bodies.extend(["left_wheel", "right_wheel"])
+        told.publishes_after_run, told.cannot_be_stopped = self.publishes_after_run, self.cannot_be_stopped
         self.asked += 1
         match self.defect:
             case Defect.OTHER_NAME:
@@ -170,6 +184,8 @@ class Gateway:
             return self.perform(request, drive, call)
         finally:
             self.playing = ""
+            if self.has(Defect.STOP_IS_FORGOTTEN):
+                self.latched = False
             self.publish_state()
             self.resting.set()
 
@@ -179,6 +195,8 @@ class Gateway:
         began, samples, sent, shown = time.monotonic(), drive.shape[1], 0, 0
         response = synthetic_campaign_response(drive)
         size = 2 * BLOCK if self.has(Defect.LARGE_BLOCKS) else BLOCK
+        goes_on = self.cannot_be_stopped and not self.has(Defect.UNSTOPPABLE_STOPS)
+        held: list[rig_pb2.SignalBlock] = []
 
         def put(first: int, piece: np.ndarray, answer: np.ndarray, *, last: bool) -> None:
             nonlocal sent
@@ -198,15 +216,23 @@ class Gateway:
                 spool = stream._spool
                 spool.mark(spool.append(block.SerializeToString(), encoding_of(block)) + 1)
                 return
-            stream.put(block)
-            if self.has(Defect.NUMBERS_BLOCKS):
-                stream.put(block)
+            if self.publishes_after_run or self.has(Defect.PUBLISHES_LATE):
+                held.append(block)
+                if not last:
+                    return
+            else:
+                held[:] = [block]
+            for ready in held:
+                stream.put(ready)
+                if self.has(Defect.NUMBERS_BLOCKS):
+                    stream.put(ready)
 
         for first in range(0, samples, size):
             end = min(first + size, samples)
             if request.real_time and not self.has(Defect.HURRIES):
-                self.stopping.wait(max(began + end / RATE - time.monotonic(), 0.0))
-            stopped = self.stopping.is_set() and end < samples
+                pause = max(began + end / RATE - time.monotonic(), 0.0)
+                (self.never if goes_on else self.stopping).wait(pause)
+            stopped = self.stopping.is_set() and end < samples and not goes_on
             put(first, drive[:, first:end], response[:, first:end], last=end == samples)
             if end / RATE - shown >= 0.1 and not self.has(Defect.NO_POSES):
                 shown = end / RATE
@@ -242,11 +268,16 @@ class Gateway:
             self.latched = True
             self.reason = "" if self.has(Defect.STOP_WITHOUT_REASON) else request.reason
         self.publish_state()
-        self.resting.wait(60.0)
-        return self.state()
+        if not self.cannot_be_stopped and not self.has(Defect.STOP_DOES_NOT_WAIT):
+            self.resting.wait(60.0)
+        state = self.state()
+        if self.has(Defect.STOP_CLAIMS_REST):
+            state.run = ""
+        return state
 
     def reset(self, request: rig_pb2.ResetRequest, call) -> rig_pb2.RigState:
         if not self.has(Defect.RESET_DOES_NOTHING):
+            self.resting.wait(60.0)
             self.latched, self.reason = False, ""
             self.stopping.clear()
             self.publish_state()

@@ -7,6 +7,7 @@ import os
 import tempfile
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ class AnyConfig(ServiceConfig):
     folder: str = ""
     spool_folder: str | None = None
     viewer: str | None = None
+    real_time: bool = False
 
 
 def describe(rig: str) -> rig_pb2.RigDescription:
@@ -41,7 +43,7 @@ def describe(rig: str) -> rig_pb2.RigDescription:
     return description
 
 
-def play(request: rig_pb2.PlayRequest, call) -> rig_pb2.PlayResult:
+def play(request: rig_pb2.PlayRequest, call, *, real_time: bool) -> rig_pb2.PlayResult:
     """Answer with a fixed mixture of the drives, so that a test can compute what must come back."""
     channels, rate, drive = from_record(request.drive, field="drive")
     wanted = describe(rig_of(call.key)).drives
@@ -61,7 +63,7 @@ def play(request: rig_pb2.PlayRequest, call) -> rig_pb2.PlayResult:
         actuators=[rig_pb2.ActuatorUse(drive=c.name, peak_command_ratio=0.5) for c in wanted],
         epoch=1,
         blocks=1,
-        real_time_factor=100.0,
+        real_time_factor=1.0 if real_time or request.real_time else 100.0,
     )
 
 
@@ -83,7 +85,7 @@ def build_rig_sim(config: AnyConfig):
             bus.serve(
                 bus.keys.rig_description(rig), rig_pb2.DescriptionRequest, lambda _, call: describe(rig_of(call.key))
             )
-            bus.serve(bus.keys.rig_play(rig), rig_pb2.PlayRequest, play)
+            bus.serve(bus.keys.rig_play(rig), rig_pb2.PlayRequest, partial(play, real_time=config.real_time))
             bus.serve(bus.keys.rig_state(rig), rig_pb2.StateRequest, state)
 
     return build
@@ -126,7 +128,10 @@ class FakeIterator:
 
     def start(self, spec: iterator_pb2.CampaignSpec, call) -> iterator_pb2.CampaignStatus:
         self._status[spec.id] = iterator_pb2.CampaignStatus(
-            id=spec.id, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING, activity="identifying the rig", fraction=0.2
+            id=spec.id,
+            phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING,
+            activity=f"identifying the rig{' in real time' if spec.real_time else ''}",
+            fraction=0.2,
         )
         threading.Thread(target=self._run, args=(spec,), daemon=True).start()
         return self._status[spec.id]

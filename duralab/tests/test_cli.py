@@ -1,5 +1,6 @@
 """The command line as a user meets it: exit codes, one sentence for an error, nothing left behind."""
 
+import json
 import os
 import re
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import synthetic_campaign
 import yaml
@@ -14,11 +16,14 @@ from test_campaign_file import changed
 from test_supervisor import alive, wait_until_gone
 from typer.testing import CliRunner
 
+from duralab import Channel, Signals
 from duralab.cli import app
 from duralab.cli.campaign_summary import shown_playbacks
 from duralab.cli.run_display import remaining_words
+from duralab.formats import write_signals
 from duralab.recording import open_recording
 
+ZEROS = np.zeros((6, 100))
 COMMAND = [sys.executable, "-m", "duralab"]
 
 
@@ -173,6 +178,25 @@ def test_run_leaves_its_outputs_and_prints_the_table(fake_services, tmp_path):
     )
     assert again.returncode == 2
     assert "would be overwritten" in again.stderr
+
+
+@pytest.mark.parametrize("how", ["--real-time", "real_time"])
+def test_a_campaign_is_rehearsed_in_real_time_by_an_option_or_by_its_file(running_lab, tmp_path, how):
+    file = quick(tmp_path, *(("real_time", True) if how == "real_time" else ()))
+    options = [how] if how == "--real-time" else []
+    code, stdout, stderr = invoke("run", file, *options, "--connect", running_lab[1], "--out", tmp_path / "out")
+    assert code == 0, stderr
+    assert "identifying the rig in real time" in stdout
+
+
+def test_a_lab_in_real_time_plays_every_drive_so(fake_services, tmp_path):
+    write_signals(Signals(tuple(Channel(n, "m") for n in synthetic_campaign.NAMES), 1000.0, ZEROS), tmp_path / "d.csv")
+    process, endpoint, _ = start_up(tmp_path, "--real-time")
+    code, stdout, stderr = invoke("play", "front_axle", tmp_path / "d.csv", "--connect", endpoint, "--json")
+    process.terminate()
+    assert code == 0, stderr
+    assert json.loads(stdout)["real_time_factor"] == 1.0
+    assert "play in real time, whatever is asked" in finish(process)[1]
 
 
 def test_faulted_campaign_is_exit_code_1_and_keeps_what_was_there(fake_services, tmp_path, monkeypatch):

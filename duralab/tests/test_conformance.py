@@ -1,6 +1,7 @@
 """The conformance check: green on what keeps the contract, red at the right line on what breaks it, gentle on all."""
 
 import json
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -13,6 +14,9 @@ import labbus
 from duralab.cli import app
 from duralab.conformance import Outcome, all_passed, check_rig
 from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
+from duralab.errors import StoppedError
+from duralab.lab import Lab
+from duralab.rig_state import RigMode
 from duralab_proto.v1 import array_pb2
 
 SECONDS = 1.2
@@ -59,18 +63,35 @@ EXPECTED = {
     Defect.STOP_GIVES_RESULT: ("stop.cancelled", "answered with a result"),
     Defect.DROPS_DEAD: ("stop.ramp_down", "it must ramp to 0"),
     Defect.RESET_DOES_NOTHING: ("reset", "instead of an idle rig"),
+    # Not as a rig that does not refuse a second drive with BUSY.
+    Defect.PUBLISHES_LATE: ("stop", "publish them while it plays, or say publishes_after_run in the description"),
+    Defect.STOP_DOES_NOT_WAIT: ("stop", "answer when it rests, or say cannot_be_stopped in the description"),
+    Defect.STOP_CLAIMS_REST: ("stop", "as if the rig rested, and it cannot be stopped; name the run that goes on"),
+    Defect.STOP_IS_FORGOTTEN: ("stop.state", "the latch must stay until a reset"),
+    Defect.UNSTOPPABLE_STOPS: ("stop.cancelled", "a playback that cannot be stopped ended with CANCELLED"),
+}
+
+
+#: Rigs that keep the contract and answer at the end only.
+AT_THE_END = {
+    "rig_later": {"publishes_after_run": True},
+    "rig_onward": {"cannot_be_stopped": True},
+    "rig_later_and_onward": {"publishes_after_run": True, "cannot_be_stopped": True},
 }
 
 
 @pytest.fixture(scope="module")
 def hall():
-    """A bus with one gateway for every defect, and a client's."""
+    """A bus with one gateway for every defect and every kind of rig, and a client's."""
     with labbus.open_bus(service="rig_sim", workers=16) as served:
         for defect in Defect:
             Gateway(served, f"rig_{defect}", defect)
+        for rig, kind in AT_THE_END.items():
+            Gateway(served, rig, Defect.NONE, **kind)
         connect = labbus.BusConfig(connect=tuple(served.listening))
         with labbus.open_bus(connect, service="duralab") as bus:
-            bus.wait_for_live({("rig_sim", f"rig_{defect}") for defect in Defect}, 120.0)
+            rigs = {*(f"rig_{defect}" for defect in Defect), *AT_THE_END}
+            bus.wait_for_live({("rig_sim", rig) for rig in rigs}, 120.0)
             yield bus, served.listening[0]
 
 
@@ -85,6 +106,12 @@ def findings(hall):
 def test_a_gateway_that_keeps_the_contract_passes(findings):
     assert [finding for finding in findings[Defect.NONE] if finding.outcome is not Outcome.PASSED] == []
     assert len(findings[Defect.NONE]) >= 28
+
+
+@pytest.mark.parametrize("rig", AT_THE_END)
+def test_a_rig_that_answers_at_the_end_keeps_the_contract_where_its_description_says_so(hall, rig):
+    found = check_rig(hall[0], rig, seconds=SECONDS)
+    assert [finding for finding in found if finding.outcome is not Outcome.PASSED] == []
 
 
 def test_every_defect_has_its_line():
@@ -162,3 +189,21 @@ def test_nothing_that_listens_is_one_sentence_and_exit_code_two():
     result = CliRunner().invoke(app, ["check-rig", "front_axle", "--connect", "tcp/127.0.0.1:1"])
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
+
+
+def test_a_playback_that_cannot_be_stopped_is_never_told_as_stopped(hall, tmp_path):
+    lab, cancel = Lab(hall[0], out=tmp_path), threading.Event()
+    drive, words = np.zeros((6, 600)), "The run 'onward' cannot be stopped and goes on to its end."
+
+    def stop(_progress):
+        cancel.set()
+
+    with pytest.raises(StoppedError) as caught:
+        lab.play("rig_onward", drive, run="onward", real_time=True, cancel=cancel, on_progress=stop)
+    assert f"{words} The rig is latched from then on: wait for its end" in str(caught.value)
+    state = lab.stop_rig("rig_onward")
+    assert (state.mode, state.run, state.goes_on, state.resting) == (RigMode.INTERLOCKED, "onward", True, False)
+    assert words in str(state)
+    shown = CliRunner().invoke(app, ["status", "--connect", hall[1]], env={"COLUMNS": "300"})
+    assert words in shown.stdout
+    assert lab.reset("rig_onward").mode is RigMode.IDLE

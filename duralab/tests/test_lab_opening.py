@@ -17,6 +17,7 @@ from duralab.errors import InputError
         ("rigs", "front_axle"),
         ("rigs", ()),
         ("rigs", ("front_axle", 5)),
+        ("real_time", "yes"),
     ],
 )
 def test_a_lab_of_ones_own_of_something_else(argument, value):

@@ -57,6 +57,8 @@ def _document(rig: Rig) -> dict[str, object]:
         "drives": [_channel(channel) for channel in rig.drives],
         "responses": [_channel(channel) for channel in rig.responses],
         "content_hash": rig.content_hash,
+        "publishes_after_run": rig.publishes_after_run,
+        "cannot_be_stopped": rig.cannot_be_stopped,
     }
 
 
@@ -75,7 +77,7 @@ def _table(rig: Rig) -> Table:
     table = Table(
         title=f"{rig.name}: {rig.specimen}",
         caption=f"{rig.sample_rate:g} Hz, drives up to {rig.longest_drive_seconds:g} s, engine {rig.engine} "
-        f"{rig.version}",
+        f"{rig.version}{'; a run that has begun cannot be stopped' if rig.cannot_be_stopped else ''}",
         title_justify="left",
         caption_justify="left",
         box=SIMPLE_HEAD,

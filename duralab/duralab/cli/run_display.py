@@ -41,7 +41,7 @@ class RunDisplay:
             TaskProgressColumn(),
             TextColumn("{task.fields[remaining]:>12}"),
             TimeElapsedColumn(),
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             console=console,
             disable=not console.is_terminal,
         )

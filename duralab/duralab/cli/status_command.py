@@ -10,6 +10,7 @@ from pathlib import Path
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from duralab.cli.exit_codes import ExitCode
@@ -99,7 +100,7 @@ def _service_table(found: LabStatus) -> Table:
         values = [_value(health, figure) for figure in _FIGURES]
         shown = ["" if value is None else f"{value:.3g}" for value in values]
         up = "" if math.isnan(health.up_seconds) else f"{timedelta(seconds=round(health.up_seconds))}"
-        table.add_row(name, up, *shown, health.trouble)
+        table.add_row(name, up, *shown, escape(health.trouble))
     return table
 
 
@@ -116,7 +117,10 @@ def _rig_table(found: LabStatus) -> Table:
         how_far = f" {rig.fraction:.0%}" if rig.run else ""
         style = _STYLES.get(rig.mode, "")
         table.add_row(
-            rig.rig, f"[{style}]{rig.mode}[/]" if style else rig.mode.value, f"{rig.run}{how_far}", rig.reason
+            rig.rig,
+            f"[{style}]{rig.mode}[/]" if style else rig.mode.value,
+            escape(f"{rig.run}{how_far}"),
+            escape(rig.why),
         )
     return table
 
@@ -131,7 +135,7 @@ def _campaign_table(found: LabStatus) -> Table:
         table.add_row(
             campaign.id,
             campaign.rig,
-            campaign.activity,
+            escape(campaign.activity),
             f"{campaign.fraction:.0%}",
             remaining_words(campaign.remaining_seconds).removesuffix(" left"),
             str(campaign.playbacks),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from duralab.conformance.drives import gentle_drive
 from duralab.conformance.finding import NotTriedError, expect
 from duralab.conformance.play_checks import check_signal
 from duralab.conformance.refusal_checks import check_refused
-from duralab_proto.arrays import from_array
+from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import FaultError
 
@@ -21,22 +22,27 @@ _AT_ZERO = 1.0e-3
 _STOP_AT = 0.4
 
 
+#: A playback in real time that cannot be stopped takes this share of its drive's length at least.
+_WHOLE = 0.9
+
+
 class StopChecks:
-    """One playback that is stopped."""
+    """One playback that is stopped, or goes on to its end where the description says that it cannot be."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._run = bench.new_run()
         self._outcome: FaultError | rig_pb2.PlayResult | None = None
         self._stopped = False
+        self._drive = np.zeros((0, 0))
 
     def check_busy_and_stops(self) -> None:
         """Check that while it plays it refuses another drive; a stop latches it with the reason."""
         bench = self._bench
-        drive = gentle_drive(bench.description, bench.seconds)
-        thread = threading.Thread(target=self._play, args=(drive,), daemon=True)
+        self._drive = drive = gentle_drive(bench.description, bench.seconds)
+        thread = threading.Thread(target=self._play, daemon=True)
         thread.start()
-        bench.wait(lambda: self._played_samples() >= _STOP_AT * drive.shape[1] or self._outcome is not None)
+        began = self._wait_until_it_plays()
         expect(self._outcome is None, "the playback had ended before it could be stopped.")
         other = bench.new_run()
         busy: Exception | None = None
@@ -52,8 +58,9 @@ class StopChecks:
         except Exception as error:  # noqa: BLE001 - the rig is stopped first, whatever it was
             busy = error
         state = bench.stop(REASON)
+        answered = time.monotonic() - began
         self._stopped = True
-        thread.join(PATIENCE_SECONDS)
+        thread.join(PATIENCE_SECONDS + (bench.seconds if bench.description.cannot_be_stopped else 0.0))
         if busy is not None:
             raise busy
         expect(
@@ -61,14 +68,40 @@ class StopChecks:
             f"a stop is answered with {rig_pb2.RigMode.Name(state.mode)} instead of RIG_MODE_INTERLOCKED.",
         )
         expect(state.reason == REASON, f"the latch has the reason {state.reason!r}; the stop said {REASON!r}.")
-        expect(not state.run, f"a stop was answered while run {state.run!r} still plays; answer when it rests.")
+        if bench.description.cannot_be_stopped:
+            expect(
+                state.run == self._run or answered >= _WHOLE * bench.seconds,
+                f"a stop was answered {answered:.1f} s after the drive of {bench.seconds:g} s began as if the rig "
+                f"rested, and it cannot be stopped; name the run that goes on, {self._run!r}.",
+            )
+        else:
+            expect(
+                not state.run,
+                f"a stop was answered while run {state.run!r} still plays; answer when it rests, or say "
+                "cannot_be_stopped in the description.",
+            )
 
     def check_ends_cancelled(self) -> None:
-        """Check that the playback ends with CANCELLED."""
+        """Check that the playback ends with CANCELLED, or with its result where it cannot be stopped."""
         self._need()
         expect(self._outcome is not None, "the stopped playback was never answered.")
+        if self._bench.description.cannot_be_stopped:
+            self._check_goes_on()
+            return
         ended = self._outcome.code_name if isinstance(self._outcome, FaultError) else "a result"
         expect(ended == "CANCELLED", f"the stopped playback was answered with {ended} instead of CANCELLED.")
+
+    def _check_goes_on(self) -> None:
+        """Check that what cannot be stopped was played to its end and answered."""
+        if isinstance(self._outcome, FaultError):
+            ended = f"{self._outcome.code_name}: {self._outcome.message}"
+            expect(False, f"a playback that cannot be stopped ended with {ended}; answer it with its result.")
+        elif self._outcome is not None:
+            samples = from_record(self._outcome.response, field="response")[2].shape[1]
+            expect(
+                samples == self._drive.shape[1],
+                f"a playback that cannot be stopped has {samples} samples; its drive has {self._drive.shape[1]}.",
+            )
 
     def check_ramps_down(self) -> None:
         """Check that the blocks are whole, and bring all drives to zero without a jump."""
@@ -155,8 +188,26 @@ class StopChecks:
         items = self._bench.blocks_of(self._run)
         return int(items[-1].message.first_sample) + int(items[-1].message.drive.shape[1]) if items else 0
 
-    def _play(self, drive: np.ndarray) -> None:
+    def _wait_until_it_plays(self) -> float:
+        """Wait until a part of the drive is played; return the moment when the drive was seen to begin."""
+        bench, playing = self._bench, (rig_pb2.RIG_MODE_PLAYING, self._run)
+        bench.wait(lambda: playing in bench.modes() or self._played_samples() > 0 or self._outcome is not None)
+        began = time.monotonic()
+        if bench.description.publishes_after_run:
+            # Only the clock tells how far it is: it plays in real time.
+            bench.wait(lambda: self._outcome is not None, _STOP_AT * bench.seconds)
+            return began
+        bench.wait(lambda: self._played_samples() >= _STOP_AT * self._drive.shape[1] or self._outcome is not None)
+        late = time.monotonic() - began
+        expect(
+            late < _WHOLE * bench.seconds,
+            f"the signal blocks came {late:.1f} s after the drive of {bench.seconds:g} s began; publish them while it "
+            "plays, or say publishes_after_run in the description.",
+        )
+        return began
+
+    def _play(self) -> None:
         try:
-            self._outcome = self._bench.play(self._run, drive, real_time=True)
+            self._outcome = self._bench.play(self._run, self._drive, real_time=True)
         except FaultError as fault:
             self._outcome = fault

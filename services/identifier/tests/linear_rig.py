@@ -89,7 +89,8 @@ class LinearRig:
         for start in starts:
             if call.cancelled:
                 raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The playback was given up.")
-            call.progress("playing", start / drive.shape[1], remaining_seconds=0.0)
+            phase = "playing in real time" if request.real_time else "playing"
+            call.progress(phase, start / drive.shape[1], remaining_seconds=0.0)
             if "slow" in request.run:
                 time.sleep(60.0 / len(starts))
             piece = slice(start, start + BLOCK)

@@ -76,6 +76,16 @@ def test_a_rig_on_the_bus_is_identified_with_progress_and_the_model_can_be_fetch
 
 
 @pytest.mark.usefixtures("lab")
+def test_real_time_reaches_the_rig_and_the_words_of_the_rig_reach_the_client(bus):
+    message, progress = request("paced", seconds=20.0), []
+    message.real_time = True
+    identify(bus, message, on_progress=progress.append)
+    phases = {one.phase for one in progress}
+    assert "playing in real time" in phases
+    assert "playing" not in phases
+
+
+@pytest.mark.usefixtures("lab")
 def test_the_same_seeds_give_the_same_frf_bytes(bus):
     first, second = (identify(bus, request(f"again.{i}", seconds=20.0)) for i in range(2))
     assert first.frf == second.frf

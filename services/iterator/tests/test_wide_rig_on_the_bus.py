@@ -65,6 +65,15 @@ def test_three_controlled_responses_of_two_drives_converge_to_a_target_that_can_
     assert errors == pytest.approx([0.5**5] * 3, rel=0.05)
 
 
+@pytest.mark.parametrize("real_time", [False, True])
+def test_identification_iterations_and_confirmations_are_played_in_real_time_where_that_is_asked(lab, real_time):
+    spec = specification(f"paced-{real_time}".lower(), iterations=2)
+    spec.confirmations, spec.real_time, lab.rig.paced = 1, real_time, []
+    final = ended(lab, spec)
+    assert final.phase == FINISHED, final.fault.message
+    assert (lab.identifier.paced, lab.rig.paced) == (real_time, [real_time] * 3)
+
+
 def test_a_result_is_confirmed_and_told_beside_the_noise_floor(lab):
     spec = specification("confirmed", iterations=3)
     spec.confirmations = 2

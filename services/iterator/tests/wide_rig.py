@@ -61,6 +61,8 @@ class WideRig:
         # Number of a response and the runs in which it is stuck.
         self.stuck = (0, ())
         self.seeds = []
+        # Whether each playback was asked for in real time.
+        self.paced = []
         self.come()
 
     def come(self):
@@ -81,6 +83,7 @@ class WideRig:
         if request.run == self.leaving:
             self.leave()
         self.seeds.append(request.seed)
+        self.paced.append(request.real_time)
         _, _, drive = from_record(request.drive)
         response = play(impulses(), drive) + 500.0
         response += self.noise * np.random.default_rng(request.seed).standard_normal(response.shape)
@@ -101,6 +104,7 @@ class Identifier:
     def identify(self, request, _call):
         if request.check_only:
             return linear_rig.identifier_pb2.Model(plan=linear_rig.experiment_plan(request))
+        self.paced = request.real_time
         return self.answer(request)
 
 

@@ -87,7 +87,8 @@ def state_line(state: rig_pb2.RigState) -> str:
     """Return what a rig does, its run and why it is interlocked, in one line."""
     line = f"Rig {state.rig}: {_MODES.get(state.mode, 'in an unknown state')}"
     if state.run:
-        line += f", run {state.run}"
+        # A latched rig may still move: on its way down, or to the end of a run that cannot be stopped.
+        line += f", {'still moved by ' if state.mode == rig_pb2.RIG_MODE_INTERLOCKED else ''}run {state.run}"
     return f"{line}: {state.reason}" if state.reason else line
 
 

@@ -73,9 +73,9 @@ class Client:
 
 
 @contextmanager
-def served(rig):
+def served(rig, *, real_time=False):
     with labbus.open_bus(service=SERVICE) as server_bus:
-        server = RigServer(server_bus, rig, labbus.SpoolSpace(2**26), spool_wait_seconds=1.0)
+        server = RigServer(server_bus, rig, labbus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time)
         server_bus.declare_live(SERVICE, RIG)
         with labbus.open_bus(labbus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:
             bus.wait_for_live({(SERVICE, RIG)}, WAIT)

@@ -215,3 +215,45 @@ def test_a_paced_playback_has_the_same_bytes_in_blocks_of_a_tenth_of_a_second(cl
         np.testing.assert_array_equal(client.drive_of(run), drive)
         assert [block.response.shape[1] for block in client.blocks if block.run == run] == sizes
         assert told.blocks == len(sizes)
+
+
+def test_a_rig_of_a_lab_in_real_time_paces_every_drive_and_answers_the_same_bytes(client, front_axle, monkeypatch):
+    drive = wave(0.75)
+    fast = client.play("at-full-speed", drive)
+    with served(front_axle, real_time=True) as paced:
+        ends = []
+        real = rig_sim.performance._Clock.ahead
+
+        def ahead(clock, block):
+            seconds = real(clock, block)
+            ends.append((block.end / 1000.0, time.monotonic() - clock._started + seconds))
+            return seconds
+
+        monkeypatch.setattr(rig_sim.performance._Clock, "ahead", ahead)
+        result = paced.play("asked-for-full-speed", drive)
+        assert ends
+        assert all(until >= end - 1e-3 for end, until in ends)
+    assert result.response.samples.data == fast.response.samples.data
+    assert result.real_time_factor <= 1.01
+
+
+def test_a_stop_latches_a_rig_whatever_it_does(client, monkeypatch):
+    def latched():
+        state = client.stop("enough")
+        assert (state.mode, state.run, state.reason) == (rig_pb2.RIG_MODE_INTERLOCKED, "", "enough")
+        assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
+
+    latched()
+    client.play("has-just-ended", wave(0.3))
+    latched()
+
+    def stop(mode, _enter=Interlock.enter):
+        _enter(client.server._interlock, mode)
+        if mode == rig_pb2.RIG_MODE_RAMPING_DOWN:
+            client.server.stop("on its way down")
+
+    monkeypatch.setattr(client.server._interlock, "enter", stop)
+    # All of it was played: the drive is answered, and the rig latched.
+    assert client.play("ramps-down", wave(0.3) + 0.01).response.samples.shape == [6, 300]
+    assert client.state().reason == "on its way down"
+    client.reset()

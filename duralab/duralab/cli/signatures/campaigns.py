@@ -95,7 +95,7 @@ def stop(
     connect: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """Stop a campaign; the rig ramps down and is latched where it plays."""
+    """Stop a campaign; its rig ramps down where it plays and is latched whatever it does."""
     from duralab.cli.resume_command import stop as end
 
     end(campaign, endpoint=connect, reason=reason, as_json=as_json)
