@@ -71,7 +71,7 @@ def state(request: rig_pb2.StateRequest, call) -> rig_pb2.RigState:
     """Say that the vehicle's rig is latched, and the other one rests."""
     del request
     if rig_of(call.key) == "predecessor":
-        return rig_pb2.RigState(rig="predecessor", mode=rig_pb2.RIG_MODE_INTERLOCKED, reason="A hose is loose.")
+        return rig_pb2.RigState(rig="predecessor", mode=rig_pb2.RIG_MODE_INTERLOCKED, reason="A hose [/left] is loose.")
     return rig_pb2.RigState(rig=rig_of(call.key), mode=rig_pb2.RIG_MODE_IDLE)
 
 

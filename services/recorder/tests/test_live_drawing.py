@@ -162,6 +162,8 @@ def test_a_latched_interlock_is_the_heading_with_its_reason(campaign):
     assert document.splitlines()[0] == "# Rig front_axle: INTERLOCKED: left_vertical left its limit"
 
 
-def test_a_rig_that_plays_is_no_heading(campaign):
+def test_the_run_that_moves_a_rig_is_named_and_one_that_plays_is_no_heading(campaign):
+    moving = campaign.state(rig_pb2.RIG_MODE_INTERLOCKED, reason="it was hot", run="demo.i03")
+    assert "INTERLOCKED, still moved by run demo.i03: it was hot" in status_document(None, [], state=moving)
     document = status_document(None, [], state=campaign.state(rig_pb2.RIG_MODE_PLAYING, run="demo.i03"))
     assert document.splitlines()[0] == "Rig front_axle: playing, run demo.i03"
