@@ -20,6 +20,7 @@ from typing import IO, Final, Self
 import yaml
 
 from duralab.errors import InputError, LabError, ServiceEndedError
+from duralab.sentences import PROCESS_LIMIT, is_process_limit
 from duralab_proto.keys import MAIN_INSTANCE
 from labbus import Bus
 
@@ -37,6 +38,13 @@ LOG_LINES: Final = 3
 _ONE_THREAD: Final = MappingProxyType({"OMP_NUM_THREADS": "1"})
 _POLL_SECONDS: Final = 0.05
 _TAIL_BYTES: Final = 16_384
+_TRACE_LINES: Final = (
+    "Traceback (most recent",
+    "During handling of the",
+    "The above exception",
+    "stack backtrace:",
+    "note:",
+)
 
 
 @dataclass(frozen=True)
@@ -165,15 +173,20 @@ class Supervisor:
         content = {"bus": bus, "exit_with_parent": True, **plan.settings}
         config.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         with self.log_path(plan.name).open("wb") as log:
-            return subprocess.Popen(
-                [sys.executable, "-m", plan.name, "--config", str(config)],
-                stdin=subprocess.PIPE,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**_ONE_THREAD, **os.environ},
-                # A Ctrl-C in the terminal is for this process alone: it stops the campaign before it ends the services.
-                start_new_session=True,
-            )
+            try:
+                return subprocess.Popen(
+                    [sys.executable, "-m", plan.name, "--config", str(config)],
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env={**_ONE_THREAD, **os.environ},
+                    # A Ctrl-C in the terminal is for this process alone: it stops the campaign before it ends the
+                    # services.
+                    start_new_session=True,
+                )
+            except OSError as error:
+                reason = PROCESS_LIMIT if is_process_limit(error) else f"{error.strerror or error}; free memory"
+                raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
 
     def log_path(self, name: str) -> Path:
         """Return where the log of a service is."""
@@ -183,10 +196,14 @@ class Supervisor:
         """Return what happened to a service that ended by itself, or None while all of them run."""
         for name, process in self._processes.items():
             if (code := process.poll()) is not None:
+                log = self.log_path(name)
+                last = last_lines(log).rstrip(".")
+                if is_process_limit(last):
+                    found = f": it could not start a thread, {PROCESS_LIMIT}; its log is {log}"
+                else:
+                    found = f"; last in its log {log}: {last}"
                 return ServiceEndedError(
-                    f"The service {name} ended by itself ({describe_exit(code)}); last in its log "
-                    f"{self.log_path(name)}: {last_lines(self.log_path(name)).rstrip('.')}.",
-                    service=name,
+                    f"The service {name} ended by itself ({describe_exit(code)}){found}.", service=name
                 )
         return None
 
@@ -238,15 +255,20 @@ def describe_exit(code: int) -> str:
 
 
 def last_lines(path: Path, lines: int = LOG_LINES) -> str:
-    """Return the last lines of a log in one line; JSON lines as their event and its error."""
+    """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
     try:
         with path.open("rb") as stream:
             stream.seek(max(0, stream.seek(0, 2) - _TAIL_BYTES))
             text = stream.read().decode("utf-8", errors="replace")
     except OSError:
         return "none"
-    found = [line.strip() for line in text.splitlines() if line.strip()][-lines:]
+    found = [line.strip() for line in text.splitlines() if line.strip() and not _is_trace(line)][-lines:]
     return " / ".join(_readable(line) for line in found) or "none"
+
+
+def _is_trace(line: str) -> bool:
+    """Return whether a line of a log is part of a stack trace, of Python or of Rust, and not its message."""
+    return line[0].isspace() or line.startswith(_TRACE_LINES)
 
 
 def _readable(line: str) -> str:

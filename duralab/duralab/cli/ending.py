@@ -3,27 +3,59 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Final, NoReturn
 
 import typer
 
 from duralab.cli.exit_codes import ExitCode
 from duralab.errors import InputError, LabError
-from duralab.sentences import ended
+from duralab.sentences import PROCESS_LIMIT, ended, is_process_limit
+
+_NOTHING_STARTED: Final = f"A process or thread of this command could not be started: {PROCESS_LIMIT}."
+_STANDARD_OUTPUTS: Final = (1, 2)
 
 
 class TerminatedError(KeyboardInterrupt):
-    """SIGTERM came: the way out is the same as for Ctrl-C."""
+    """SIGTERM or SIGHUP arrived: the lab ends as after Ctrl-C."""
 
 
-def _on_sigterm(_number: int, _frame: FrameType | None) -> NoReturn:
-    # Once is enough: a second signal must not cut the clean-up short.
+def _on_termination(_number: int, _frame: FrameType | None) -> NoReturn:
+    # A second signal must not cut the clean-up short; a shell that is closed sends SIGHUP after the terminal's own.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    _leave_closed_terminal()
     raise TerminatedError
+
+
+def _leave_closed_terminal() -> bool:
+    """Send standard outputs whose terminal was closed to the null device; return whether there were any.
+
+    Every write to a closed terminal fails with EIO: an error message, a progress display or the flush at exit would
+    replace the exit code.
+    """
+    closed = [number for number in _STANDARD_OUTPUTS if _is_closed_terminal(number)]
+    for number in closed:
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, number)
+        os.close(null)
+    return bool(closed)
+
+
+def _is_closed_terminal(number: int) -> bool:
+    try:
+        status = os.fstat(number)
+    except OSError:
+        return False
+    # A terminal that was closed is still a character device, but no longer answers as a terminal.
+    null = Path(os.devnull).stat().st_rdev
+    return stat.S_ISCHR(status.st_mode) and status.st_rdev != null and not os.isatty(number)
 
 
 @contextmanager
@@ -40,11 +72,12 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
     typer.Exit
         With the code of what went wrong.
     """
-    signal.signal(signal.SIGTERM, _on_sigterm)
+    signal.signal(signal.SIGTERM, _on_termination)
     # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    # A terminal that is closed means the same.
-    signal.signal(signal.SIGHUP, _on_sigterm)
+    # `nohup` asks to go on after the terminal is closed.
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, _on_termination)
     try:
         yield
     except InputError as error:
@@ -61,9 +94,18 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
         _end(said, ExitCode.INTERRUPTED, as_json=as_json)
     except OSError as error:
         if error.errno == errno.EPIPE:
-            raise  # whoever read the output went away: nobody is there to be told
+            raise  # The reader of the output is gone, e.g. `| head`; there is no place for a message.
+        if error.errno == errno.EIO and _leave_closed_terminal():
+            raise typer.Exit(int(ExitCode.TERMINATED)) from error
+        if is_process_limit(error):
+            fail(_NOTHING_STARTED, ExitCode.FAILED, as_json=as_json)
         place = f"{error.filename}: " if error.filename else ""
         fail(f"{place}{error.strerror or error}.", ExitCode.FAILED, as_json=as_json)
+    # Zenoh raises a PanicException of pyo3, which is not an Exception.
+    except BaseException as error:
+        if not is_process_limit(error):
+            raise
+        fail(_NOTHING_STARTED, ExitCode.FAILED, as_json=as_json)
 
 
 def _with_notes(sentence: str, error: BaseException) -> str:
