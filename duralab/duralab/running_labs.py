@@ -160,6 +160,34 @@ def the_running_lab() -> RunningLab | None:
     return labs[0] if labs else None
 
 
+def require_no_lab(endpoint: str, *, recordings: Path) -> None:
+    """Refuse to start a lab where one of this user listens at the same endpoint or records into the same folder.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where the new lab is to listen.
+    recordings : Path
+        Its recorder's folder.
+
+    Raises
+    ------
+    InputError
+        Naming the lab that runs and the command that ends it.
+    """
+    labs = running_labs()
+    folder = str(recordings.resolve())
+    lab = next((lab for lab in labs if endpoint == lab.endpoint or folder == lab.recordings), None)
+    if lab is None:
+        return
+    down = "duralab down" if len(labs) == 1 else f"duralab down --connect {lab.endpoint}"
+    raise InputError(
+        f"Your lab runs already at {lab.endpoint} (process {lab.process_id}, recordings in {lab.recordings}); end it "
+        f"with `{down}`, or start a second one with another --listen and another --recordings.",
+        field="listen" if endpoint == lab.endpoint else "recordings",
+    )
+
+
 def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
     """Tell a lab to end and wait until it is gone.
 

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,7 @@ from duralab.cli.campaign_summary import shown_playbacks
 from duralab.cli.run_display import remaining_words
 from duralab.formats import write_signals
 from duralab.recording import open_recording
+from duralab.running_labs import running_labs
 
 ZEROS = np.zeros((6, 100))
 COMMAND = [sys.executable, "-m", "duralab"]
@@ -346,10 +348,25 @@ def test_unknown_rig_is_refused_and_leaves_no_file(running_lab, tmp_path):
     assert not (tmp_path / "o").exists()
 
 
-def test_port_in_use_is_said_by_up(running_lab, tmp_path):
-    code, _, stderr = invoke("up", "--listen", running_lab[1], "--recordings", tmp_path / "other")
+@pytest.mark.parametrize("same", ["listen", "recordings"])
+def test_a_second_up_says_where_the_lab_runs_and_how_to_end_it(running_lab, tmp_path, same):
+    process, endpoint, pids = running_lab
+    recordings = tmp_path / "other" if same == "listen" else running_labs()[0].recordings
+    listen = endpoint if same == "listen" else "tcp/127.0.0.1:0"
+    code, _, stderr = invoke("up", "--listen", listen, "--recordings", recordings)
     assert code == 2
-    assert "in use" in stderr
+    assert stderr.startswith(f"Error: Your lab runs already at {endpoint} (process {process.pid}, recordings in /")
+    assert "end it with `duralab down`, or start a second one with another --listen" in stderr
+    assert stderr.count("\n") == 1
+    assert all(alive(pid) for pid in pids)
+
+
+def test_port_in_use_is_said_by_up(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        code, _, stderr = invoke("up", "--listen", endpoint, "--recordings", tmp_path)
+    assert code == 2
+    assert f"The endpoint {endpoint} is in use by another process" in stderr
 
 
 def test_terminated_lab_ends_its_services(running_lab):

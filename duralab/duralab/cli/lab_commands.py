@@ -15,7 +15,7 @@ from duralab._viewer import GRPC_PORT, WEB_PORT, Viewer
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
 from duralab.lab_opening import DEFAULT_RIGS, start
-from duralab.running_labs import noted
+from duralab.running_labs import noted, require_no_lab
 from duralab.shipped_rigs import require_shipped
 
 _WATCH_SECONDS = 0.25
@@ -44,6 +44,7 @@ def run_lab(
     """Run a lab until it is interrupted, or a service of it ends; with the usual rigs where none are named."""
     console = console_beside(as_json)
     require_shipped(rigs or (), usual=DEFAULT_RIGS)
+    require_no_lab(listen, recordings=recordings)
     with ExitStack() as stack:
         viewer = open_viewer(stack, console) if view else None
         address = viewer.address if viewer is not None else None
