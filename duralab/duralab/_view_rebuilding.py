@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from duralab._near_files import did_you_mean
 from duralab._supervisor import last_lines
 from duralab.errors import InputError, LabError
 from duralab.mcap_reading import McapFile
@@ -30,7 +31,10 @@ def is_recording(file: Path) -> bool:
     except IsADirectoryError as error:
         raise InputError(f"{str(file)!r} is a folder; give the path of a live.rrd or a recording.mcap.") from error
     except (FileNotFoundError, ValueError) as error:
-        raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd or a recording.mcap.") from error
+        guess = did_you_mean(file)
+        raise InputError(
+            f"There is no file {str(file)!r}; give the path of a live.rrd or a recording.mcap{guess}"
+        ) from error
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}; give a live.rrd or a recording.mcap.") from error
     if not start.startswith((_RECORDING, _LIVE_VIEW)):

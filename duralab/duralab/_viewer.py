@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Final, Self
 from urllib.parse import quote
 
+from duralab._near_files import did_you_mean
 from duralab._supervisor import close_quietly, describe_exit, last_lines
 from duralab.errors import InputError, LabError
 
@@ -60,7 +61,7 @@ class Viewer:
         file: Path | None = None,
     ) -> None:
         if file is not None and not file.is_file():
-            raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd.")
+            raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd{did_you_mean(file)}")
         program = viewer_program()
         self.native = has_display() if native is None else native
         self._port = require_free_port(port, option="--port")

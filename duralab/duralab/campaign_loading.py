@@ -13,6 +13,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from duralab._near_files import did_you_mean
 from duralab.campaign_file import Campaign
 from duralab.campaign_values import ONE_NUMBER, PER_CHANNEL
 from duralab.errors import InputError
@@ -57,9 +58,10 @@ def load_campaign(source: str | Path) -> Campaign:
         # A shipped file has no folder of the user's own: its relative paths start where the user stands.
         return parse_campaign(text, name=str(source), folder=Path())
     if not path.is_file():
-        shipped = ", ".join(shipped_campaigns())
+        shipped = shipped_campaigns()
         raise InputError(
-            f"There is no campaign file {str(source)!r}; give the path of one, or a shipped one: {shipped}."
+            f"There is no campaign file {str(source)!r}; give the path of one, or a shipped one: "
+            f"{', '.join(shipped)}{did_you_mean(path, names=shipped)}"
         )
     text = read_text(path, what="a campaign")
     return parse_campaign(text, name=str(path), folder=path.parent)

@@ -12,6 +12,7 @@ from mcap.reader import McapReader, SeekingReader
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.records import Message as McapMessage
 
+from duralab._near_files import did_you_mean
 from duralab.errors import InputError
 from duralab.mcap_damage import DAMAGE, damaged, unreadable
 from duralab.mcap_index import MAGIC, has_index
@@ -140,7 +141,10 @@ class _OneFile:
             stream = self.path.open("rb")
         except (FileNotFoundError, ValueError) as error:
             # ValueError: no name on this system, for it holds a zero byte.
-            raise InputError(f"There is no recording {str(self.path)!r}; give the path of an .mcap file.") from error
+            guess = did_you_mean(self.path)
+            raise InputError(
+                f"There is no recording {str(self.path)!r}; give the path of an .mcap file{guess}"
+            ) from error
         except IsADirectoryError as error:
             raise InputError(f"{str(self.path)!r} is a folder; give the path of an .mcap file.") from error
         except OSError as error:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from duralab._near_files import did_you_mean
 from duralab.errors import InputError
 from strict_yaml import YamlError, parse_yaml
 
@@ -29,6 +30,8 @@ def read_text(path: Path, *, what: str) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start}); {what} is YAML text.") from error
+    except FileNotFoundError as error:
+        raise InputError(f"There is no file {str(path)!r}; give the path of {what}{did_you_mean(path)}") from error
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from error
 

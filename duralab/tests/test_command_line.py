@@ -127,6 +127,42 @@ def test_with_json_an_error_is_a_document_too(arguments):
     assert stderr == f"Error: {error['message']}\n"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["run", "front_axel_demo"], "front_axle_demo"),
+        (["run", "front_axle_demo.yaml"], "front_axle_demo"),
+        (["run", "mien.yaml"], "mine.yaml"),
+        (["resume", "x", "--settings", "mine.yml"], "mine.yaml"),
+        (["sweep", "mien.yaml"], "mine.yaml"),
+        (["identify", "front_axle", "--settings", "mien.yaml"], "mine.yaml"),
+        (["report", "uot/Recordin.mcap"], "out/recording.mcap"),
+        (["compare", "out/recording.mcap", "out/recordings.mcap"], "out/recording.mcap"),
+        (["verify", "out/recoding.mcap"], "out/recording.mcap"),
+        (["view", "out/live.rdr"], "out/live.rrd"),
+        (["convert", "raod.csv", "x.mat"], "road.csv"),
+        (["convert", "road.cvs", "x.mat"], "road.csv"),
+        (["import", "raod.csv", "x.mat", "--rig", "front_axle"], "road.csv"),
+    ],
+)
+def test_a_mistyped_file_is_asked_about(tmp_path, monkeypatch, recording_path, arguments, meant):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "recording.mcap").symlink_to(recording_path)
+    for name in ("mine.yaml", "road.csv", "out/live.rrd"):
+        (tmp_path / name).write_text("")
+    monkeypatch.chdir(tmp_path)
+    code, _, stderr = invoke(*arguments)
+    assert code == 2
+    assert stderr.endswith(f"; did you mean {meant!r}?\n")
+    assert stderr.count("\n") == 1
+
+
+def test_no_file_is_guessed_that_is_not_similar(tmp_path, monkeypatch):
+    (tmp_path / "thesis.yaml").write_text("")
+    monkeypatch.chdir(tmp_path)
+    assert "did you mean" not in invoke("run", "road.yaml")[2] + invoke("report", "nowhere/else/recording.mcap")[2]
+
+
 def test_where_no_lab_runs_a_command_says_how_to_start_one():
     for arguments in (["catalogue"], ["verify", "x"], ["stop", "x"], ["resume", "x"], ["reset", "front_axle"]):
         code, _, stderr = invoke(*arguments)

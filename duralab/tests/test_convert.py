@@ -56,7 +56,7 @@ def test_the_quantisation_of_a_drive_is_told_in_its_unit(tmp_path, source):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("none.rsp", "a.csv"), "No such file"),
+        (("none.rsp", "a.csv"), "there is no such file"),
         (("{source}", "{source}"), "is the file that is read"),
         (("{source}", "there.csv"), "overwritten"),
         (("{source}", "a.wav"), "suffix '.wav'"),

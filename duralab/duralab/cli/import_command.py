@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
+from duralab._near_files import did_you_mean
 from duralab._outputs import require_free, require_other
 from duralab._target import require_playable
 from duralab._target_file import read_target_file
@@ -34,7 +35,9 @@ def import_target(
     # A wrong name or a file in the way is said before a lab is started.
     format_of(out, to_format)
     if not source.is_file():
-        raise InputError(f"There is no file {str(source)!r}; give a file of signals.", field="source")
+        raise InputError(
+            f"There is no file {str(source)!r}; give a file of signals{did_you_mean(source)}", field="source"
+        )
     require_other([out], read=[source])
     require_free([out], replace=replace)
     endpoint = endpoint_if_any(endpoint)

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from duralab._near_files import did_you_mean
 from duralab._outputs import replace_when_complete, require_free
 from duralab.errors import InputError
+from duralab.formats.errors import FormatError
 from duralab.formats.written import Written
 from duralab.signals import Signals
 
@@ -103,11 +105,23 @@ def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
         The format is not known, or its library is not installed.
     """
     path = Path(path)
-    form = format_of(path, format)
+    # A suffix may be what is mistyped, the name of a format is not part of the file's.
+    form = None if format is None else format_of(path, format)
+    _require_there(path)
+    form = form or format_of(path, None)
     signals = _function(_CODECS[form].reader)(path)
     if not isinstance(signals, Signals):
         raise TypeError(f"The reader of {form} returned {type(signals)}.")
     return signals
+
+
+def _require_there(path: Path) -> None:
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise FormatError(path, f"there is no such file; give a file of signals{did_you_mean(path)}") from error
+    except (OSError, ValueError):
+        return  # The reader says why.
 
 
 def write_signals(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from duralab._near_files import did_you_mean
 from duralab.errors import InputError
 from duralab.sweeps.sweep_file import Sweep
 from labbus import ConfigError, load_config
@@ -42,9 +43,10 @@ def load_sweep(source: str | Path) -> Sweep:
         with as_file(files("duralab.sweeps") / "shipped" / f"{source}{_SUFFIX}") as shipped:
             return _read(shipped, folder=Path())
     if not path.is_file():
+        names = shipped_sweeps()
         raise InputError(
             f"There is no sweep file {str(source)!r}; give the path of one, or a shipped one: "
-            f"{', '.join(shipped_sweeps())}."
+            f"{', '.join(names)}{did_you_mean(path, names=names)}"
         )
     return _read(path, folder=path.parent)
 
