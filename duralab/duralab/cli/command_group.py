@@ -37,7 +37,7 @@ SECTIONS: Final[dict[str, dict[str, str]]] = {
         "catalogue": "recordings:catalogue",
         "verify": "recordings:verify",
     },
-    "Files": {"import": "files:import_file", "convert": "files:convert"},
+    "Files": {"info": "files:info", "import": "files:import_file", "convert": "files:convert"},
     "This machine": {"doctor": "machine:doctor"},
     "Secured lab": {
         f"certs {name}": f"certificates:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")

@@ -1,4 +1,4 @@
-"""`duralab import` and `duralab convert`."""
+"""`duralab info`, `import` and `convert`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,20 @@ Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
 FromFormat = Annotated[
     str | None, typer.Option("--from-format", metavar="FORMAT", help="Of IN; by suffix if left out.")
 ]
+
+
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of signals, or a recording.mcap.")],
+    *,
+    from_format: Annotated[
+        str | None, typer.Option("--from-format", metavar="FORMAT", help="Of FILE; by suffix if left out.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show what a file of signals or a recording holds: channels, range, RMS, spectrum; campaign and playbacks."""
+    from duralab.cli.info_command import info as show
+
+    show(file, from_format=from_format, as_json=as_json)
 
 
 def import_file(

@@ -1,0 +1,168 @@
+"""`duralab info`: what a file of signals or a recording holds."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from duralab.cli.json_output import console_beside, write_json
+from duralab.errors import InputError
+from duralab.showing.tables import text_table
+from duralab.signal_summary import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
+
+if TYPE_CHECKING:
+    from duralab.recording import Recording
+    from duralab.signals import Signals
+
+_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
+_BLOCK_DB: Final = 6.0
+_HEADINGS: Final = ("channel", "unit", "smallest", "largest", "RMS", f"{ENERGY_SHARE:.0%} of energy", "PSD")
+_NONE: Final = "–"
+
+
+def info(file: Path, *, from_format: str | None, as_json: bool) -> None:
+    """Print what a file holds: the signals of every format that `duralab convert` reads, or a recording."""
+    if file.suffix.lower() == ".mcap" and from_format is None:
+        from duralab.recording import open_recording
+
+        recording = open_recording(file)
+        parts = {name: summarize(signals) for name, signals in _parts(recording).items()}
+        if as_json:
+            write_json(_recording_document(recording, parts))
+        else:
+            _print([*_recording_lines(recording), *_part_lines(parts)])
+        return
+    from duralab.formats import read_signals
+
+    signals = read_signals(file, format=from_format)
+    summary = summarize(signals)
+    if as_json:
+        write_json({"file": file, **_document(summary), "attributes": dict(signals.attributes)})
+    else:
+        _print([str(file), *_summary_lines(summary)])
+
+
+def _print(lines: list[str]) -> None:
+    console = console_beside(False)
+    for line in lines:
+        console.print(line, highlight=False, markup=False)
+
+
+def _parts(recording: Recording) -> dict[str, Signals]:
+    """Return the signals of a recording that are shown: its target, and drive and response of its last playback."""
+    parts: dict[str, Signals] = {}
+    # A campaign may end before its target is made.
+    with suppress(InputError):
+        parts["target"] = recording.target
+    if numbers := recording.iterations.numbers:
+        last = recording.playback(int(numbers[-1]))
+        parts |= {"drive": last.drive, "response": last.response}
+    return parts
+
+
+def _recording_lines(recording: Recording) -> list[str]:
+    specification, status = recording.specification, recording.status
+    lines = [
+        f"{recording.path}: campaign {specification.id} on rig {specification.rig}",
+        f"ended: {status.activity}" if status is not None else "ended: not in this recording",
+        f"runs: {', '.join(recording.runs) or 'none'}",
+    ]
+    if len(recording.files) > 1:
+        lines.append(f"files: {', '.join(map(str, recording.files))}")
+    if not recording.whole:
+        lines.append("The recording was never finished; it is shown as far as it was written.")
+    if len(recording.iterations):
+        lines += ["", *str(recording.iterations).splitlines()]
+    return lines
+
+
+def _part_lines(parts: dict[str, SignalSummary]) -> list[str]:
+    titles = {
+        "target": "Target, in the control band",
+        "drive": "Drive of the last playback",
+        "response": "Response of the last playback",
+    }
+    lines = []
+    for name, summary in parts.items():
+        lines += ["", f"{titles[name]}:", *_summary_lines(summary)]
+    return lines
+
+
+def _recording_document(recording: Recording, parts: dict[str, SignalSummary]) -> dict[str, object]:
+    iterations, status = recording.iterations, recording.status
+    return {
+        "file": recording.path,
+        "files": recording.files,
+        "whole": recording.whole,
+        "campaign": recording.specification.id,
+        "rig": recording.specification.rig,
+        "ended": None if status is None else status.activity,
+        "runs": recording.runs,
+        "playbacks": iterations.numbers,
+        "overall_error": iterations.overall,
+        "signals": {name: _document(summary) for name, summary in parts.items()},
+    }
+
+
+def _summary_lines(summary: SignalSummary) -> list[str]:
+    count = len(summary.channels)
+    lines = [
+        f"{count} channel{'' if count == 1 else 's'}, {summary.samples} samples at {summary.sample_rate:g} Hz, "
+        f"{summary.duration:.6g} s",
+        *text_table(_HEADINGS, [_row(channel) for channel in summary.channels], left=2).splitlines(),
+    ]
+    if summary.psd_edges.size:
+        first, last = summary.psd_edges[[0, -1]]
+        lines.append(
+            f"PSD from {first:.3g} to {last:.4g} Hz on a logarithmic axis, one block per {_BLOCK_DB:g} dB below the "
+            f"channel's largest, without the mean; lines {summary.resolution:.3g} Hz apart."
+        )
+    lines += [
+        f"{channel.name}: {channel.not_finite} samples are not finite and left out."
+        for channel in summary.channels
+        if channel.not_finite
+    ]
+    return lines
+
+
+def _row(channel: ChannelSummary) -> tuple[str, ...]:
+    figures = (f"{value:.4g}" for value in (channel.minimum, channel.maximum, channel.rms))
+    if channel.band is None:
+        return channel.name, channel.unit or _NONE, *figures, _NONE, _NONE
+    low, high = channel.band
+    return channel.name, channel.unit or _NONE, *figures, f"{low:.3g} … {high:.4g} Hz", _blocks(channel.psd)
+
+
+def _blocks(psd: np.ndarray) -> str:
+    """Return a density as a row of blocks; shape (columns)."""
+    with np.errstate(divide="ignore"):
+        below = 10.0 * np.log10(psd.max() / psd) / _BLOCK_DB
+    full = len(_BLOCKS) - 1
+    return "".join(_BLOCKS[full - int(min(steps, full))] for steps in below)
+
+
+def _document(summary: SignalSummary) -> dict[str, object]:
+    return {
+        "sample_rate": summary.sample_rate,
+        "samples": summary.samples,
+        "seconds": summary.duration,
+        "psd_resolution": summary.resolution,
+        "psd_edges": summary.psd_edges,
+        "channels": [
+            {
+                "name": channel.name,
+                "unit": channel.unit,
+                "not_finite": channel.not_finite,
+                "minimum": channel.minimum,
+                "maximum": channel.maximum,
+                "mean": channel.mean,
+                "rms": channel.rms,
+                "band": channel.band,
+                "psd": channel.psd,
+            }
+            for channel in summary.channels
+        ],
+    }
