@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Final
 
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
@@ -64,6 +65,15 @@ class KeyKind(StrEnum):
         return _OPERATIONS[self][1]
 
 
+class Effect(StrEnum):
+    """What a query does to the lab, and so whether a client may ask it again after its connection was lost."""
+
+    READ = "read"
+    """Moves nothing and changes nothing: asked twice, it does no more than asked once."""
+    CHANGE = "change"
+    """Moves a rig, or starts, ends, changes or stores something: never asked again."""
+
+
 _OPERATIONS: Final = {
     KeyKind.QUERY: (Operation.SERVE, Operation.ASK),
     KeyKind.STREAM: (Operation.PUBLISH, Operation.RECEIVE),
@@ -89,6 +99,8 @@ class KeyAccess:
         Who asks, receives or watches it.
     bulk : bool
         Whether a query on it may be larger than `SMALL_QUERY_BYTES`.
+    effect : Effect or None
+        What a query on it does; None for what is not a query.
     """
 
     method: str
@@ -97,6 +109,7 @@ class KeyAccess:
     owners: tuple[Role, ...]
     users: tuple[Role, ...]
     bulk: bool = False
+    effect: Effect | None = None
 
     def permits(self, role: Role, operation: Operation) -> bool:
         """Return whether a role may do an operation on the keys of this row."""
@@ -118,12 +131,17 @@ def _asked(
     *names: str,
     served_by: Role,
     by: tuple[Role, ...],
+    effect: Effect,
     bulk: bool = False,
 ) -> KeyAccess:
     def expression(keys: Keys) -> str:
         return str(getattr(keys, method)(*names))
 
-    return KeyAccess(method, KeyKind.QUERY, expression, (served_by,), by, bulk)
+    return KeyAccess(method, KeyKind.QUERY, expression, (served_by,), by, bulk, effect)
+
+
+_reads = partial(_asked, effect=Effect.READ)
+_changes = partial(_asked, effect=Effect.CHANGE)
 
 
 def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple[KeyAccess, ...]:
@@ -138,8 +156,8 @@ def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple
 
     return (
         KeyAccess(method, KeyKind.STREAM, beside(""), (by,), to),
-        KeyAccess(method, KeyKind.QUERY, beside("/@replay"), (by,), repaired_for),
-        KeyAccess(method, KeyKind.QUERY, beside("/@head"), (by,), repaired_for),
+        KeyAccess(method, KeyKind.QUERY, beside("/@replay"), (by,), repaired_for, effect=Effect.READ),
+        KeyAccess(method, KeyKind.QUERY, beside("/@head"), (by,), repaired_for, effect=Effect.READ),
         KeyAccess(method, KeyKind.STREAM, beside("/@mark"), (Role.RECORDER,), (by,)),
     )
 
@@ -148,7 +166,7 @@ def _present(service: str, instance: str, role: Role) -> tuple[KeyAccess, ...]:
     """Return the rows of a service's being there: its token, and how it is, for people and the check beside it."""
     return (
         KeyAccess("live", KeyKind.LIVELINESS, lambda keys: keys.live(service, instance), (role,), ()),
-        _asked("health", service, instance, served_by=role, by=EVERYONE),
+        _reads("health", service, instance, served_by=role, by=EVERYONE),
     )
 
 
@@ -157,37 +175,37 @@ _COMMANDERS: Final = (Role.IDENTIFIER, Role.ITERATOR, Role.OPERATOR)
 
 ACCESS: Final[tuple[KeyAccess, ...]] = (
     # Rigs. Whoever commands one may stop it; to clear a latch is a person's decision.
-    _asked("rig_description", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    _asked("rig_frf", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
-    _asked("rig_play", ANY, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
-    _asked("rig_stop", ANY, served_by=Role.RIG, by=_COMMANDERS),
-    _asked("rig_reset", ANY, served_by=Role.RIG, by=(Role.OPERATOR,)),
-    _asked("rig_state", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    _reads("rig_description", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    _reads("rig_frf", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
+    _changes("rig_play", ANY, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
+    _changes("rig_stop", ANY, served_by=Role.RIG, by=_COMMANDERS),
+    _changes("rig_reset", ANY, served_by=Role.RIG, by=(Role.OPERATOR,)),
+    _reads("rig_state", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     *_streamed("rig_state", ANY, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     *_streamed("rig_signal", *_ANY_RUN, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     *_streamed("rig_pose", ANY, by=Role.RIG, to=(Role.RECORDER, *_PEOPLE)),
     # The identifier. An experiment moves a rig: not for who only watches.
-    _asked("identify", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _asked("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _asked("identify_levels", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _asked("level_advice", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _asked("model", ANY, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE)),
-    _asked("prediction", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _asked("convergence", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _changes("identify", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _changes("identify_levels", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads("level_advice", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads("model", ANY, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE)),
+    _reads("prediction", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads("convergence", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     # The iterator.
-    _asked("campaign_start", served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
-    _asked("campaign", ANY, served_by=Role.ITERATOR, by=_PEOPLE),
-    _asked("campaign_stop", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,)),
-    _asked("campaign_resume", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
+    _changes("campaign_start", served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
+    _reads("campaign", ANY, served_by=Role.ITERATOR, by=_PEOPLE),
+    _changes("campaign_stop", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,)),
+    _changes("campaign_resume", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
     *_streamed("campaign_event", ANY, by=Role.ITERATOR, to=(Role.RECORDER, *_PEOPLE)),
     # The recorder. Only the iterator writes; to verify reads whole files, which costs.
-    _asked("commit", served_by=Role.RECORDER, by=(Role.ITERATOR,), bulk=True),
-    _asked("recordings", served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _asked("recording", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _asked("recording_read", ANY, served_by=Role.RECORDER, by=_PEOPLE),
-    _asked("recording_steps", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _asked("recording_signals", ANY, served_by=Role.RECORDER, by=_PEOPLE),
-    _asked("recording_verify", ANY, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
+    _changes("commit", served_by=Role.RECORDER, by=(Role.ITERATOR,), bulk=True),
+    _reads("recordings", served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
+    _reads("recording", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
+    _reads("recording_read", ANY, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads("recording_steps", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
+    _reads("recording_signals", ANY, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads("recording_verify", ANY, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
     # Who is there: each holds its own, everyone sees all of them.
     *_present("rig_sim", ANY, Role.RIG),
     *_present("identifier", MAIN_INSTANCE, Role.IDENTIFIER),
@@ -274,10 +292,28 @@ def permits(role: Role, operation: Operation, key: str, keys: Keys) -> bool:
     keys : Keys
         Of the lab.
     """
+    return any(row.permits(role, operation) for row in _rows(operation, key, keys))
+
+
+def effect_of(key: str, keys: Keys) -> Effect:
+    """Return what a query does to the lab; a query outside the contract is taken for a change.
+
+    Parameters
+    ----------
+    key : str
+        A key without wildcards.
+    keys : Keys
+        Of the lab.
+    """
+    rows = _rows(Operation.ASK, key, keys)
+    return Effect.READ if rows and all(row.effect is Effect.READ for row in rows) else Effect.CHANGE
+
+
+def _rows(operation: Operation, key: str, keys: Keys) -> list[KeyAccess]:
+    """Return the most specific rows for an operation on a key."""
     rows = [row for row in ACCESS if operation in _OPERATIONS[row.kind] and covers(row.expression(keys), key)]
     # `campaign/start` is not `campaign/<id>`, though the expression of the latter matches it as well.
-    rows = [row for row in rows if not any(_outranks(other, row, operation, keys) for other in rows)]
-    return any(row.permits(role, operation) for row in rows)
+    return [row for row in rows if not any(_outranks(other, row, operation, keys) for other in rows)]
 
 
 def reserved(role: Role, operation: Operation, keys: Keys) -> list[str]:

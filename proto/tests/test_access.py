@@ -4,7 +4,18 @@ import inspect
 
 import pytest
 
-from duralab_proto.access import ACCESS, Holder, HolderNameError, Operation, Role, permits, reserved
+from duralab_proto.access import (
+    ACCESS,
+    Effect,
+    Holder,
+    HolderNameError,
+    KeyKind,
+    Operation,
+    Role,
+    effect_of,
+    permits,
+    reserved,
+)
 from duralab_proto.keys import Keys
 
 KEYS = Keys("lab")
@@ -22,6 +33,27 @@ def test_every_row_gives_a_key_of_this_lab_and_says_who_owns_it():
         assert row.expression(KEYS).startswith("duralab/v1/lab/")
         assert row.owners or row.users
         assert row.kind.owner_operation is not row.kind.user_operation
+
+
+def test_every_query_is_a_read_or_a_change_and_only_these_are_changes():
+    queries = [row for row in ACCESS if row.kind is KeyKind.QUERY]
+    assert {row.effect for row in queries} == set(Effect)
+    assert {row.effect for row in ACCESS if row.kind is not KeyKind.QUERY} == {None}
+    # Not from the table: what the contract says that each does.
+    moving = ("rig_play", "rig_stop", "rig_reset", "identify", "identify_levels")
+    storing = ("campaign_start", "campaign_stop", "campaign_resume", "commit")
+    changing = {row.method for row in queries if row.effect is Effect.CHANGE}
+    assert changing == {*moving, *storing}
+    for row in queries:
+        key = row.expression(KEYS).replace("*", "a")
+        assert effect_of(key, KEYS) is row.effect
+
+
+def test_the_narrower_key_and_what_is_outside_the_contract_are_taken_for_changes():
+    assert effect_of(KEYS.campaign("a"), KEYS) is Effect.READ
+    assert effect_of(KEYS.campaign_start(), KEYS) is Effect.CHANGE
+    for key in ("duralab/v1/other/rig/a/state", "duralab/v1/lab/rig/a/state/more", KEYS.rig_signal("a", "b")):
+        assert effect_of(key, KEYS) is Effect.CHANGE
 
 
 def test_only_an_operator_clears_a_latch_and_starts_campaigns():
