@@ -144,7 +144,10 @@ class Bus:
         FaultError
             PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there or vanishes,
             DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key,
-            DATA_LOSS when it ends without a result or with something else, and what it answers. Nothing is asked twice.
+            DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also where
+            the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names
+            the router, and says whether the request may have arrived. A read (`duralab_proto.access.Effect`) is asked
+            again there, for at most 3 s and not beyond its silence; what moves or changes something never is.
         BusError
             This bus is closed.
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -54,6 +55,7 @@ class LivelinessTracker:
         self._changed = threading.Condition()
         self._live: set[Instance] = set()
         self._met: set[Instance] = set()
+        self._moved: dict[Instance, float] = {}
         self._listeners: list[LiveCallback] = []
         self._events: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="labbus-liveliness", daemon=True)
@@ -80,6 +82,11 @@ class LivelinessTracker:
         """Return whether an instance was ever there."""
         with self._changed:
             return instance in self._met
+
+    def moved(self, instance: Instance, since: float) -> bool:
+        """Return whether an instance's token came or went after a moment of the monotonic clock, flaps included."""
+        with self._changed:
+            return self._moved.get(instance, -math.inf) >= since
 
     def wait_for(self, wanted: set[Instance], *, timeout_seconds: float) -> set[Instance]:
         """Wait until all are there; return those that are still missing after the timeout."""
@@ -127,6 +134,8 @@ class LivelinessTracker:
                 instance = parse_live(str(sample.key_expr))
             except ValueError:
                 continue  # A token of a stranger, outside the contract.
+            with self._changed:
+                self._moved[instance] = time.monotonic()
             if sample.kind == zenoh.SampleKind.PUT:
                 leaving.pop(instance, None)
                 self._change(instance, alive=True)

@@ -8,6 +8,7 @@ back under another id is nobody's old one.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -113,8 +114,10 @@ class BusSession:
     def __init__(self, session: zenoh.Session, config: BusConfig) -> None:
         self.current = session
         """Zenoh's session; closed while the router is away."""
-        self.opened = time.monotonic()
-        """When, on the monotonic clock in s, the current one was opened."""
+        self.linked = time.monotonic()
+        """When its link was made, on the monotonic clock in s: at first, by a session in its place, or by Zenoh."""
+        self.lost = -math.inf
+        """When a client last lost its link to the router, on the monotonic clock in s."""
         self._config = config
         self._changed = threading.Condition()
         self._declarations: dict[Declaration[Any], None] = {}
@@ -132,12 +135,21 @@ class BusSession:
         """Whether it was closed by its owner, and does not come back."""
         return self._closed.is_set()
 
+    @property
+    def router(self) -> str:
+        """The router of a client, as a sentence names it."""
+        return f"the router at {', '.join(self._config.connect)}"
+
+    def disturbed(self, since: float) -> bool:
+        """Return whether a client is without its link to the router, or lost it or has it back since a moment."""
+        return self.away or self.lost > self.linked or (self.lost > -math.inf and self.linked >= since)
+
     def expect_router(self, key: str, session: zenoh.Session | None = None) -> None:
         """Raise FaultError UNAVAILABLE while the router is away, or where it has been since a session was the one."""
         if not self.closed and (self.away or session not in (None, self.current)):
             raise FaultError(
                 query_pb2.FAULT_CODE_UNAVAILABLE,
-                f"The router at {', '.join(self._config.connect)} is away or was just now, so {key} cannot be asked; "
+                f"T{self.router[1:]} is away or was just now, so nothing was sent on {key}; "
                 "see that it runs, and ask again.",
             )
 
@@ -199,11 +211,17 @@ class BusSession:
         closing.join(_CLOSE_SECONDS)
 
     def _listen(self) -> zenoh.TransportEventsListener[None]:
+        session = self.current
+
         def note(event: zenoh.TransportEvent) -> None:
             if event.kind == zenoh.SampleKind.DELETE:
+                if session is self.current:
+                    self.lost = time.monotonic()
                 self._broken.set()
+            elif session is self.current:
+                self.linked = time.monotonic()
 
-        return self.current.info.declare_transport_events_listener(zenoh.handlers.Callback(note, indirect=False))
+        return session.info.declare_transport_events_listener(zenoh.handlers.Callback(note, indirect=False))
 
     def _run(self) -> None:
         while True:
@@ -224,7 +242,7 @@ class BusSession:
         if session is None:
             return
         with self._changed:
-            self.current, self.opened, self.away = session, time.monotonic(), False
+            self.current, self.linked, self.away = session, time.monotonic(), False
             self._listener = self._listen()
             for declaration in self._declarations:
                 self._renew(declaration)
