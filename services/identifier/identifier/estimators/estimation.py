@@ -1,6 +1,6 @@
 """An FRF from a record and its layout: whole, or piece by piece in bounded memory."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,11 +11,16 @@ from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, Model
 from identifier.estimators.local_polynomial import local_polynomial_model
 from identifier.estimators.local_rational import local_rational_model
 from identifier.estimators.local_regression import LocalModel, LocalSums
-from identifier.estimators.local_solution import degrees_of_freedom, solve_local
+from identifier.estimators.local_solution import LocalSolution, degrees_of_freedom, solve_local
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 from identifier.estimators.rest_check import RestCheck
-from identifier.estimators.smoothing_check import smoothing_warnings
+from identifier.estimators.smoothing_check import (
+    SMALLEST_SURPLUS,
+    Neighbourhood,
+    differences_from_h1,
+    differences_from_narrower,
+)
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.standstill import StandstillCheck
 from identifier.estimators.used_stretches import UsedStretches
@@ -91,11 +96,16 @@ class Estimation:
             )
         self._kind, self._layout = kind, layout
         self._spectral = SpectralSums(layout, drives=drives, responses=responses, full=kind is EstimatorKind.H2)
-        self._local = None
+        self._local = self._narrower = None
         if kind.is_local:
             model = _local_model(kind, layout, drives=drives, options=options)
             self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
             degrees_of_freedom(self._local, equations=self._local.equations_to_come)
+            narrow = max(model.half_width // 2, self._local.fewest_half_width(SMALLEST_SURPLUS))
+            # Without a window H1 is the better judge.
+            if layout.window is Window.HANN and narrow < model.half_width:
+                model = replace(model, half_width=narrow)
+                self._narrower = LocalSums(layout, drives=drives, responses=responses, model=model)
         self._used = UsedStretches(layout)
         of_drives, of_responses = taken_off or (None, None)
         self._drive_check = ChannelCheck(drives, name="drive", of_drive=True, taken_off=of_drives)
@@ -130,8 +140,9 @@ class Estimation:
             as_record(outputs, name="response")
             raise
         self._spectral.add(inputs, outputs)
-        if self._local is not None:
-            self._local.add(inputs, outputs)
+        for sums in (self._local, self._narrower):
+            if sums is not None:
+                sums.add(inputs, outputs)
         self._periodicity.add(outputs)
 
     def _check(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
@@ -169,9 +180,36 @@ class Estimation:
         spectra = self._spectral.averages()
         if self._local is None:
             return estimate_from_spectra(self._kind, spectra, warnings=warnings)
-        # H1 is a judge only where nothing leaks: periodic drives, and no transient left in the captures.
-        settled = self._layout.periodic and not any(warning.code is WarningCode.TRANSIENT for warning in warnings)
-        return _local_estimate(self._kind, self._local, spectra, warnings, settled=settled)
+        solution = solve_local(self._local)
+        warnings += self._smoothing_warnings(self._local, spectra, solution, warnings)
+        return _local_estimate(self._kind, self._local.lines, spectra, solution, warnings)
+
+    def _smoothing_warnings(
+        self, sums: LocalSums, spectra: AveragedSpectra, solution: LocalSolution, warnings: tuple[ModelWarning, ...]
+    ) -> tuple[ModelWarning, ...]:
+        neighbourhood = Neighbourhood.of(sums)
+        if self._layout.window is Window.NONE:
+            transients = np.zeros(sums.responses)
+            for warning in warnings:
+                if warning.code is WarningCode.TRANSIENT and warning.channel is not None:
+                    transients[warning.channel] = warning.size or 0.0
+            return differences_from_h1(
+                spectra,
+                solution,
+                neighbourhood,
+                transients=transients,
+                other_phases=len({capture.realisation for capture in self._layout.captures}) > 1,
+            )
+        if self._narrower is None:
+            return ()
+        return differences_from_narrower(
+            spectra,
+            solution,
+            neighbourhood,
+            narrower=solve_local(self._narrower),
+            share=self._narrower.reach / sums.reach,
+            bias_order=2 * (sums.model.order // 2) + 2,
+        )
 
 
 def estimate(
@@ -258,14 +296,15 @@ def _local_model(kind: EstimatorKind, layout: Layout, *, drives: int, options: E
 
 
 def _local_estimate(
-    kind: EstimatorKind, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...], *, settled: bool
+    kind: EstimatorKind,
+    lines: NDArray[np.intp],
+    spectra: AveragedSpectra,
+    solution: LocalSolution,
+    warnings: tuple[ModelWarning, ...],
 ) -> FrfEstimate:
-    lines, size = sums.lines, spectra.frequency.size
+    size = spectra.frequency.size
     scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
     condition = drive_condition(scaled, spectra.frequency[lines])
-    solution = solve_local(sums)
-    if settled:
-        warnings = (*warnings, *smoothing_warnings(spectra, solution.frf, solution.residual_psd))
     # As many averages as would give H1 the same variance, on the mean over the drives.
     of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
     averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)

@@ -5,6 +5,7 @@ segment's ends leak, smooth in frequency as the FRF itself. `T` differs from seg
 the rest is kept as the triangular factor of all equations so far, of a size that does not grow with the record.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,11 @@ class LocalSums:
     model
         Orders and widths.
 
+    Attributes
+    ----------
+    reach
+        Half of the neighbourhood's width, in hertz.
+
     Raises
     ------
     ValueError
@@ -79,9 +85,31 @@ class LocalSums:
                 f"A neighbourhood of {max(widths)} lines is wider than the spectrum of {shortest} samples; "
                 "take a smaller half-width or a longer record."
             )
-        self._reach = model.half_width * self._stride(shortest) * layout.sample_rate / shortest
+        self.reach = model.half_width * self._stride(shortest) * layout.sample_rate / shortest
         columns = drives * (model.order + 1) + responses * (model.denominator_order + 1)
         self.factor = np.zeros((self.lines.size, columns, columns), dtype=np.complex128)
+
+    @property
+    def unknowns(self) -> int:
+        """Of a response at a line."""
+        return self.drives * (self.model.order + 1) + self.model.denominator_order
+
+    def fewest_half_width(self, surplus: float) -> int:
+        """Return the smallest half width that determines the unknowns.
+
+        Parameters
+        ----------
+        surplus
+            Equations at excited lines over unknowns.
+
+        Returns
+        -------
+        int
+            1 or more.
+        """
+        captures = self._layout.captures
+        segments = sum(self._layout.samples_of(each) // self._segments.length_of(each) for each in captures)
+        return max(1, math.ceil((surplus * self.unknowns / segments + self.model.order) / 2.0))
 
     @property
     def equations_to_come(self) -> int:
@@ -130,7 +158,7 @@ class LocalSums:
         for start in range(0, self.lines.size, _LINES_TOGETHER):
             some = slice(start, start + _LINES_TOGETHER)
             around = first[some, None] + np.arange(width)
-            distance = (around * (rate / length) - frequency[some, None]) / self._reach
+            distance = (around * (rate / length) - frequency[some, None]) / self.reach
             equations = self._columns(spectra[around], distance)
             equations -= transient @ (transient.T @ equations)
             self.factor[some] = _triangular(np.concatenate((self.factor[some], equations), axis=1))

@@ -60,7 +60,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
         Where there are too few equations, or they are not independent.
     """
     n_u, n_y, poles = sums.drives, sums.responses, sums.model.denominator_order
-    unknowns = n_u * (sums.model.order + 1)
+    unknowns = sums.unknowns - poles
     freedom = degrees_of_freedom(sums, equations=sums.equations)
     _require_independent(sums, unknowns)
     size = np.linalg.norm(sums.factor, axis=1)
@@ -114,7 +114,7 @@ def degrees_of_freedom(sums: LocalSums, *, equations: int) -> int:
     ValueError
         Where there are too few equations.
     """
-    unknowns = sums.drives * (sums.model.order + 1) + sums.model.denominator_order
+    unknowns = sums.unknowns
     if equations <= unknowns:
         raise ValueError(
             f"The neighbourhood of a line gives {equations} equations for {unknowns} unknowns; take a larger "

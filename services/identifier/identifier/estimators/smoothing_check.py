@@ -1,79 +1,236 @@
-"""Whether a local method smoothed a resonance away: its FRF beside H1 of the same captures, which do not leak."""
+"""Bias of a local method: its FRF beside one that bends as it likes from line to line, or over fewer lines.
+
+A polynomial over a neighbourhood wider than a resonance smooths the resonance. Where captures do not leak, H1 is free
+of that; where they do, the same method over fewer lines is less biased.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from identifier.estimators.averaged_spectra import AveragedSpectra
 from identifier.estimators.condition import unit_diagonal
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
 from identifier.estimators.h1 import h1
+from identifier.estimators.local_regression import LocalSums
+from identifier.estimators.local_solution import LocalSolution
 
 NOTICED_SHARE = 0.02
-"""Smallest difference, as a share of a response's RMS, that is worth a warning."""
+"""Smallest bias, as a share of a response's RMS, that is worth a warning."""
+
+SMALLEST_SURPLUS = 1.3
+"""Equations over unknowns of the narrower neighbourhood that a local method is compared with."""
 
 _TIMES_CHANCE = 2.0
+
+_SECOND_DIFFERENCE = 6.0
+"""Power of the second difference of independent values over their own."""
+
+_FEWEST_LINES = 3
 
 _LEFT_OUT = 0.05
 """Share of the difference below the band that a warning names, and above it."""
 
 
-def smoothing_warnings(
-    spectra: AveragedSpectra, frf: NDArray[np.complex128], residual_psd: NDArray[np.float64]
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Lines that a local method took, and what it could take instead.
+
+    Parameters
+    ----------
+    half_width
+        Lines to either side.
+    hertz
+        Width of the whole neighbourhood.
+    fewest
+        Smallest half width that gives twice as many equations as unknowns.
+    """
+
+    half_width: int
+    hertz: float
+    fewest: int
+
+    @classmethod
+    def of(cls, sums: LocalSums) -> "Neighbourhood":
+        """Return the neighbourhood of a regression.
+
+        Parameters
+        ----------
+        sums
+            Before or after the record.
+
+        Returns
+        -------
+        Neighbourhood
+            The same at every line.
+        """
+        return cls(half_width=sums.model.half_width, hertz=2.0 * sums.reach, fewest=sums.fewest_half_width(2.0))
+
+
+def differences_from_h1(
+    spectra: AveragedSpectra,
+    solution: LocalSolution,
+    neighbourhood: Neighbourhood,
+    *,
+    transients: NDArray[np.float64],
+    other_phases: bool,
 ) -> tuple[ModelWarning, ...]:
-    """Compare a local estimate with H1 of captures that do not leak; name the responses where they disagree.
+    """Compare a local estimate with H1 of captures without a window; name the responses where they disagree.
 
     Both predict the response to the drives that were played. Chance moves H1's prediction by ``n_u / N`` of the
-    residual spectrum; beyond twice that, the FRF bends more over the neighbouring lines than the method follows.
+    residual spectrum, or, where the residual does not show it, by what changes from one line to the next. Beyond twice
+    that, the local method is biased.
 
     Parameters
     ----------
     spectra
         Of captures without a window.
-    frf
-        By the local method, shape (excited lines, responses, drives).
-    residual_psd
-        Of the local method, shape (excited lines, responses).
+    solution
+        Of the local method.
+    neighbourhood
+        That it took.
+    transients
+        Shape (responses): transient left in the captures, as a share of the RMS; 0 where there is none.
+    other_phases
+        Whether the captures hold several independent draws; nonlinear distortion is not in the residual otherwise.
 
     Returns
     -------
     tuple of ModelWarning
-        One for each response concerned; `size` is the difference as a share of the response's RMS, `band` holds nine
-        tenths of its power.
+        One for each response concerned; `size` is the bias as a share of the response's RMS, `band` holds nine tenths
+        of its power.
     """
     lines = np.flatnonzero(spectra.lines)
     s_uu, s_yu, auto_y = spectra.s_uu[lines], spectra.s_yu[lines], spectra.auto_y[lines]
     scale, scaled = unit_diagonal(s_uu, spectra.frequency[lines])
     drives = s_uu.shape[1]
     unsmoothed = h1(s_yu, scaled, scale)
-    difference = frf - unsmoothed
-    power = np.einsum("fij,fjk,fik->fi", difference, s_uu, difference.conj(), optimize=True).real
+    difference = solution.frf - unsmoothed
     freedom = spectra.independent_averages - drives
+    chance = np.zeros_like(auto_y)
     if freedom > 0.0:
         explained = np.einsum("fij,fij->fi", unsmoothed, s_yu.conj()).real
-        residual_psd = (auto_y - explained) * spectra.independent_averages / freedom
-    beyond_chance = power - _TIMES_CHANCE * drives / spectra.independent_averages * residual_psd
+        chance = drives / freedom * np.maximum(auto_y - explained, 0.0)
+    if freedom <= 0.0 or not other_phases:
+        chance = np.maximum(chance, _jaggedness(unsmoothed, s_uu, neighbourhood.half_width))
+    return _warnings(
+        _power(difference, s_uu),
+        chance,
+        auto_y,
+        frequency=spectra.frequency[lines],
+        least=np.maximum(NOTICED_SHARE, transients),
+        judge="h1 of the same captures shows",
+        remedy=f"take h1, longer blocks{_narrower(neighbourhood)}",
+        neighbourhood=neighbourhood,
+    )
+
+
+def differences_from_narrower(
+    spectra: AveragedSpectra,
+    solution: LocalSolution,
+    neighbourhood: Neighbourhood,
+    *,
+    narrower: LocalSolution,
+    share: float,
+    bias_order: int,
+) -> tuple[ModelWarning, ...]:
+    """Compare a local estimate with one over fewer lines; name the responses where they disagree.
+
+    Parameters
+    ----------
+    spectra
+        Of the same record.
+    solution
+        Of the local method.
+    neighbourhood
+        That it took.
+    narrower
+        Of the same method over fewer lines.
+    share
+        Width of that over the width of the other, above 0 and below 1.
+    bias_order
+        Power of the width with which the bias grows.
+
+    Returns
+    -------
+    tuple of ModelWarning
+        One for each response concerned; `size` is the bias as a share of the response's RMS, `band` holds nine tenths
+        of its power.
+    """
+    lines = np.flatnonzero(spectra.lines)
+    s_uu, auto_y = spectra.s_uu[lines], spectra.auto_y[lines]
+    # Least squares over more lines is the better one of two estimates: their difference varies by what it is better.
+    weight = np.maximum(narrower.drive_weight - solution.drive_weight, 0.0)
+    chance = np.sum(np.einsum("fjj->fj", s_uu).real * weight, axis=1)[:, None] * narrower.residual_psd
+    remaining = (1.0 - share**bias_order) ** 2
+    return _warnings(
+        _power(solution.frf - narrower.frf, s_uu) / remaining,
+        chance / remaining,
+        auto_y,
+        frequency=spectra.frequency[lines],
+        least=np.full(auto_y.shape[1], NOTICED_SHARE),
+        judge="the same method over fewer lines shows",
+        remedy=f"take longer blocks{_narrower(neighbourhood)}, or random_orthogonal with h1",
+        neighbourhood=neighbourhood,
+    )
+
+
+def _power(difference: NDArray[np.complex128], s_uu: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Density of what an FRF, shape (lines, responses, drives), makes of the drives, shape (lines, responses)."""
+    return np.einsum("fij,fjk,fik->fi", difference, s_uu, difference.conj(), optimize=True).real
+
+
+def _jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_width: int) -> NDArray[np.float64]:
+    """Power of what is independent from line to line, shape (lines, responses): neither bends nor a few narrow modes.
+
+    Second differences take away what bends slowly, their median over the neighbourhood what stands at few lines.
+    """
+    if frf.shape[0] < _FEWEST_LINES:
+        return np.zeros(frf.shape[:2])
+    bend = np.diff(frf, n=2, axis=0)
+    power = _power(np.concatenate([bend[:1], bend, bend[-1:]]), s_uu) / _SECOND_DIFFERENCE
+    return median_filter(power, size=(2 * half_width + 1, 1), mode="nearest")
+
+
+def _narrower(neighbourhood: Neighbourhood) -> str:
+    least, now = neighbourhood.fewest, neighbourhood.half_width
+    return (
+        ""
+        if least >= now
+        else f", a local_half_width of {least} to {now - 1}"
+        if least < now - 1
+        else (f", a local_half_width of {least}")
+    )
+
+
+def _warnings(
+    power: NDArray[np.float64],
+    chance: NDArray[np.float64],
+    auto_y: NDArray[np.float64],
+    *,
+    frequency: NDArray[np.float64],
+    least: NDArray[np.float64],
+    judge: str,
+    remedy: str,
+    neighbourhood: Neighbourhood,
+) -> tuple[ModelWarning, ...]:
     total = np.sum(auto_y, axis=0)
-    share = np.sqrt(np.maximum(np.sum(beyond_chance, axis=0), 0.0) / total)
-    return tuple(
-        _warning(int(channel), float(share[channel]), spectra.frequency[lines], beyond_chance[:, channel])
-        for channel in np.flatnonzero(share > NOTICED_SHARE)
-    )
-
-
-def _warning(
-    channel: int, share: float, frequency: NDArray[np.float64], beyond_chance: NDArray[np.float64]
-) -> ModelWarning:
-    below = np.cumsum(np.maximum(beyond_chance, 0.0))
-    first, last = np.searchsorted(below, [_LEFT_OUT * below[-1], (1.0 - _LEFT_OUT) * below[-1]])
-    lowest, highest = float(frequency[first]), float(frequency[last])
-    return ModelWarning(
-        code=WarningCode.SMOOTHED,
-        sentence=(
-            f"What the local method says of response {channel} differs by {100.0 * share:.2g} % of its RMS from h1 of "
-            f"the same captures, most of it between {lowest:.4g} and {highest:.4g} Hz: the FRF bends too much over the "
-            "neighbouring lines, so take h1, a smaller half-width or longer blocks."
-        ),
-        channel=channel,
-        size=share,
-        band=(lowest, highest),
-    )
+    beyond = power - _TIMES_CHANCE * chance
+    found = np.sqrt(np.maximum(np.sum(beyond, axis=0), 0.0) / total) > least
+    size = np.sqrt(np.maximum(np.sum(power - chance, axis=0), 0.0) / total)
+    warnings = []
+    for channel in np.flatnonzero(found):
+        below = np.cumsum(np.maximum(beyond[:, channel], 0.0))
+        first, last = np.searchsorted(below, [_LEFT_OUT * below[-1], (1.0 - _LEFT_OUT) * below[-1]])
+        band = (float(frequency[first]), float(frequency[last]))
+        sentence = (
+            f"The local method errs in response {channel} by about {100.0 * size[channel]:.2g} % of its RMS, most of "
+            f"it between {band[0]:.4g} and {band[1]:.4g} Hz, as {judge}: within its neighbourhood of "
+            f"{neighbourhood.hertz:.3g} Hz the FRF bends more than it follows; {remedy}."
+        )
+        warnings.append(
+            ModelWarning(WarningCode.SMOOTHED, sentence, channel=int(channel), size=float(size[channel]), band=band)
+        )
+    return tuple(warnings)
