@@ -160,16 +160,32 @@ class StopCriteria(_message.Message):
     def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ..., error_bound: _Optional[float] = ..., peak_bound: _Optional[float] = ..., damage_bound: _Optional[float] = ...) -> None: ...
 
 class TargetStepChannel(_message.Message):
-    __slots__ = ("channel", "energy_removed", "spikes", "damage_kept")
+    __slots__ = ("channel", "energy_removed", "spikes", "damage_kept", "source", "source_unit", "stated_unit", "factor", "peak_before", "rms_before", "peak_after", "rms_after")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     ENERGY_REMOVED_FIELD_NUMBER: _ClassVar[int]
     SPIKES_FIELD_NUMBER: _ClassVar[int]
     DAMAGE_KEPT_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_UNIT_FIELD_NUMBER: _ClassVar[int]
+    STATED_UNIT_FIELD_NUMBER: _ClassVar[int]
+    FACTOR_FIELD_NUMBER: _ClassVar[int]
+    PEAK_BEFORE_FIELD_NUMBER: _ClassVar[int]
+    RMS_BEFORE_FIELD_NUMBER: _ClassVar[int]
+    PEAK_AFTER_FIELD_NUMBER: _ClassVar[int]
+    RMS_AFTER_FIELD_NUMBER: _ClassVar[int]
     channel: str
     energy_removed: float
     spikes: int
     damage_kept: float
-    def __init__(self, channel: _Optional[str] = ..., energy_removed: _Optional[float] = ..., spikes: _Optional[int] = ..., damage_kept: _Optional[float] = ...) -> None: ...
+    source: str
+    source_unit: str
+    stated_unit: str
+    factor: float
+    peak_before: float
+    rms_before: float
+    peak_after: float
+    rms_after: float
+    def __init__(self, channel: _Optional[str] = ..., energy_removed: _Optional[float] = ..., spikes: _Optional[int] = ..., damage_kept: _Optional[float] = ..., source: _Optional[str] = ..., source_unit: _Optional[str] = ..., stated_unit: _Optional[str] = ..., factor: _Optional[float] = ..., peak_before: _Optional[float] = ..., rms_before: _Optional[float] = ..., peak_after: _Optional[float] = ..., rms_after: _Optional[float] = ...) -> None: ...
 
 class TargetSection(_message.Message):
     __slots__ = ("start_seconds", "end_seconds")
@@ -280,7 +296,7 @@ class ResumeCampaignRequest(_message.Message):
     def __init__(self, new_id: _Optional[str] = ..., from_iteration: _Optional[int] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., scenario: _Optional[str] = ...) -> None: ...
 
 class CampaignStatus(_message.Message):
-    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability")
+    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations")
     ID_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
@@ -292,6 +308,7 @@ class CampaignStatus(_message.Message):
     BEST_ITERATION_FIELD_NUMBER: _ClassVar[int]
     REMARKS_FIELD_NUMBER: _ClassVar[int]
     REPEATABILITY_FIELD_NUMBER: _ClassVar[int]
+    CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
     id: str
     phase: CampaignPhase
     activity: str
@@ -303,7 +320,8 @@ class CampaignStatus(_message.Message):
     best_iteration: int
     remarks: _containers.RepeatedScalarFieldContainer[str]
     repeatability: Repeatability
-    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ...) -> None: ...
+    confirmations: _containers.RepeatedCompositeFieldContainer[IterationMetrics]
+    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ..., confirmations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ...) -> None: ...
 
 class Repeatability(_message.Message):
     __slots__ = ("iteration", "playbacks", "channels")
@@ -328,7 +346,7 @@ class ChannelRepeatability(_message.Message):
     def __init__(self, channel: _Optional[str] = ..., noise_floor: _Optional[float] = ..., relative_rms_error: _Optional[float] = ..., systematic_error: _Optional[float] = ...) -> None: ...
 
 class ChannelMetrics(_message.Message):
-    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched")
+    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched", "target_energy_outside_band")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     RMS_RESPONSE_FIELD_NUMBER: _ClassVar[int]
@@ -336,6 +354,7 @@ class ChannelMetrics(_message.Message):
     CREST_RATIO_FIELD_NUMBER: _ClassVar[int]
     DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
     WATCHED_FIELD_NUMBER: _ClassVar[int]
+    TARGET_ENERGY_OUTSIDE_BAND_FIELD_NUMBER: _ClassVar[int]
     channel: str
     relative_rms_error: float
     rms_response: float
@@ -343,7 +362,8 @@ class ChannelMetrics(_message.Message):
     crest_ratio: float
     damage_ratio: _containers.RepeatedScalarFieldContainer[float]
     watched: bool
-    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ...) -> None: ...
+    target_energy_outside_band: float
+    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ..., target_energy_outside_band: _Optional[float] = ...) -> None: ...
 
 class IterationMetrics(_message.Message):
     __slots__ = ("iteration", "channels", "overall_relative_rms_error", "level")

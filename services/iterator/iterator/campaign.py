@@ -184,7 +184,7 @@ class Campaign:
             else:
                 self._estimate.step_was_done()
             self._metrics.append(last.metrics)
-            best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels)
+            best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels, outcome=last.outcome)
             if best_number == last.number:
                 best = last
             remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
@@ -276,7 +276,7 @@ class Campaign:
         for told in confirmed(
             best, plan=self._plan, outcome=outcome, metrics=self._metrics, recorded=recorded, play=self._again
         ):
-            self._board.add_confirmation(told.repeatability, remarks=told.remarks)
+            self._board.add_confirmation(told.repeatability, metrics=told.metrics, remarks=told.remarks)
 
     def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
         """Play the best drive once more and store it; return the step."""

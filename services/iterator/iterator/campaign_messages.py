@@ -53,6 +53,7 @@ def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[it
             crest_ratio=float(metrics.crest_ratio[i]),
             damage_ratio=metrics.damage_ratio[i].tolist(),
             watched=bool(plan.response_weight[i] == 0.0),
+            target_energy_outside_band=float(plan.target_energy_outside_band[i]),
         )
         for i, channel in enumerate(plan.description.responses)
     ]

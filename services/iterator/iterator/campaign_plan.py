@@ -16,7 +16,7 @@ from iterator.control_band import ControlBand, control_band
 from iterator.drive_limits import DEFAULT_LARGEST_OVERRUN, DriveLimits
 from iterator.drive_update import UpdateKind, UpdateSettings
 from iterator.iteration_loop import CampaignSettings
-from iterator.outside_band import energy_outside_band
+from iterator.outside_band import OutsideBand, energy_outside_band
 from iterator.rig_model import FEWEST_LINES
 from iterator.static_part import static_remarks
 from iterator.update_plan import checked_limit_policy, checked_stop, checked_update, checked_weight, invalid
@@ -56,6 +56,8 @@ class CampaignPlan:
     response_weight : ndarray, shape (n_y,)
         The specification's over the target's RMS, so that responses count alike whatever their units; 0 for a response
         that is watched.
+    target_energy_outside_band : ndarray, shape (n_y,)
+        Share of the energy of each target's dynamic part outside the control band, 0 to 1.
     remarks : tuple of str
         What a person should know before it begins, one sentence each.
     """
@@ -67,6 +69,7 @@ class CampaignPlan:
     limits: DriveLimits
     experiment: identifier_pb2.ExperimentPlan
     response_weight: NDArray[np.float64]
+    target_energy_outside_band: NDArray[np.float64]
     remarks: tuple[str, ...] = ()
 
     @property
@@ -135,6 +138,7 @@ def plan_campaign(
             f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
             field="confirmations",
         )
+    outside = energy_outside_band(target, band)
     policy = checked_limit_policy(spec.limit_policy)
     try:
         settings = CampaignSettings(
@@ -154,18 +158,16 @@ def plan_campaign(
         limits=_limits(description),
         experiment=experiment,
         response_weight=np.divide(weight, rms(target_in_band), out=np.zeros_like(weight), where=weight > 0.0),
+        target_energy_outside_band=outside.below + outside.above,
         remarks=(
-            *_outside_the_band(target, band, description),
+            *_outside_the_band(outside, band, description),
             *static_remarks(target, target_in_band, band=band, description=description),
         ),
     )
 
 
-def _outside_the_band(
-    target: NDArray[np.float64], band: ControlBand, description: rig_pb2.RigDescription
-) -> tuple[str, ...]:
+def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_pb2.RigDescription) -> tuple[str, ...]:
     """Say what of the target is not reproduced because it lies outside the control band."""
-    outside = energy_outside_band(target, band)
     parts = [
         f"{channel.name} {below:.1%} below and {above:.1%} above"
         for channel, below, above in zip(description.responses, outside.below, outside.above, strict=True)

@@ -29,11 +29,14 @@ class Told:
     ----------
     repeatability : Repeatability or None
         Of all so far; None where there was no further one.
+    metrics : IterationMetrics or None
+        Figures of the last one, as a message; None where there was no further one.
     remarks : tuple of str
         Why not, one sentence.
     """
 
     repeatability: iterator_pb2.Repeatability | None = None
+    metrics: iterator_pb2.IterationMetrics | None = None
     remarks: tuple[str, ...] = ()
 
 
@@ -90,11 +93,11 @@ def confirmed(
             for sentence in standstills_in_words(stood_still, plan=plan, then="resume to confirm the result")
         )
         if any(plan.response_weight[found.response] > 0.0 for found in stood_still):
-            yield Told(remarks=told)
+            yield Told(metrics=step.metrics, remarks=told)
             return
         responses.append(response)
         spent = (*spent, judge_confirmation(response, plan=plan))
-        yield Told(repeatability_message(responses, iteration=best.number, plan=plan), remarks=told)
+        yield Told(repeatability_message(responses, iteration=best.number, plan=plan), step.metrics, told)
 
 
 def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> tuple[Standstill, ...]:

@@ -89,8 +89,10 @@ def comparable_history(history: IterationHistory, levels: Sequence[float]) -> It
     return IterationHistory(target=history.target, playbacks=history.playbacks[-kept:])
 
 
-def best_at_full_level(metrics: tuple[IterationMetrics, ...], levels: Sequence[float]) -> int:
-    """Return the number of the best playback of the whole target.
+def best_at_full_level(
+    metrics: tuple[IterationMetrics, ...], levels: Sequence[float], *, outcome: Outcome | None = None
+) -> int:
+    """Return the number of the best playback of the whole target: the one that is judged, exported and confirmed.
 
     Parameters
     ----------
@@ -98,12 +100,17 @@ def best_at_full_level(metrics: tuple[IterationMetrics, ...], levels: Sequence[f
         From the first playback to the last.
     levels : sequence of float
         Of the first playbacks.
+    outcome : Outcome, optional
+        How the iteration ended after the last playback; None before its end. Where the target was reached, the last
+        playback is the best: it is the one that fulfils all criteria, whatever the overall error of another.
 
     Returns
     -------
     int
         From 1; 0 where none was at full level yet.
     """
+    if outcome is Outcome.REACHED:
+        return len(metrics)
     partial = partial_playbacks(levels)
     full = metrics[partial:]
     return partial + best_iteration(full) if full else 0

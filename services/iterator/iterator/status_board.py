@@ -105,12 +105,18 @@ class StatusBoard:
             self._replace(status)
 
     def add_confirmation(
-        self, repeatability: iterator_pb2.Repeatability | None = None, *, remarks: Sequence[str] = ()
+        self,
+        repeatability: iterator_pb2.Repeatability | None = None,
+        *,
+        metrics: iterator_pb2.IterationMetrics | None = None,
+        remarks: Sequence[str] = (),
     ) -> None:
-        """Show how far the rig repeats itself, as far as that is known, and what is to be said of it."""
+        """Show the figures of a confirmation, how far the rig repeats itself where known, and the remarks on it."""
         with self._lock:
             status = self._copy()
             status.remarks.extend(remarks)
+            if metrics is not None:
+                status.confirmations.append(metrics)
             if repeatability is not None:
                 status.repeatability.CopyFrom(repeatability)
             self._replace(status)

@@ -7,8 +7,9 @@ import pytest
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
 from iterator import AcceptanceSettings, SecantSettings, StopCriteria, UpdateKind
+from iterator.campaign_messages import channel_metrics
 from iterator.campaign_plan import plan_campaign
-from iterator.confirmation import recorded_confirmation
+from iterator.confirmation import judge_confirmation, recorded_confirmation
 from iterator.drive_limits import LimitPolicy
 from iterator.stop_criteria import DamageBounds
 from labbus import FaultError
@@ -197,9 +198,14 @@ def test_what_is_left_out_is_what_older_specifications_meant():
 def test_the_share_of_the_target_outside_the_band_is_told():
     spec = specification()
     # White noise up to 100 Hz against a band of 2 to 60 Hz: four tenths lie above.
-    remark = plan_campaign(spec, description(), experiment_plan(spec)).remarks[0]
-    told = [float(share) for share in re.findall(r"([\d.]+)% above", remark)]
+    plan = plan_campaign(spec, description(), experiment_plan(spec))
+    told = [float(share) for share in re.findall(r"([\d.]+)% above", plan.remarks[0])]
     assert told == pytest.approx([42.0, 42.0], abs=4.0)
+    # The same figure is in the metrics of every playback; what lies below the band counts too.
+    metrics = judge_confirmation(plan.target_in_band, plan=plan)
+    shares = [channel.target_energy_outside_band for channel in channel_metrics(metrics, plan=plan)]
+    below = [float(share) for share in re.findall(r"([\d.]+)% below", plan.remarks[0])]
+    assert 100.0 * np.array(shares) == pytest.approx(np.array(told) + below, abs=0.11)
 
 
 def test_a_static_part_and_a_drift_that_are_not_reproduced_are_told_with_their_size():

@@ -11,6 +11,7 @@ from iterator import (
     judge_end,
     judge_response,
 )
+from iterator.playback_levels import best_at_full_level
 
 
 def after(*errors, damage=1.0):
@@ -132,6 +133,16 @@ def test_a_slope_that_is_not_judged_is_refused_with_those_that_are():
 def test_the_best_playback_is_the_one_with_the_smallest_overall_error():
     assert best_iteration(after((0.5, 0.5), (0.1, 0.3), (0.2, 0.4))) == 2
     assert best_iteration(()) == 0
+
+
+def test_where_the_target_was_reached_the_last_playback_is_the_best_whatever_its_overall_error():
+    metrics = after((0.5, 0.5), (0.01, 0.16), (0.14, 0.14))
+    assert judge_end(metrics, StopCriteria(largest_iterations=9, relative_rms_error=0.15)) is Outcome.REACHED
+    assert best_at_full_level(metrics, ()) == 2
+    assert best_at_full_level(metrics, (), outcome=Outcome.ITERATIONS_USED) == 2
+    assert best_at_full_level(metrics, (), outcome=Outcome.REACHED) == 3
+    assert best_at_full_level(metrics, (0.5, 0.75, 1.0)) == 3
+    assert best_at_full_level(metrics[:1], (0.5, 1.0)) == 0
 
 
 @pytest.mark.parametrize(

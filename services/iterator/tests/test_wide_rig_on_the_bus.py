@@ -88,6 +88,10 @@ def test_a_result_is_confirmed_and_told_beside_the_noise_floor(lab):
     ]
     assert lab.rig.seeds[-2:] == [seeds.derived_seed(11, seeds.confirmation(number)) for number in (1, 2)]
     assert len(set(lab.rig.seeds)) == 5
+    steps = lab.recorder.read("confirmed", iterator_pb2.ConfirmationStep)
+    # Compared as they are sent: the figures of the watched response are not a number, which equals nothing.
+    told = [metrics.SerializeToString() for metrics in final.confirmations]
+    assert told == [step.metrics.SerializeToString() for step in steps]
     told = final.repeatability
     assert (told.iteration, told.playbacks) == (final.best_iteration, 3)
     band = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
