@@ -73,7 +73,7 @@ def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:
         activity=status.activity,
         fraction=status.fraction,
         remaining_seconds=status.remaining_seconds,
-        iterations=IterationTable.from_messages(status.iterations) if status.iterations else None,
+        iterations=IterationTable.from_status(status) if status.iterations else None,
     )
 
 

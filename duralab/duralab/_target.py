@@ -84,19 +84,22 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
     Returns
     -------
     EditedTarget
-        All responses of the rig, in its order and at its sample rate; and what each step of editing did.
+        All responses of the rig, in its order and at its sample rate; and what each step did, reading a file first.
 
     Raises
     ------
     InputError
         The road or the file does not fit the rig, or a step of editing does not fit them.
     """
-    edited = edit_signals(_source(campaign, rig=rig, vehicle=vehicle, play=play), campaign.target.edit)
+    source = _source(campaign, rig=rig, vehicle=vehicle, play=play)
+    edited = edit_signals(source.signals, campaign.target.edit)
     require_playable(edited.signals, rig=rig)
-    return replace(edited, signals=replace(edited.signals, sample_rate=rig.sample_rate))
+    return EditedTarget(
+        signals=replace(edited.signals, sample_rate=rig.sample_rate), records=(*source.records, *edited.records)
+    )
 
 
-def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> Signals:
+def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> EditedTarget:
     target, watched = campaign.target, campaign.update.watch
     if target.file is not None:
         return read_target_file(campaign.folder / target.file, rig=rig, channels=target.channels, watched=watched)
@@ -109,12 +112,14 @@ def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad
             field="target.vehicle",
         )
     driven = play(road_inputs(campaign, vehicle=vehicle))
-    return map_channels(
-        driven,
-        rig=rig,
-        watched=watched,
-        source=f"vehicle {vehicle.name!r}",
-        remedy="take another vehicle, or watch the response (update.watch)",
+    return EditedTarget(
+        map_channels(
+            driven,
+            rig=rig,
+            watched=watched,
+            source=f"vehicle {vehicle.name!r}",
+            remedy="take another vehicle, or watch the response (update.watch)",
+        )
     )
 
 

@@ -8,16 +8,19 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from duralab.errors import InputError
 from duralab.rig import Rig
 from duralab.signals import Signals
 from duralab.target_edit_section import SourceChannel
+from duralab.target_editing import EditedTarget
+from duralab.target_step_record import READ_FILE, ChannelRecord, SourceRecord, StepRecord
 
 
 def read_target_file(
     path: Path, *, rig: Rig, channels: Mapping[str, SourceChannel], watched: Collection[str] = ()
-) -> Signals:
+) -> EditedTarget:
     """Read a target from a file of any format that `duralab.formats` knows.
 
     Parameters
@@ -33,8 +36,8 @@ def read_target_file(
 
     Returns
     -------
-    Signals
-        All responses of the rig in its order and its units, at the file's sample rate.
+    EditedTarget
+        All responses of the rig in its order and its units, at the file's sample rate; and how each was read.
 
     Raises
     ------
@@ -47,13 +50,55 @@ def read_target_file(
         given = read_signals(path)
     except InputError as error:
         raise InputError(f"target.file: {error.message}", field="target.file") from error
-    return map_channels(
+    target = map_channels(
         given,
         rig=rig,
         channels=channels,
         watched=watched,
         source=f"file {path}",
         remedy="say in target.channels which is which",
+    )
+    return EditedTarget(target, (_read_record(path, given=given, target=target, channels=channels),))
+
+
+def _read_record(path: Path, *, given: Signals, target: Signals, channels: Mapping[str, SourceChannel]) -> StepRecord:
+    """Return how the responses were read from the channels of a file."""
+    stated = {name: channel.model_dump(mode="json", exclude_none=True) for name, channel in channels.items()}
+    settings = {"file": path.name, **({"channels": stated} if stated else {})}
+    return StepRecord(
+        name=READ_FILE,
+        settings=yaml.safe_dump(settings, default_flow_style=True, sort_keys=False, width=10_000).strip(),
+        samples_before=given.samples.shape[1],
+        samples_after=target.samples.shape[1],
+        sample_rate_before=given.sample_rate,
+        sample_rate_after=target.sample_rate,
+        channels=tuple(
+            ChannelRecord(response.name, 0.0, source=_source_record(given, target, row, channels.get(response.name)))
+            for row, response in enumerate(target.channels)
+        ),
+    )
+
+
+def _source_record(given: Signals, target: Signals, row: int, asked: SourceChannel | None) -> SourceRecord:
+    response = target.channels[row]
+    wanted = asked or SourceChannel.model_validate(response.name)
+    if wanted.source not in given.names:
+        return SourceRecord(source="")
+    place = given.names.index(wanted.source)
+    unit = wanted.unit or given.channels[place].unit
+    # Zero and one in the file's unit give the factor, whatever the offset between the units.
+    probe = replace(given, samples=np.tile([0.0, 1.0], (len(given.channels), 1)))
+    zero, one = _converted(probe, place, unit=unit, wanted=response.unit, response=response.name)
+    before, after = given.samples[place], target.samples[row]
+    return SourceRecord(
+        source=wanted.source,
+        source_unit=given.channels[place].unit,
+        stated_unit=wanted.unit or "",
+        factor=float(wanted.scale * (one - zero)),
+        peak_before=float(np.abs(before).max()),
+        rms_before=float(np.sqrt(np.mean(before**2))),
+        peak_after=float(np.abs(after).max()),
+        rms_after=float(np.sqrt(np.mean(after**2))),
     )
 
 

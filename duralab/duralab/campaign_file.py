@@ -7,9 +7,9 @@ from typing import Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from duralab.campaign_values import Levels, Positive, Range, Section, Seed
+from duralab.campaign_values import Levels, NotNegative, Positive, Range, Section, Seed
 from duralab.identification_section import EstimatorSettings, ExcitationSettings
-from duralab.iteration_section import AtLimits, StopSection, UpdateSection
+from duralab.iteration_section import AtLimits, DamageExponent, StopSection, UpdateSection
 from duralab.target_edit_section import EditStep, SourceChannel
 
 
@@ -112,9 +112,43 @@ class ControlBand(Section):
 
 
 class Acceptance(Section):
-    """What the report and the exit code judge the result by."""
+    """What report, exit code, comparison and sweep judge the best playback by; a limit that is null is not judged."""
 
-    relative_rms_error: Positive = Field(description="Largest relative RMS error of any channel that is accepted.")
+    relative_rms_error: Positive | None = Field(
+        default=0.15, description="Largest relative RMS error of any controlled channel that is accepted."
+    )
+    peak_ratio: tuple[NotNegative, Positive] | None = Field(
+        default=(0.9, 1.1),
+        strict=False,
+        description="Smallest and largest peak that is accepted, response over target.",
+    )
+    damage_ratio: tuple[NotNegative, Positive] | None = Field(
+        default=(0.8, 1.25),
+        strict=False,
+        description="Smallest and largest pseudo-damage that is accepted, response over target.",
+    )
+    damage_exponent: DamageExponent | None = Field(
+        default=None,
+        strict=False,
+        description="Slope of the S-N line that damage is judged at: 3, 5 or 8; left out: that of stop.",
+    )
+    energy_outside_band: float | None = Field(
+        default=0.05,
+        ge=0,
+        le=1,
+        description="Largest share of a target's energy outside the control band that is accepted, 0 to 1.",
+    )
+
+    @model_validator(mode="after")
+    def _check_ratios(self) -> Self:
+        for key in ("peak_ratio", "damage_ratio"):
+            bounds = getattr(self, key)
+            if bounds is not None and not bounds[0] < 1.0 < bounds[1]:
+                raise ValueError(f"has {key} {list(bounds)}; the first must be below 1, the second above")
+        limits = (self.relative_rms_error, self.peak_ratio, self.damage_ratio, self.energy_outside_band)
+        if all(limit is None for limit in limits):
+            raise ValueError("has no limit, all are null; give one limit at least, so that the result can be judged")
+        return self
 
 
 class Confirm(Section):
@@ -167,7 +201,9 @@ class Campaign(Section):
         default=False,
         description="Whether the rig plays in real time, as a rehearsal of a real one; left out: as fast as it can.",
     )
-    accept: Acceptance | None = Field(default=None, description="What the result is judged by; left out: by nothing.")
+    accept: Acceptance = Field(
+        default=Acceptance(), description="What the result is judged by; left out: the defaults of its keys."
+    )
 
     _folder: Path = PrivateAttr(default=Path())
     _text: str = PrivateAttr(default="")
@@ -216,7 +252,10 @@ class Campaign(Section):
             return self._text
         import yaml
 
-        return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
+        content = self.model_dump(mode="json", exclude_none=True)
+        # A limit that is null is not judged; one that is left out has its default.
+        content["accept"] = self.accept.model_dump(mode="json")
+        return yaml.safe_dump(content, sort_keys=False)
 
     def read_from(self, *, folder: Path, text: str) -> Self:
         """Return this campaign with the place and the words it was read from."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from duralab.iteration_table import IterationTable
 from duralab.recording import Recording, open_recording
-from duralab.verdict import Verdict, accepted_error, judge
+from duralab.verdict import Verdict, judge
 from duralab_proto.v1 import iterator_pb2
 
 
@@ -34,12 +34,12 @@ class CampaignResult:
     @cached_property
     def iterations(self) -> IterationTable:
         """The figures of every playback."""
-        return IterationTable.from_messages(self.status.iterations)
+        return IterationTable.from_status(self.status)
 
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the target was reached."""
-        return judge(self.iterations, limit=accepted_error(self.specification), status=self.status)
+        return judge(self.iterations, specification=self.specification, status=self.status)
 
     @cached_property
     def recording(self) -> Recording:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -14,12 +14,12 @@ from duralab.errors import InputError
 from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
 from duralab.recording import Recording, open_recording
 from duralab.setting_differences import SettingDifference, differing_settings
-from duralab.verdict import Verdict, accepted_error, judge
+from duralab.verdict import Verdict
 
 if TYPE_CHECKING:
     import xarray
 
-_ERRORS: Final = "relative RMS error after the last playback, 0 is perfect"
+_ERRORS: Final = "relative RMS error after the best playback, 0 is perfect"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +46,14 @@ class ComparedRecording:
 
 @dataclass(frozen=True)
 class ChannelComparison:
-    """One response channel of one recording after its last playback; ratios all, nan where one is not told.
+    """One response channel of one recording after its best playback; ratios all, nan where one is not told.
 
     Parameters
     ----------
     recording, channel : str
         Their names.
     first_error, relative_rms_error : float
-        rms(target - response) / rms(target) after the first and after the last playback; 0 is perfect.
+        rms(target - response) / rms(target) after the first and after the best playback; 0 is perfect.
     rms_response, peak_ratio : float
         Of the response over that of the target; 1 is perfect.
     damage_ratio : tuple of float
@@ -127,9 +127,10 @@ class Comparison:
                     "path": str(entry.recording.path),
                     "judgement": entry.verdict.judgement.value,
                     "sentence": entry.verdict.sentence,
-                    "accepted_error": entry.verdict.limit,
+                    "accept": asdict(entry.verdict.limits),
                     "playbacks": len(entry.iterations),
-                    "overall_relative_rms_error": _plain(float(entry.iterations.overall[-1])),
+                    "best_playback": entry.iterations.numbers[entry.iterations.best],
+                    "overall_relative_rms_error": _plain(float(entry.iterations.overall[entry.iterations.best])),
                     "overall_per_playback": [_plain(float(value)) for value in entry.iterations.overall],
                 }
                 for entry in self.recordings
@@ -156,7 +157,7 @@ class Comparison:
         }
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the figures of the last playbacks over `recording`, `channel` and `slope` (of the S-N line)."""
+        """Return the figures of the best playbacks over `recording`, `channel` and `slope` (of the S-N line)."""
         import xarray
 
         def over_channels(name: str) -> list[list[Any]]:
@@ -266,9 +267,7 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
 
 def _entry(name: str, recording: Recording) -> ComparedRecording:
     table = recording.iterations
-    limit = accepted_error(recording.specification)
-    verdict = judge(table, limit=limit, status=recording.status, open_end=recording.open_end)
-    return ComparedRecording(name=name, recording=recording, iterations=table, verdict=verdict)
+    return ComparedRecording(name=name, recording=recording, iterations=table, verdict=recording.verdict)
 
 
 def _row(entry: ComparedRecording, channel: str) -> ChannelComparison:
@@ -278,10 +277,10 @@ def _row(entry: ComparedRecording, channel: str) -> ChannelComparison:
         recording=entry.name,
         channel=channel,
         first_error=float(table.relative_rms_error[0, column]),
-        relative_rms_error=float(table.relative_rms_error[-1, column]),
-        rms_response=float(table.rms_response[-1, column]),
-        peak_ratio=float(table.peak_ratio[-1, column]),
-        damage_ratio=tuple(float(ratio) for ratio in table.damage_ratio[-1, column]),
+        relative_rms_error=float(table.relative_rms_error[table.best, column]),
+        rms_response=float(table.rms_response[table.best, column]),
+        peak_ratio=float(table.peak_ratio[table.best, column]),
+        damage_ratio=tuple(float(ratio) for ratio in table.damage_ratio[table.best, column]),
         watched=bool(table.watched[column]),
     )
 

@@ -153,7 +153,7 @@ def _campaigns(bus: Bus, held: list[recorder_pb2.RecordingInfo]) -> tuple[Campai
 
 
 def _under_way(status: iterator_pb2.CampaignStatus, *, rig: str) -> CampaignUnderWay:
-    table = IterationTable.from_messages(status.iterations) if status.iterations else None
+    table = IterationTable.from_status(status) if status.iterations else None
     return CampaignUnderWay(
         id=status.id,
         rig=rig,

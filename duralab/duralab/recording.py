@@ -31,6 +31,7 @@ from duralab.recording_parts import open_end
 from duralab.run_epochs import played_epochs
 from duralab.signal_windows import SignalWindows
 from duralab.signals import Signals, channels_of
+from duralab.verdict import Verdict, judge
 from duralab.whole_runs import require_run_name, whole_run
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
@@ -176,12 +177,21 @@ class Recording:
     @cached_property
     def iterations(self) -> IterationTable:
         """The figures of every playback."""
-        return IterationTable.from_messages([metrics for metrics, _, _ in self._iterations])
+        return IterationTable.from_messages(
+            [metrics for metrics, _, _ in self._iterations],
+            confirmations=[step.metrics for step in self.messages(iterator_pb2.ConfirmationStep)],
+            status=self.status,
+        )
 
     @cached_property
     def actuators(self) -> list[tuple[ActuatorUse, ...]]:
         """How the actuators were used, for each playback."""
         return [use for _, use, _ in self._iterations]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the target was reached."""
+        return judge(self.iterations, specification=self.specification, status=self.status, open_end=self.open_end)
 
     @property
     def remarks(self) -> tuple[str, ...]:

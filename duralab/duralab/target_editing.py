@@ -37,7 +37,7 @@ class EditedTarget:
     signals : Signals
         After the last step.
     records : tuple of StepRecord
-        One for each step, in order.
+        One for each step, in order; of a target from a file the first is how it was read.
     """
 
     signals: Signals

@@ -1,15 +1,64 @@
-"""What a step of the target editor did, in figures, in words, and in the words of the contract."""
+"""What a step from a source to the target did, in figures, in words, and in the words of the contract."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import asdict, dataclass
+from typing import Final, Self
 
 import numpy as np
 
 from duralab.signals import Signals
 from duralab_proto.v1 import iterator_pb2
+
+READ_FILE: Final = "read_file"
+"""Name of the step that reads a file, before all editing."""
+
+
+@dataclass(frozen=True)
+class SourceRecord:
+    """How a response was read from a channel of a file.
+
+    Parameters
+    ----------
+    source : str
+        Name of the channel in the file; empty where there is none and the target is silent.
+    source_unit, stated_unit : str
+        Unit that the file names, and the one that the campaign states in its place; empty where there is none.
+    factor : float or None
+        What a value of the file was multiplied by to be in the rig's unit and sign, an offset between units aside;
+        None where the target is silent.
+    peak_before, rms_before : float
+        Largest magnitude and RMS in the file's unit.
+    peak_after, rms_after : float
+        The same in the rig's unit.
+    """
+
+    source: str
+    source_unit: str = ""
+    stated_unit: str = ""
+    factor: float | None = None
+    peak_before: float = 0.0
+    rms_before: float = 0.0
+    peak_after: float = 0.0
+    rms_after: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """The unit that the file's values were taken in."""
+        return self.stated_unit or self.source_unit
+
+    def __str__(self) -> str:
+        """Return it in words, e.g. "FZ_FL in kN × -1000 (sign turned), peak 4.2 became 4200"."""
+        if self.factor is None:
+            return "silent, the file has no channel for it"
+        unit = f"{self.unit} (stated{f', the file says {self.source_unit}' if self.source_unit else ''})"
+        turned = " (sign turned)" if self.factor < 0.0 else ""
+        return (
+            f"{self.source} in {unit if self.stated_unit else self.unit or 'no unit'} × {self.factor:g}{turned}, "
+            f"peak {self.peak_before:.5g} became {self.peak_after:.5g}, RMS {self.rms_before:.5g} became "
+            f"{self.rms_after:.5g}"
+        )
 
 
 @dataclass(frozen=True)
@@ -27,12 +76,15 @@ class ChannelRecord:
         How many were replaced; None where none was looked for.
     damage_kept : float or None
         Pseudo-damage after over before; None where none was counted.
+    source : SourceRecord or None
+        How it was read; None for a step of editing.
     """
 
     channel: str
     energy_removed: float
     spikes: int | None = None
     damage_kept: float | None = None
+    source: SourceRecord | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +129,9 @@ class StepRecord:
     @property
     def finding(self) -> str:
         """What it did, in words, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
+        read = [f"{channel.channel}: {channel.source}" for channel in self.channels if channel.source is not None]
+        if read:
+            return "; ".join(read)
         parts = []
         if self.sample_rate_before != self.sample_rate_after:
             parts.append(f"{self.sample_rate_before:g} Hz became {self.sample_rate_after:g} Hz")
@@ -116,6 +171,7 @@ class StepRecord:
                 energy_removed=channel.energy_removed,
                 spikes=channel.spikes,
                 damage_kept=channel.damage_kept,
+                **(asdict(channel.source) if channel.source is not None else {}),
             )
         for start, end in self.sections:
             message.sections.add(start_seconds=start, end_seconds=end)
@@ -137,11 +193,25 @@ class StepRecord:
                     energy_removed=entry.energy_removed,
                     spikes=entry.spikes if entry.HasField("spikes") else None,
                     damage_kept=entry.damage_kept if entry.HasField("damage_kept") else None,
+                    source=_source(entry) if message.name == READ_FILE else None,
                 )
                 for entry in message.channels
             ),
             sections=tuple((section.start_seconds, section.end_seconds) for section in message.sections),
         )
+
+
+def _source(entry: iterator_pb2.TargetStepChannel) -> SourceRecord:
+    return SourceRecord(
+        source=entry.source,
+        source_unit=entry.source_unit,
+        stated_unit=entry.stated_unit,
+        factor=entry.factor if entry.HasField("factor") else None,
+        peak_before=entry.peak_before,
+        rms_before=entry.rms_before,
+        peak_after=entry.peak_after,
+        rms_after=entry.rms_after,
+    )
 
 
 def step_record(

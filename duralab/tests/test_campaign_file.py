@@ -100,6 +100,14 @@ def test_every_field_says_what_it_is():
         ("levels", [0.5, 0.75], ["levels is [0.5, 0.75]", "end with 1"]),
         ("levels", [0.5, 0.4, 1.0], ["levels is [0.5, 0.4, 1.0]", "never fall"]),
         ("levels", [0.1] * 9 + [1.0], ["levels has 9 playbacks below 1", "stop.iterations is"]),
+        ("accept", {"damage_ratio": [1.1, 2.0]}, ["accept has damage_ratio [1.1, 2.0]", "the first must be below 1"]),
+        ("accept", {"damage_exponent": 4}, ["accept.damage_exponent is 4", "allowed: 3, 5, 8"]),
+        ("accept", {"energy_outside_band": 5.0}, ["accept.energy_outside_band is 5.0", "less than or equal to 1"]),
+        (
+            "accept",
+            dict.fromkeys(("relative_rms_error", "peak_ratio", "damage_ratio", "energy_outside_band")),
+            ["accept has no limit, all are null", "give one limit at least"],
+        ),
         ("rig", "Front Axle", ["rig is 'Front Axle'"]),
         ("name", "a/b", ["name is 'a/b'"]),
         ("seed", -1, ["seed is -1", "greater than or equal to 0"]),
@@ -199,8 +207,15 @@ def test_file_that_is_no_text_is_refused(tmp_path):
         load_campaign(path)
 
 
+def test_what_is_left_out_of_accept_has_limits_and_what_is_null_has_none():
+    accept = parse_campaign(changed("accept", {"peak_ratio": None, "relative_rms_error": 0.1}), name="x").accept
+    assert (accept.relative_rms_error, accept.peak_ratio) == (0.1, None)
+    assert (accept.damage_ratio, accept.energy_outside_band) == ((0.8, 1.25), 0.05)
+    assert parse_campaign(yaml.safe_dump(CONTENT), name="x").accept.relative_rms_error == 0.15
+
+
 def test_campaign_made_in_a_script_writes_itself_as_yaml():
-    campaign = Campaign.model_validate(CONTENT)
+    campaign = Campaign.model_validate({**CONTENT, "accept": {"damage_ratio": None}})
     assert parse_campaign(campaign.text, name="x").model_dump() == campaign.model_dump()
 
 

@@ -38,6 +38,9 @@ def quick(tmp_path, path="target.road.duration", value=4.0):
     content = yaml.safe_load(changed(path, value))
     content["target"].get("road", {})["duration"] = 4.0
     content["stop"]["iterations"] = 2
+    if path != "accept":
+        # What the fake lab reproduces in two playbacks.
+        content["accept"] = {"relative_rms_error": 1.0, "peak_ratio": [0.5, 2.0], "damage_ratio": None}
     file = tmp_path / "mine.yaml"
     file.write_text(yaml.safe_dump(content))
     return file
@@ -336,7 +339,15 @@ def test_target_not_reached_is_exit_code_3_with_outputs(running_lab, tmp_path):
     code, stdout, _ = invoke("run", file, "--connect", running_lab[1], "--out", out)
     assert code == 3
     assert "The target was not reached" in stdout
+    assert "✗" in stdout
     assert (out / "report.html").exists()
+    # A small error alone is not enough.
+    file = quick(tmp_path, "accept", {"relative_rms_error": 1.0, "damage_ratio": [0.999, 1.001]})
+    code, stdout, _ = invoke("run", file, "--connect", running_lab[1], "--out", out, "--replace", "--json")
+    told = json.loads(stdout)
+    assert (code, told["judgement"]) == (3, "not reached")
+    assert {found["criterion"] for found in told["not_accepted"]} >= {"damage_ratio"}
+    assert "damage at k = 5 of" in told["verdict"]
 
 
 def test_unknown_rig_is_refused_and_leaves_no_file(running_lab, tmp_path):

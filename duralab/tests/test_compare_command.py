@@ -9,7 +9,7 @@ def test_two_recordings_are_laid_over_each_other(recording_path, tmp_path):
     out = tmp_path / "both.html"
     code, stdout, stderr = invoke("compare", recording_path, recording_path, "--out", out)
     assert code == 0, stderr
-    assert "relative RMS error after the last playback" in stdout
+    assert "relative RMS error after the best playback" in stdout
     assert f"Comparison: {out}" in stdout
     assert out.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
 

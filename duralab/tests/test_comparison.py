@@ -28,10 +28,11 @@ def test_each_channel_of_each_recording_has_its_figures(recording_path, campaign
     assert compared.channels == synthetic_campaign.NAMES
     for i, channel in enumerate(compared.channels):
         for row, made in zip(compared.of_channel(channel), (campaign, other), strict=True):
+            best = int(np.argmin(np.mean(made.errors**2, axis=1)))
             assert row.first_error == pytest.approx(made.errors[0, i])
-            assert row.relative_rms_error == pytest.approx(made.errors[-1, i])
-            assert row.peak_ratio == pytest.approx(made.peak_ratios[-1, i])
-            assert row.damage_ratio == pytest.approx([made.rms_responses[-1, i] ** k for k in (3, 5, 8)])
+            assert row.relative_rms_error == pytest.approx(made.errors[best, i])
+            assert row.peak_ratio == pytest.approx(made.peak_ratios[best, i])
+            assert row.damage_ratio == pytest.approx([made.rms_responses[best, i] ** k for k in (3, 5, 8)])
 
 
 def test_only_what_differs_is_told_and_the_same_target_is_known(recording_path, slow):

@@ -83,12 +83,13 @@ def test_a_mistake_is_one_sentence_and_nothing_is_written(tmp_path, source, monk
 
 def test_drive_response_target_and_frequency_responses_come_out_of_a_recording(tmp_path, recording_path):
     recording = open_recording(recording_path)
-    last = recording.playback(int(recording.iterations.numbers[-1]))
+    best = recording.playback(recording.status.best_iteration)
+    assert best.number != recording.iterations.numbers[-1]
     first = recording.playback(1)
     for what, playback, expected in (
-        ("drive", None, last.drive),
+        ("drive", None, best.drive),
         ("response", 1, first.response),
-        ("response_in_band", None, last.response_in_band),
+        ("response_in_band", None, best.response_in_band),
         ("target", None, recording.target),
     ):
         out = tmp_path / f"{what}.csv"
@@ -146,7 +147,9 @@ def test_an_export_says_which_playback_it_wrote_and_how_good_it_was(tmp_path, re
         assert f"error over all channels is {error:.3f}." in words
         assert ("The best is playback" in words) == (number != table.numbers[table.best])
         assert (told["playback"], told["overall_error"]) == (number, pytest.approx(error))
-    assert exported(tmp_path, recording_path)[1]["playback"] == table.numbers[-1]
+    words, told = exported(tmp_path, recording_path)
+    assert told["playback"] == told["best_playback"] == open_recording(recording_path).status.best_iteration
+    assert "It is the best playback." in words
     words, told = exported(tmp_path, recording_path, "--what", "target")
     assert (told["playback"], told["overall_error"]) == (None, None)
     assert "playback" not in words

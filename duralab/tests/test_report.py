@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import synthetic_campaign
+from test_verdict import table_of
 
 from duralab._outputs import replace_when_complete, require_free
 from duralab.errors import InputError
@@ -15,8 +16,8 @@ from duralab.report.model_figures import contributions
 from duralab.report.series import LARGEST_POINTS, thin_out
 from duralab.report.tables import channel_rows, playback_rows, repeatability_rows
 from duralab.signals import Channel, Signals
-from duralab.verdict import Judgement, compare_with_first, judge, repeatability_in_words
-from duralab_proto.v1 import iterator_pb2, query_pb2
+from duralab.verdict import judge, repeatability_in_words
+from duralab_proto.v1 import iterator_pb2
 
 LARGEST_REPORT = 15_000_000
 
@@ -49,9 +50,30 @@ def test_every_number_of_the_error_table_stands_in_the_page(html, campaign):
         assert cells == [(f"{e:.3f}", f"{r:.3f}") for e, r in zip(errors, responses, strict=True)]
 
 
-def test_the_summary_tells_the_last_damage_ratios_of_each_channel(html, campaign):
-    for response in campaign.rms_responses[-1]:
-        assert f"{response**3:.2f} / {response**5:.2f} / {response**8:.2f}" in body(html)
+def test_the_summary_marks_each_figure_of_the_best_playback_beside_its_limits(html, campaign):
+    best = int(np.argmin(np.mean(campaign.errors**2, axis=1)))
+    assert best != 3
+    rows = re.findall(r"<tr><th scope=\"row\">.*?</tr>", body(html)[: body(html).index('id="convergence"')], re.DOTALL)
+    limits = ((0.0, 0.15), (0.9, 1.1), (0.8, 1.25))
+    for i, row in enumerate(rows[:6]):
+        figures = (campaign.errors[best, i], campaign.peak_ratios[best, i], campaign.rms_responses[best, i] ** 5)
+        cells = re.findall(r"<td class=\"nowrap (bad)?\">([\d.]+)(?: ✗)?</td>", row)
+        assert [bool(bad) for bad, _ in cells] == [
+            not least <= figure <= most for figure, (least, most) in zip(figures, limits, strict=True)
+        ]
+        assert [float(text) for _, text in cells] == pytest.approx(figures, abs=6e-3)
+        assert ("not accepted" in row) == any(bad for bad, _ in cells)
+
+
+def test_the_damage_spent_is_in_the_report_and_in_the_printed_table(html, campaign, recording_path):
+    spent = np.maximum(1.0, campaign.rms_responses**5)
+    section = body(html)[body(html).index("<h3>Damage spent</h3>") : body(html).index('id="model"')]
+    rows = re.findall(r"<tr><th scope=\"row\">(\w+)</th>(.*?)</tr>", section)
+    assert [title for title, _ in rows] == ["1", "2", "3", "4", "all"]
+    told = [[float(cell) for cell in re.findall(r"([\d.]+)(?:</b>)?</td>", cells)] for _, cells in rows]
+    np.testing.assert_allclose(told, [*spent, spent.sum(axis=0)], atol=0.05)
+    last = next(line for line in str(open_recording(recording_path)).splitlines() if line.startswith("damage spent"))
+    np.testing.assert_allclose([float(word) for word in last.split()[5:-1]], spent.sum(axis=0), atol=0.05)
 
 
 def test_the_summary_tells_what_is_worth_knowing(html):
@@ -64,8 +86,9 @@ def test_an_older_recording_without_damage_ratios_shows_a_dash():
     )
     table = IterationTable.from_messages([old])
     target = Signals((Channel("left_vertical", "N"),), 100.0, np.ones((1, 4)))
-    (row,) = channel_rows(table, target, limit=None)
-    assert row.damage_ratios == "–"
+    verdict = judge(table, specification=iterator_pb2.CampaignSpec(), status=None)
+    (row,) = channel_rows(table, target, verdict=verdict, slope=5)
+    assert (row.damage_ratio, row.energy_outside_band, row.damage_spent) == (("–", ""), ("–", ""), "–")
 
 
 def test_curves_hold_the_metrics_and_the_signals(html, campaign):
@@ -164,53 +187,6 @@ def test_shares_of_a_noiseless_model_add_up_to_the_whole(recording_path):
     np.testing.assert_allclose(np.sum(shares**2, axis=1), 0.93, rtol=0.03)
 
 
-def table_of(*errors, watched=()):
-    rows = np.array(errors)
-    ones = np.ones_like(rows)
-    names = tuple(f"c_{i}" for i in range(rows.shape[1]))
-    overall = np.sqrt(np.mean(rows**2, axis=1))
-    return IterationTable(
-        channels=names,
-        numbers=tuple(range(1, len(rows) + 1)),
-        relative_rms_error=rows,
-        rms_response=ones,
-        peak_ratio=ones,
-        damage_ratio=np.ones((*rows.shape, 3)),
-        overall=overall,
-        level=np.ones(len(rows)),
-        watched=np.array([name in watched for name in names]),
-    )
-
-
-FINISHED = iterator_pb2.CampaignStatus(
-    phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_ITERATIONS_USED
-)
-
-
-def test_verdict_follows_the_worst_channel_of_the_last_playback():
-    table = table_of([0.6, 0.5], [0.1, 0.24])
-    verdict = judge(table, limit=0.25, status=FINISHED)
-    assert verdict.judgement is Judgement.REACHED
-    assert "0.240 (c 1)" in verdict.sentence
-    assert judge(table, limit=0.2, status=FINISHED).judgement is Judgement.NOT_REACHED
-    assert judge(table, limit=None, status=FINISHED).judgement is Judgement.NOT_JUDGED
-
-
-def test_a_watched_channel_has_no_say_in_the_verdict_and_is_named_so_in_the_tables(recording_path):
-    table = table_of([0.6, 0.5, np.nan], [0.1, 0.9, np.nan], watched=("c_1", "c_2"))
-    verdict = judge(table, limit=0.25, status=FINISHED)
-    assert verdict.judgement is Judgement.REACHED
-    assert "0.100 (c 0)" in verdict.sentence
-    assert compare_with_first(table).startswith("Every channel is closer")
-    assert "c 1 (watched)" in str(table)
-    target = open_recording(recording_path).target
-    three = Signals(target.channels[:3], target.sample_rate, target.samples[:3])
-    rows = channel_rows(table, three, limit=0.25)
-    assert [row.words for row in rows] == ["accepted", "watched", "watched"]
-    assert [row.last_error for row in rows] == ["0.100", "0.900", "–"]
-    assert [row.accepted for row in rows] == [True, None, None]
-
-
 def test_the_error_is_told_beside_the_noise_floor():
     table = table_of([0.12, 0.2], watched=("c_1",))
     told = iterator_pb2.Repeatability(
@@ -239,52 +215,6 @@ def test_the_error_is_told_beside_the_noise_floor():
     assert repeatability_in_words(status) == ""
     told.channels[0].noise_floor = 0.0
     assert repeatability_rows(told, table)[0].words == "repeats exactly"
-
-
-def test_verdict_of_a_diverged_or_broken_campaign_says_so():
-    table = table_of([0.1, 0.1], [0.5, 0.1])
-    diverged = iterator_pb2.CampaignStatus(
-        phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_DIVERGED
-    )
-    assert judge(table, limit=0.9, status=diverged).judgement is Judgement.DIVERGED
-    # However small its error came out.
-    dead = iterator_pb2.CampaignStatus(
-        phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL
-    )
-    assert judge(table, limit=0.9, status=dead).judgement is Judgement.ENDED_EARLY
-    faulted = iterator_pb2.CampaignStatus(
-        phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=query_pb2.Fault(message="The oil is cold.")
-    )
-    verdict = judge(table, limit=0.9, status=faulted)
-    assert verdict.judgement is Judgement.ENDED_EARLY
-    assert "The oil is cold." in verdict.sentence
-    assert judge(table, limit=0.9, status=None).judgement is Judgement.ENDED_EARLY
-    status = iterator_pb2.CampaignStatus(fault=query_pb2.Fault(message="no reason was given"))
-    assert judge(table, limit=0.9, status=status).sentence.endswith("done: no reason was given.")
-
-
-@pytest.mark.parametrize(
-    ("outcome", "reason"),
-    [
-        (iterator_pb2.OUTCOME_REACHED, "what was asked of it was reached"),
-        (iterator_pb2.OUTCOME_ITERATIONS_USED, "all playbacks were used"),
-        (iterator_pb2.OUTCOME_DIVERGED, "diverged"),
-        (iterator_pb2.OUTCOME_NO_IMPROVEMENT, "did not improve"),
-        (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, "damage budget was used"),
-        (iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL, "a controlled response stood still"),
-    ],
-)
-def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):
-    status = iterator_pb2.CampaignStatus(phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=outcome)
-    # Beside a target that was reached, "all playbacks were used" would sound like a failure.
-    reached = "to the last playback planned" if outcome == iterator_pb2.OUTCOME_ITERATIONS_USED else reason
-    for limit, expected in ((0.25, reason), (0.7, reached), (None, reason)):
-        assert expected in judge(table_of([0.6, 0.5]), limit=limit, status=status).sentence
-        others = [other for other in iterator_pb2.Outcome.values() if other not in (outcome, 0)]
-        for other in others:
-            status.outcome = other
-            assert expected not in judge(table_of([0.6, 0.5]), limit=limit, status=status).sentence
-        status.outcome = outcome
 
 
 def test_best_playback_and_least_errors_are_marked():

@@ -43,27 +43,27 @@ def counted():
     shown = Shown(
         target=Signals(FORCE, RATE, sines(1.0)),
         first=playback(1, sines(0.5)),
-        best=playback(2, sines(0.9)),
-        last=playback(3, sines(1.0)),
+        best=playback(2, sines(1.0)),
+        last=playback(3, sines(0.9)),
         band=(1.0, 20.0),
         block_samples=256,
     )
     return load_figures.counted_loads(shown, 0)
 
 
-def test_target_first_and_last_playback_are_counted(counted):
-    assert [load.name for load in counted] == ["target", "playback 1", "playback 3 (last)"]
+def test_target_first_and_best_playback_are_counted(counted):
+    assert [load.name for load in counted] == ["target", "playback 1", "playback 2 (best)"]
 
 
 def test_range_pairs_of_known_cycles(counted):
-    target, first, last = load_figures.range_pairs(counted, "N")["data"]
+    target, first, best = load_figures.range_pairs(counted, "N")["data"]
     cycles, ranges = values(target["x"]), values(target["y"])
     assert ranges[-1] == pytest.approx(12.0, abs=1e-6)
     # The one large cycle and ten small ones of 4; the halves at the ends of the signal make up for each other.
     assert cycles[np.searchsorted(ranges, 6.0)] == pytest.approx(1.0, abs=0.51)
     assert cycles[np.searchsorted(ranges, 3.8)] == pytest.approx(11.0, abs=1.01)
     assert np.all(np.diff(cycles) <= 0)
-    np.testing.assert_array_equal(values(last["x"]), cycles)
+    np.testing.assert_array_equal(values(best["x"]), cycles)
     assert values(first["y"]).max() == pytest.approx(6.0, abs=1e-6)
 
 

@@ -10,6 +10,7 @@ from duralab.campaign_loading import parse_campaign
 from duralab.errors import InputError
 from duralab.rig import Rig
 from duralab.signals import Signals
+from duralab.target_step_record import StepRecord
 
 RIG = Rig.from_message(describe("front_axle"))
 VEHICLE = Rig.from_message(describe("predecessor"))
@@ -112,12 +113,12 @@ def test_csv_target_is_read_in_any_column_order(tmp_path):
     text, values = csv_text(names=synthetic_campaign.NAMES[::-1])
     path = tmp_path / "target.csv"
     path.write_text(text)
-    target = read_target_file(path, rig=RIG, channels={})
+    target = read_target_file(path, rig=RIG, channels={}).signals
     np.testing.assert_allclose(target.samples, values[::-1])
     edited = from_file(path)
     np.testing.assert_array_equal(edited.signals.samples, target.samples)
     assert edited.signals.names == synthetic_campaign.NAMES
-    assert edited.records == ()
+    assert [record.name for record in edited.records] == ["read_file"]
 
 
 MAP = {
@@ -138,6 +139,43 @@ def test_channels_of_a_file_get_the_names_units_and_signs_of_the_rig(tmp_path):
     # The pound-force is 4.4482216152605 N by definition.
     expected = [-1e3 * values[2], 10.0 * values[1], 4.4482216152605 * values[0], -1e3 * values[4], values[3], values[6]]
     np.testing.assert_allclose(samples, expected, rtol=1e-12)
+
+
+def test_what_was_done_to_each_channel_of_the_file_is_recorded(tmp_path):
+    text, values = csv_text(names=("FX_FL", "FY_FL", "FZ_FL", "FY_FR", "FZ_FR", "spare", "right_longitudinal"))
+    path = tmp_path / "road.csv"
+    path.write_text(text.replace("FY_FL [N]", "FY_FL [daN]"))
+    record = StepRecord.from_message(from_file(path, channels=MAP).records[0].to_message())
+    assert record.name == "read_file"
+    assert "from: FZ_FL" in record.settings
+    read = {channel.channel: channel.source for channel in record.channels}
+    peaks, levels = np.abs(values).max(axis=1), np.sqrt(np.mean(values**2, axis=1))
+    for response, row, unit, stated, factor in (
+        ("left_vertical", 2, "N", "kN", -1e3),
+        ("left_lateral", 1, "daN", "", 10.0),
+        ("left_longitudinal", 0, "N", "lbf", 4.4482216152605),
+        ("right_longitudinal", 6, "N", "", 1.0),
+    ):
+        source = read[response]
+        assert (source.source_unit, source.stated_unit) == (unit, stated)
+        assert source.factor == pytest.approx(factor, rel=1e-12)
+        assert (source.peak_before, source.rms_before) == pytest.approx((peaks[row], levels[row]))
+        assert (source.peak_after, source.rms_after) == pytest.approx(
+            (abs(factor) * peaks[row], abs(factor) * levels[row])
+        )
+    for words in (
+        "left_vertical: FZ_FL in kN (stated, the file says N) × -1000 (sign turned), peak ",
+        "FY_FL in daN × 10",
+    ):
+        assert words in str(record)
+
+
+def test_a_watched_response_without_a_channel_is_recorded_as_silent(tmp_path):
+    path = tmp_path / "road.csv"
+    path.write_text(csv_text(names=synthetic_campaign.NAMES[:5])[0])
+    target = read_target_file(path, rig=RIG, channels={}, watched=synthetic_campaign.NAMES[5:])
+    assert "right_longitudinal: silent, the file has no channel for it" in str(target.records[0])
+    assert StepRecord.from_message(target.records[0].to_message()) == target.records[0]
 
 
 @pytest.mark.parametrize(
@@ -170,7 +208,7 @@ def test_a_target_of_another_rate_is_resampled_when_it_says_so(tmp_path):
     edited = from_file(path, edit=[{"cut": {"to": 0.6}}, {"resample": {"rate": 1000}}])
     assert edited.signals.samples.shape == (6, 600)
     assert edited.signals.sample_rate == RIG.sample_rate
-    assert [record.name for record in edited.records] == ["cut", "resample"]
+    assert [record.name for record in edited.records] == ["read_file", "cut", "resample"]
 
 
 def test_a_target_longer_than_the_rig_plays_is_refused_until_it_is_cut(tmp_path):

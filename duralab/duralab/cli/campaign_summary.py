@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from rich.table import Table
 from duralab.campaign_result import CampaignResult
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.opening import open_hint, own_command
+from duralab.iteration_table import DAMAGE_SLOPES, counted_slope
+from duralab.showing.campaigns import judged_rows
 from duralab.verdict import Judgement, repeatability_in_words
 
 LARGEST_COLUMNS = 8
@@ -23,7 +26,7 @@ LARGEST_COLUMNS = 8
 
 def exit_with(result: CampaignResult) -> None:
     """Raise typer.Exit where the target was not reached."""
-    if result.verdict.judgement not in (Judgement.REACHED, Judgement.NOT_JUDGED):
+    if result.verdict.judgement is not Judgement.REACHED:
         raise typer.Exit(int(ExitCode.NOT_REACHED))
 
 
@@ -34,7 +37,9 @@ def print_result(console: Console, result: CampaignResult, report: Path) -> None
     console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
     title = "RMS response (1 is perfect)"
     console.print(figure_table(title, result, iterations.rms_response, overall=None))
-    console.print(result.verdict.sentence, highlight=False, markup=False)
+    console.print(judged_table(result))
+    style = "bold green" if result.verdict.judgement is Judgement.REACHED else "bold red"
+    console.print(result.verdict.sentence, style=style, highlight=False, markup=False)
     if repeats := repeatability_in_words(result.status):
         console.print(repeats, highlight=False, markup=False)
     if result.status.remarks:
@@ -50,6 +55,20 @@ def print_result(console: Console, result: CampaignResult, report: Path) -> None
     # No table: a long path must be whole, so that it can be copied.
     for name, path, command in rows:
         console.print(f"{name:<10} {path}   open it:  {command}", highlight=False, markup=False, soft_wrap=True)
+
+
+def judged_table(result: CampaignResult) -> Table:
+    """Return the judged figures of the best playback for the terminal; those outside their limits are red."""
+    iterations = result.iterations
+    slope = counted_slope(result.specification)
+    header, rows = judged_rows(iterations, result.verdict, slope=slope)
+    title = f"Playback {iterations.numbers[iterations.best]}, the best, and what is allowed (✗ outside it)"
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    for column, (name, allowed) in enumerate(header):
+        table.add_column(f"{name}\n[dim]{allowed}[/]", justify="right" if column else "left", no_wrap=not column)
+    for row in rows:
+        table.add_row(*(f"[bold red]{cell}[/]" if cell.endswith("✗") else cell for cell in row))
+    return table
 
 
 def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
@@ -72,7 +91,7 @@ def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, over
         Ready to print.
     """
     iterations = result.iterations
-    limit = result.verdict.limit if overall is not None else None
+    limit = result.verdict.limits.relative_rms_error if overall is not None else None
     shown = shown_playbacks(len(iterations), best=iterations.best)
     table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
     table.add_column("playback")
@@ -109,12 +128,17 @@ def shown_playbacks(count: int, *, best: int) -> list[int]:
 def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]:
     """Return what a campaign came to, for `--json`."""
     table, verdict = result.iterations, result.verdict
+    slope = counted_slope(result.specification)
     return {
         "campaign": result.specification.id,
         "rig": result.specification.rig,
         "judgement": verdict.judgement.value,
         "verdict": verdict.sentence,
-        "accepted_error": verdict.limit,
+        "accept": asdict(verdict.limits),
+        "not_accepted": [
+            {"criterion": found.criterion.value, "channel": found.channel, "value": found.value}
+            for found in verdict.failed
+        ],
         "channels": table.channels,
         "watched": table.watched,
         "playbacks": table.numbers,
@@ -122,6 +146,10 @@ def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]
         "relative_rms_error": table.relative_rms_error,
         "overall_error": table.overall,
         "rms_response": table.rms_response,
+        "peak_ratio": table.peak_ratio,
+        "damage_ratio": {str(k): table.damage_ratio[:, :, column] for column, k in enumerate(DAMAGE_SLOPES)},
+        "energy_outside_band": table.energy_outside_band,
+        "damage_spent": {"damage_exponent": slope, "passes": table.damage_spent(slope).sum(axis=0)},
         "remarks": list(result.status.remarks),
         "recording": result.recording_path,
         "live_view": result.live_path,

@@ -84,14 +84,14 @@ def export(
     if chosen is Exported.FRF:
         _refuse_for_frf(playback=playback, unit=units, format=to_format, data_type=data_type)
         _export_frf(opened, out, replace=replace)
-        _say_frf(out, Origin.of(opened, playback=None), as_json=as_json)
+        _say_frf(out, Origin(opened, playback=None), as_json=as_json)
         return
     taken = _playback_taken(opened, chosen, playback)
     signals = _in_units(_recorded(opened, chosen, taken), units)
     if format_of(out, to_format) is Format.RPC3 and chosen is Exported.DRIVE:
         signals = replaced(signals, attributes={"TIME_TYPE": "DRIVE"})
     written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
-    _say(signals, written, origin=Origin.of(opened, playback=taken), as_json=as_json)
+    _say(signals, written, origin=Origin(opened, playback=taken), as_json=as_json)
 
 
 def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> int | None:
@@ -99,10 +99,10 @@ def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> 
         if asked is not None:
             raise InputError(f"--playback is {asked}; there is one target, so leave it out.", field="playback")
         return None
-    numbers = recording.iterations.numbers
-    if not numbers:
+    table = recording.iterations
+    if not table.numbers:
         raise InputError(f"{recording.path} holds no playback.")
-    return int(numbers[-1]) if asked is None else asked
+    return table.numbers[table.best] if asked is None else asked
 
 
 def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from duralab.recording import Recording
-from duralab.verdict import Judgement, Verdict, accepted_error, judge
+from duralab.verdict import Judgement
 
 
 @dataclass(frozen=True)
@@ -19,24 +19,10 @@ class Origin:
         Which it was taken from.
     playback : int or None
         The playback that was taken; None for what belongs to no single one.
-    verdict : Verdict
-        On the campaign.
     """
 
     recording: Recording
     playback: int | None
-    verdict: Verdict
-
-    @classmethod
-    def of(cls, recording: Recording, *, playback: int | None) -> Origin:
-        """Judge a recording and keep which playback was taken."""
-        verdict = judge(
-            recording.iterations,
-            limit=accepted_error(recording.specification),
-            status=recording.status,
-            open_end=recording.open_end,
-        )
-        return cls(recording, playback, verdict)
 
     def lines(self) -> Iterator[str]:
         """Yield it in words: the playback, and what is missing."""
@@ -48,12 +34,15 @@ class Origin:
                 f"It is playback {self.playback} of {len(table)} in the recording{level}; its relative RMS error over "
                 f"all channels is {table.overall[row]:.3f}."
             )
-            if row != table.best:
+            if row == table.best:
+                yield "It is the best playback."
+            else:
                 yield f"The best is playback {table.numbers[table.best]} with {table.overall[table.best]:.3f}."
         if not self.recording.whole:
             yield f"{self.recording.path} was never finished: what came after its last whole step is not in it."
-        if self.verdict.judgement is Judgement.ENDED_EARLY:
-            yield self.verdict.sentence
+        judgement = self.recording.verdict.judgement
+        if judgement is Judgement.ENDED_EARLY or (self.playback is not None and judgement is not Judgement.REACHED):
+            yield self.recording.verdict.sentence
 
     def document(self) -> dict[str, object]:
         """Return the same for `--json`."""
@@ -65,7 +54,7 @@ class Origin:
             "level": None if row is None else table.level[row],
             "playbacks": table.numbers,
             "best_playback": table.numbers[table.best] if table.numbers else None,
-            "judgement": self.verdict.judgement.value,
-            "verdict": self.verdict.sentence,
+            "judgement": self.recording.verdict.judgement.value,
+            "verdict": self.recording.verdict.sentence,
             "recording_finished": self.recording.whole,
         }

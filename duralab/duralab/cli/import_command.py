@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,7 +16,9 @@ from duralab.errors import InputError
 from duralab.formats import Written, write_signals
 from duralab.formats.exchange import format_of
 from duralab.import_settings import ImportSettings, load_import_settings
-from duralab.target_editing import EditedTarget, edit_signals
+from duralab.signals import Signals
+from duralab.target_editing import edit_signals
+from duralab.target_step_record import StepRecord
 
 
 def import_target(
@@ -45,10 +48,11 @@ def import_target(
     with console.status(waiting), open_lab(endpoint, rigs=(rig,)) as lab:
         described = lab.describe(rig)
     given = read_target_file(source, rig=described, channels=asked.channels)
-    edited = edit_signals(given, asked.edit)
+    edited = edit_signals(given.signals, asked.edit)
+    records = (*given.records, *edited.records)
     require_playable(edited.signals, rig=described)
     written = write_signals(edited.signals, out, format=to_format, overwrite=replace)
-    for record in edited.records:
+    for record in records:
         console.print(f"{record.name}: {record.finding}", highlight=False, markup=False)
     signals = edited.signals
     console.print(
@@ -60,16 +64,15 @@ def import_target(
     for note in written.notes:
         console.print(note, highlight=False, markup=False)
     if as_json:
-        write_json(_document(rig, edited, written))
+        write_json(_document(rig, edited.signals, records, written))
 
 
-def _document(rig: str, edited: EditedTarget, written: Written) -> dict[str, object]:
-    signals = edited.signals
+def _document(rig: str, signals: Signals, records: Sequence[StepRecord], written: Written) -> dict[str, object]:
     return {
         **asdict(written),
         "rig": rig,
         "seconds": signals.duration,
         "sample_rate": signals.sample_rate,
         "channels": [{"name": channel.name, "unit": channel.unit} for channel in signals.channels],
-        "steps": [{**asdict(record), "finding": record.finding} for record in edited.records],
+        "steps": [{**asdict(record), "finding": record.finding} for record in records],
     }

@@ -82,7 +82,8 @@ def _conclude(console: Console, results: SweepResults, *, as_json: bool) -> None
     if best is not None:
         figure = results.objective.value
         console.print(
-            f"Best {figure.replace('_', ' ')} {best[figure]:.4f}: {settings_in_words(results.keys, best)}",
+            f"Best {figure.replace('_', ' ')} {best[figure]:.4f}: {settings_in_words(results.keys, best)}\n"
+            f"{best['sentence']}",
             highlight=False,
             markup=False,
         )

@@ -12,7 +12,7 @@ from duralab.signals import Channel, Signals
 
 @dataclass(frozen=True)
 class ActuatorRow:
-    """The use of one actuator in the last playback, with a dash for what the rig has not or does not tell.
+    """The use of one actuator in the best playback, with a dash for what the rig has not or does not tell.
 
     `speed_percent` is None where no limit of speed is stated.
     """

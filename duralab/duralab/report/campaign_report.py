@@ -9,21 +9,20 @@ from typing import Any, Final
 
 from duralab._outputs import replace_when_complete, require_other
 from duralab.errors import InputError
-from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
+from duralab.iteration_table import DAMAGE_SLOPES, IterationTable, counted_slope
 from duralab.recording import Recording, open_recording
 from duralab.recording_content import Model
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.drawing import Figure
 from duralab.report.held_drives import HeldStretch, held_stretches
-from duralab.report.provenance import method_in_words, provenance, target_step_rows
+from duralab.report.provenance import method_in_words, provenance, source_rows, target_step_rows
 from duralab.report.rendering import render
 from duralab.signals import Channel, Signals
-from duralab.verdict import Judgement, Verdict, accepted_error, compare_with_first, judge
+from duralab.verdict import Criterion, Judgement, Verdict, compare_with_first
 
 TONES: Final = {
     Judgement.REACHED: "good",
-    Judgement.NOT_JUDGED: "neutral",
     Judgement.NOT_REACHED: "bad",
     Judgement.DIVERGED: "bad",
     Judgement.ENDED_EARLY: "bad",
@@ -66,15 +65,16 @@ def render_report(recording: Recording) -> str:
             f"The recording {recording.path} holds no playback of the target, so there is nothing to report."
         )
     specification = recording.specification
-    verdict = judge(table, limit=accepted_error(specification), status=recording.status, open_end=recording.open_end)
+    slope = counted_slope(specification)
+    verdict = recording.verdict
     shown, model = _shown(recording), recording.model
-    held = held_stretches(shown.last.drive)
+    held = held_stretches(shown.best.drive)
     window = waveforms.zoom_window(shown.target)
-    channels, drives = shown.target.channels, shown.last.drive.channels
+    channels, drives = shown.target.channels, shown.best.drive.channels
     return render(
         "report.html.j2",
         figures={
-            "error": convergence_figures.error_per_playback(table, limit=verdict.limit),
+            "error": convergence_figures.error_per_playback(table, limit=verdict.limits.relative_rms_error),
             "response": convergence_figures.response_per_playback(table),
             "use": convergence_figures.actuator_use_per_playback(recording.actuators, table.numbers),
             **{f"damage-{slope}": convergence_figures.damage_per_playback(table, slope) for slope in DAMAGE_SLOPES},
@@ -91,40 +91,45 @@ def render_report(recording: Recording) -> str:
         channel_options=_options(channels),
         drives=drives,
         drive_options=_options(drives),
-        actuators=actuator_rows(shown.last.actuators, shown.last.drive),
+        actuators=actuator_rows(shown.best.actuators, shown.best.drive),
         held=held_rows(held, drives),
         steps=target_step_rows(specification),
+        sources=source_rows(specification),
         method=method_in_words(specification),
-        provenance=provenance(recording, shown.last),
+        provenance=provenance(recording, shown.best),
         scenario=specification.scenario,
         scenario_link=base64.b64encode(specification.scenario.encode()).decode(),
-        **_judged_parts(table, verdict, shown.target),
-        **_damage_parts(table),
+        **_judged_parts(table, verdict, shown.target, slope=slope),
+        **_damage_parts(table, slope),
         **_model_parts(model, shown.band),
         **_told_parts(recording),
     )
 
 
-def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals) -> dict[str, Any]:
+def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals, *, slope: int) -> dict[str, Any]:
     """Return what the page says of the errors."""
     return {
         "verdict": verdict,
         "tone": TONES[verdict.judgement],
         "comparison": compare_with_first(table),
-        "accepted": int((table.judged_error[-1] <= (verdict.limit or 0.0)).sum()),
+        "criteria": Criterion,
+        "accepted": len(set(table.judged) - {finding.channel for finding in verdict.failed}),
         "judged": len(table.judged),
-        "rows": tables.channel_rows(table, target, limit=verdict.limit),
+        "rows": tables.channel_rows(table, target, verdict=verdict, slope=slope),
         "playbacks": tables.playback_rows(table),
     }
 
 
-def _damage_parts(table: IterationTable) -> dict[str, Any]:
+def _damage_parts(table: IterationTable, slope: int) -> dict[str, Any]:
     """Return what the page says of the damage: of the first, the best and the last playback."""
+    playbacks = list(dict.fromkeys((0, table.best, len(table) - 1)))
     return {
         "slopes": DAMAGE_SLOPES,
         "slope_options": [(slope, f"k = {slope}") for slope in (5, 3, 8)],
-        "damage": tables.damage_rows(table),
-        "damage_columns": list(dict.fromkeys((table.numbers[0], table.numbers[table.best], table.numbers[-1]))),
+        "damage": tables.damage_rows(table, playbacks),
+        "damage_columns": [table.numbers[row] for row in playbacks],
+        "spent_slope": slope,
+        "spent": tables.damage_spent_rows(table, slope),
     }
 
 
@@ -158,7 +163,7 @@ def _signal_figures(shown: waveforms.Shown, held: list[HeldStretch]) -> dict[str
         figures[f"zoom-{row}"] = waveforms.zoomed_waveform(shown, row)
         figures[f"wave-{row}"] = waveforms.waveform(shown, row, held)
         figures[f"psd-{row}"] = density
-    for row in range(len(shown.last.drive.channels)):
+    for row in range(len(shown.best.drive.channels)):
         figures[f"drive-{row}"] = waveforms.drive(shown, row, held)
     return figures
 

@@ -41,8 +41,8 @@ class Overlaid:
         How its curves are called and drawn.
     target : Signals
         In the control band.
-    last : Playback
-        Its last one.
+    best : Playback
+        Its best one.
     model : Model or None
         None where it holds none.
     band : tuple of float
@@ -54,7 +54,7 @@ class Overlaid:
     name: str
     color: str
     target: Signals
-    last: Playback
+    best: Playback
     model: Model | None
     band: tuple[float, float]
     block_samples: int
@@ -67,7 +67,7 @@ def overlaid(comparison: Comparison) -> list[Overlaid]:
             name=entry.name,
             color=channel_color(place),
             target=entry.recording.target,
-            last=entry.recording.playback(entry.iterations.numbers[-1]),
+            best=entry.recording.playback(entry.iterations.numbers[entry.iterations.best]),
             model=entry.recording.model,
             band=(entry.recording.specification.lowest_frequency, entry.recording.specification.highest_frequency),
             block_samples=entry.recording.specification.estimator.block_samples,
@@ -96,7 +96,7 @@ def channel_error(comparison: Comparison, channel: str) -> Figure:
 
 
 def damage(comparison: Comparison, slope: int) -> Figure:
-    """Damage ratio of every channel of each recording after its last playback."""
+    """Damage ratio of every channel of each recording after its best playback."""
     column = DAMAGE_SLOPES.index(slope)
     data = [
         {
@@ -129,7 +129,7 @@ def waveform(entries: Sequence[Overlaid], channel: str) -> Figure:
         grid = {"x0": part.start / rate, "dx": 1 / rate}
         if place == 0:
             data.append(line("target", "@target", width=2.2, y=encode(entry.target.samples[row, part]), **grid))
-        response = entry.last.response_in_band.samples[row, part]
+        response = entry.best.response_in_band.samples[row, part]
         data.append(line(entry.name, entry.color, y=encode(response), **grid))
     unit = first.target.channels[first.target.names.index(channel)].unit
     return {"data": data, "layout": axes(x="time [s]", y=f"[{unit}]")}
@@ -142,7 +142,7 @@ def spectrum(entries: Sequence[Overlaid], channel: str) -> Figure:
         row = entry.target.names.index(channel)
         if place == 0:
             data.append(_density(entry, entry.target.samples[row], "target", "@target", width=2.2))
-        data.append(_density(entry, entry.last.response_in_band.samples[row], entry.name, entry.color))
+        data.append(_density(entry, entry.best.response_in_band.samples[row], entry.name, entry.color))
     first = entries[0]
     unit = first.target.channels[first.target.names.index(channel)].unit
     layout = axes(x="", y=f"[{unit}²/Hz]", shapes=band_edges(first.band))
@@ -156,7 +156,7 @@ def counted(entries: Sequence[Overlaid], channel: str) -> list[CountedLoad]:
     first = entries[0]
     signals = [("target", "@target", first.target.samples[first.target.names.index(channel)])]
     signals += [
-        (entry.name, entry.color, entry.last.response_in_band.samples[entry.target.names.index(channel)])
+        (entry.name, entry.color, entry.best.response_in_band.samples[entry.target.names.index(channel)])
         for entry in entries
     ]
     return [CountedLoad(name, color, samples, count_load_cycles(samples)) for name, color, samples in signals]

@@ -51,13 +51,9 @@ class CountedLoad:
 
 
 def counted_loads(shown: Shown, row: int) -> list[CountedLoad]:
-    """Count target, first and last playback of one channel, in the control band."""
+    """Count target, first and best playback of one channel, in the control band."""
     curves = [("target", "@target", shown.target.samples[row])]
-    curves += [
-        (name, color, playback.response_in_band.samples[row])
-        for name, color, playback in shown.curves
-        if playback in (shown.first, shown.last)
-    ]
+    curves += [(name, color, playback.response_in_band.samples[row]) for name, color, playback in shown.first_and_best]
     return [CountedLoad(name, color, samples, count_load_cycles(samples)) for name, color, samples in curves]
 
 

@@ -13,7 +13,7 @@ from duralab.recording import Recording
 from duralab.recording_content import Playback
 from duralab.report.identification_words import identification_in_words
 from duralab.report.update_words import iteration_in_words
-from duralab.target_step_record import StepRecord
+from duralab.target_step_record import READ_FILE, StepRecord
 from duralab_proto.v1 import iterator_pb2
 
 
@@ -49,7 +49,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
 
 @dataclass(frozen=True)
 class TargetStepRow:
-    """One step of editing between the measured file and the target, as printed."""
+    """One step between the measured file and the target, as printed."""
 
     number: int
     name: str
@@ -69,17 +69,61 @@ def target_step_rows(specification: iterator_pb2.CampaignSpec) -> list[TargetSte
             settings=record.settings,
             before=f"{record.seconds_before:g} s, {record.sample_rate_before:g} Hz",
             after=f"{record.seconds_after:g} s, {record.sample_rate_after:g} Hz",
-            finding=record.finding,
+            finding="see the table below" if record.name == READ_FILE else record.finding,
         )
-        for number, record in enumerate(records, start=1)
+        for number, record in enumerate(records, start=0 if records and records[0].name == READ_FILE else 1)
     ]
+
+
+@dataclass(frozen=True)
+class SourceRow:
+    """How one response was read from a file, as printed."""
+
+    response: str
+    source: str
+    file_unit: str
+    stated_unit: str
+    factor: str
+    sign: str
+    before: tuple[str, str]
+    after: tuple[str, str]
+
+
+def source_rows(specification: iterator_pb2.CampaignSpec) -> list[SourceRow]:
+    """Return how each response of a target from a file was read; empty for another target, or an older recording."""
+    if not specification.target_steps or specification.target_steps[0].name != READ_FILE:
+        return []
+    record = StepRecord.from_message(specification.target_steps[0])
+    units = {channel.name: channel.unit for channel in specification.target.channels}
+    rows = []
+    for channel in record.channels:
+        read = channel.source
+        if read is None or read.factor is None:
+            dash = ("–", "–")
+            name = channel.channel.replace("_", " ")
+            rows.append(SourceRow(name, "none, silent", dash[0], dash[0], dash[0], dash[0], dash, dash))
+            continue
+        unit = units.get(channel.channel, "")
+        rows.append(
+            SourceRow(
+                response=channel.channel.replace("_", " "),
+                source=read.source,
+                file_unit=read.source_unit or "none",
+                stated_unit=read.stated_unit or "–",
+                factor=f"{abs(read.factor):.6g}",
+                sign="turned" if read.factor < 0.0 else "kept",
+                before=(f"{read.peak_before:.5g} {read.unit}", f"{read.rms_before:.5g} {read.unit}"),
+                after=(f"{read.peak_after:.5g} {unit}", f"{read.rms_after:.5g} {unit}"),
+            )
+        )
+    return rows
 
 
 _MADE_BY: Final = "software"
 """Name under which the recorder says what it was made of; its other notes say what stands elsewhere in the page."""
 
 
-def provenance(recording: Recording, last: Playback) -> list[tuple[str, str]]:
+def provenance(recording: Recording, best: Playback) -> list[tuple[str, str]]:
     """Return seeds, versions and hashes: what is needed to make the same recording again, and to see that it is."""
     specification, rig = recording.specification, recording.rig
     rows = [("Campaign", specification.id)]
@@ -90,8 +134,8 @@ def provenance(recording: Recording, last: Playback) -> list[tuple[str, str]]:
         rows.append(("Target made on", f"{specification.target_rig}, seed {specification.target_seed}"))
     rows += [
         ("Target", f"sha256 {hashlib.sha256(specification.target.samples.data).hexdigest()}"),
-        (f"Drive of playback {last.number}", f"sha256 {_content(last.drive.samples)}"),
-        (f"Response of playback {last.number}", f"sha256 {_content(last.response.samples)}"),
+        (f"Drive of playback {best.number}", f"sha256 {_content(best.drive.samples)}"),
+        (f"Response of playback {best.number}", f"sha256 {_content(best.response.samples)}"),
         ("Rig", f"{rig.rig}: {rig.specimen}"),
         ("Rig engine", f"{rig.engine} {rig.version}"),
         ("Rig content", f"sha256 {rig.content_hash}"),

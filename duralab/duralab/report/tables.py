@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -10,51 +12,113 @@ import spectra
 from duralab.comparison import Comparison
 from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
 from duralab.recording_content import Distortion
+from duralab.showing.campaigns import passes
 from duralab.signals import Signals
+from duralab.verdict import Criterion, Verdict
 from duralab_proto.v1 import iterator_pb2
+
+Shown = tuple[str, str]
+"""A figure as printed, and its tone: good, bad, or empty where it is not judged."""
 
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """One response channel in the summary; numbers as they are printed."""
+    """One response channel of the best playback in the summary; those beside a limit have a tone."""
 
     title: str
     target_rms: str
     first_error: str
-    best_error: str
     last_error: str
+    error: Shown
     rms_response: str
-    peak_ratio: str
-    damage_ratios: str
-    accepted: bool | None
-    words: str
+    peak_ratio: Shown
+    damage_ratio: Shown
+    energy_outside_band: Shown
+    damage_spent: str
+    verdict: Shown
 
 
-def channel_rows(table: IterationTable, target: Signals, *, limit: float | None) -> list[ChannelRow]:
-    """Return the summary of each channel: first, best and last playback."""
+_SHORT: Final = {
+    Criterion.ERROR: "error",
+    Criterion.PEAK: "peak",
+    Criterion.DAMAGE: "damage",
+    Criterion.OUTSIDE: "energy",
+}
+
+
+def channel_rows(table: IterationTable, target: Signals, *, verdict: Verdict, slope: int) -> list[ChannelRow]:
+    """Return the summary of each channel.
+
+    Parameters
+    ----------
+    table : IterationTable
+        Figures of all playbacks.
+    target : Signals
+        In the control band.
+    verdict : Verdict
+        On the best playback.
+    slope : int
+        Of the S-N line that the damage spent is counted at.
+    """
     levels, best = spectra.rms(target.samples), table.best
+    spent = table.damage_spent(slope).sum(axis=0)
+    damage = table.damage_ratio[best, :, DAMAGE_SLOPES.index(verdict.limits.damage_exponent)]
     rows = []
-    for i, channel in enumerate(target.channels):
-        error = float(table.relative_rms_error[-1, i])
-        watched = bool(table.watched[i])
-        accepted = None if limit is None or watched else error <= limit
+    for i, (name, channel) in enumerate(zip(table.channels, target.channels, strict=True)):
+
+        def shown(criterion: Criterion, otherwise: str, name: str = name) -> Shown:
+            finding = verdict.of(name, criterion)
+            return (otherwise, "") if finding is None else (str(finding), "good" if finding.accepted else "bad")
+
         rows.append(
             ChannelRow(
                 title=channel.title,
                 target_rms=f"{levels[i]:,.0f} {channel.unit}" if levels[i] >= 10 else f"{levels[i]:.3g} {channel.unit}",
                 first_error=_figure(table.relative_rms_error[0, i]),
-                best_error=_figure(table.relative_rms_error[best, i]),
-                last_error=_figure(error),
-                rms_response=_figure(table.rms_response[-1, i]),
-                peak_ratio=_figure(table.peak_ratio[-1, i]),
-                damage_ratios=_damage_in_words(table.damage_ratio[-1, i]),
-                accepted=accepted,
-                words="watched"
-                if watched
-                else {None: "not judged", True: "accepted", False: "above the limit"}[accepted],
+                last_error=_figure(table.relative_rms_error[-1, i]),
+                error=shown(Criterion.ERROR, _figure(table.relative_rms_error[best, i])),
+                rms_response=_figure(table.rms_response[best, i]),
+                peak_ratio=shown(Criterion.PEAK, _figure(table.peak_ratio[best, i])),
+                damage_ratio=shown(Criterion.DAMAGE, _ratio(damage[i])),
+                energy_outside_band=shown(Criterion.OUTSIDE, _percent(table.energy_outside_band[i])),
+                damage_spent=passes(spent[i]),
+                verdict=_channel_verdict(verdict, name, watched=bool(table.watched[i])),
             )
         )
     return rows
+
+
+def _channel_verdict(verdict: Verdict, name: str, *, watched: bool) -> Shown:
+    if watched:
+        return ("watched", "")
+    found = [finding for finding in verdict.findings if finding.channel == name]
+    failed = [_SHORT[finding.criterion] for finding in found if not finding.accepted]
+    if failed:
+        return (f"not accepted: {', '.join(failed)}", "bad")
+    return ("accepted", "good") if found else ("not judged", "")
+
+
+def _percent(share: float) -> str:
+    return "–" if np.isnan(share) else f"{100 * share:.1f} %"
+
+
+@dataclass(frozen=True)
+class DamageSpentRow:
+    """What a playback, or all of them, put into each channel; numbers as printed."""
+
+    title: str
+    cells: list[str]
+    is_sum: bool = False
+
+
+def damage_spent_rows(table: IterationTable, slope: int) -> list[DamageSpentRow]:
+    """Return the damage spent of each playback, confirmations and the sum last, in passes of the target."""
+    spent, confirmed = table.damage_spent(slope), len(table.confirmation_damage)
+    titles = [*map(str, table.numbers), *(f"confirmation {number}" for number in range(1, confirmed + 1))]
+    return [
+        *(DamageSpentRow(title, list(map(passes, row))) for title, row in zip(titles, spent, strict=True)),
+        DamageSpentRow("all", list(map(passes, spent.sum(axis=0))), is_sum=True),
+    ]
 
 
 def _figure(value: float) -> str:
@@ -170,24 +234,20 @@ def matrix_cells(contributions: np.ndarray) -> list[list[Cell]]:
 
 @dataclass(frozen=True)
 class DamageRow:
-    """Damage ratios of one channel, for each slope those of the first, the best and the last playback, as printed."""
+    """Damage ratios of one channel as printed: for each slope one of each playback shown."""
 
     title: str
-    cells: list[tuple[str, str, str]]
+    cells: list[list[str]]
 
 
-def damage_rows(table: IterationTable) -> list[DamageRow]:
-    """Return the damage ratios of each channel."""
-    playbacks = (0, table.best, -1)
+def damage_rows(table: IterationTable, playbacks: Sequence[int]) -> list[DamageRow]:
+    """Return the damage ratios of each channel after some playbacks, given by their rows."""
     return [
         DamageRow(
             title=name.replace("_", " "),
             cells=[
-                (first, best, last)
-                for first, best, last in (
-                    [_ratio(table.damage_ratio[row, i, column]) for row in playbacks]
-                    for column in range(len(DAMAGE_SLOPES))
-                )
+                [_ratio(table.damage_ratio[row, i, column]) for row in playbacks]
+                for column in range(len(DAMAGE_SLOPES))
             ],
         )
         for i, name in enumerate(table.channels)

@@ -42,7 +42,7 @@ class Shown:
     target : Signals
         In the control band.
     first, best, last : Playback
-        Some may be the same one.
+        Some may be the same object.
     band : tuple of float
         Lower and upper edge of the control band, in hertz.
     block_samples : int
@@ -58,14 +58,21 @@ class Shown:
 
     @property
     def curves(self) -> list[tuple[str, str, Playback]]:
-        """Title, colour and playback of each different one, the last on top."""
-        curves = [(f"playback {self.first.number}", "@first", self.first)]
-        if self.best.number not in (self.first.number, self.last.number):
-            curves.append((f"playback {self.best.number} (best)", "@best", self.best))
-        if self.last.number != self.first.number:
-            best = ", best" if self.last.number == self.best.number else ""
-            curves.append((f"playback {self.last.number} (last{best})", "@last", self.last))
-        return curves
+        """Title, colour and playback of each different one, the best on top."""
+        curves = []
+        if self.first is not self.best:
+            curves.append((f"playback {self.first.number}", "@first", self.first))
+        if self.last is self.best:
+            alone = " (last, best)" if curves else ""
+            return [*curves, (f"playback {self.best.number}{alone}", "@last", self.best)]
+        if self.last is not self.first:
+            curves.append((f"playback {self.last.number} (last)", "@last", self.last))
+        return [*curves, (f"playback {self.best.number} (best)", "@best", self.best)]
+
+    @property
+    def first_and_best(self) -> list[tuple[str, str, Playback]]:
+        """The same without a last playback that is not the best."""
+        return [curve for curve in self.curves if curve[2] is self.best or curve[2] is self.first]
 
 
 def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
@@ -75,15 +82,15 @@ def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     def curve(samples: np.ndarray) -> Figure:
         return thin_out(samples, sample_rate=rate, highest_frequency=shown.band[1]).to_plotly()
 
-    wanted, last = shown.target.samples[row], shown.last.response_in_band.samples[row]
+    wanted, best = shown.target.samples[row], shown.best.response_in_band.samples[row]
     data = [line("target", "@target", width=1.8, **curve(wanted))]
     for name, color, playback in shown.curves:
-        # Playbacks before the last are there to compare with: a click on the name shows them.
-        visible = True if playback is shown.last else "legendonly"
+        # The others are there to compare with the best: a click on the name shows them.
+        visible = True if playback is shown.best else "legendonly"
         data.append(line(name, color, visible=visible, **curve(playback.response_in_band.samples[row])))
-    data.append(line(f"error of playback {shown.last.number}", "@error", yaxis="y2", **curve(wanted - last)))
+    data.append(line(f"error of playback {shown.best.number}", "@error", yaxis="y2", **curve(wanted - best)))
     # As large as it is, but not so large that a twentieth of the target looks like much.
-    span = 1.05 * max(float(np.abs(wanted - last).max()), SMALLEST_ERROR_SPAN * float(np.abs(wanted).max()))
+    span = 1.05 * max(float(np.abs(wanted - best).max()), SMALLEST_ERROR_SPAN * float(np.abs(wanted).max()))
     layout = axes(x="time [s]", y=f"{channel.title} [{channel.unit}]")
     layout["xaxis"] |= {"anchor": "y2"}
     layout["yaxis"] |= {"domain": [0.38, 1.0]}
@@ -132,7 +139,7 @@ def zoomed_waveform(shown: Shown, row: int) -> Figure:
 
 
 def spectrum(shown: Shown) -> list[Figure]:
-    """Power spectral densities of target, responses and the last error, one figure for each channel."""
+    """Power spectral densities of target, responses and the error of the best, one figure for each channel."""
     samples, rate = shown.target.samples.shape[1], shown.target.sample_rate
     block = min(shown.block_samples, samples - samples % 2)
 
@@ -147,8 +154,8 @@ def spectrum(shown: Shown) -> list[Figure]:
         (name, color, "dot" if color == "@first" else "solid", density(playback.response_in_band.samples))
         for name, color, playback in shown.curves
     ]
-    error = shown.target.samples - shown.last.response_in_band.samples
-    curves.append((f"error of playback {shown.last.number}", "@error", "solid", density(error)))
+    error = shown.target.samples - shown.best.response_in_band.samples
+    curves.append((f"error of playback {shown.best.number}", "@error", "solid", density(error)))
     figures = []
     for row, channel in enumerate(shown.target.channels):
         # Five decades below the target there is nothing to compare: leave the filter's floor out of the picture.
@@ -173,8 +180,8 @@ def spectrum(shown: Shown) -> list[Figure]:
 
 
 def drive(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
-    """Return the last drive of one actuator over the whole length, with its limits where it comes near them."""
-    signals = shown.last.drive
+    """Return the best drive of one actuator over the whole length, with its limits where it comes near them."""
+    signals = shown.best.drive
     channel = signals.channels[row]
     # Actuators move by millimetres; everything else stays in its own unit.
     factor, unit = (1000.0, "mm") if channel.unit == "m" else (1.0, channel.unit)
@@ -185,4 +192,4 @@ def drive(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     shapes = [level_line(limit, "@error") for limit in limits if abs(limit) < DRAWN_LIMIT * peak]
     shapes += held_bands(held, drive=channel.name)
     layout = axes(x="time [s]", y=f"{channel.title} [{unit}]", shapes=shapes)
-    return {"data": [line(f"drive of playback {shown.last.number}", "@last", **curve.to_plotly())], "layout": layout}
+    return {"data": [line(f"drive of playback {shown.best.number}", "@last", **curve.to_plotly())], "layout": layout}
