@@ -180,15 +180,15 @@ class StopSection(Section):
         default=0.0, description="End before the specimen took this multiple of the target's damage; 0: no limit."
     )
     error_bound: Bound | None = Field(
-        default=2.5,
+        default=3.0,
         description="End the campaign where a playback's relative RMS error of a channel passes this, measured or "
         "predicted by the model; a rig at rest has 1; null: no bound.",
     )
     peak_bound: Bound | None = Field(
-        default=2.5, description="The same for a channel's peak over the target's; null: no bound."
+        default=3.0, description="The same for a channel's peak over the target's; null: no bound."
     )
     damage_bound: Bound | None = Field(
-        default=100.0,
+        default=250.0,
         description="The same for a channel's damage in one playback over the target's, at damage_exponent; null: no "
         "bound.",
     )

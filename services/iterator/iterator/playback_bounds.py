@@ -97,9 +97,9 @@ class PlaybackBounds:
         A value is outside its range.
     """
 
-    error_bound: float = 2.5
-    peak_bound: float = 2.5
-    damage_bound: float = 100.0
+    error_bound: float = 3.0
+    peak_bound: float = 3.0
+    damage_bound: float = 250.0
 
     def __post_init__(self) -> None:
         for quantity in BoundedQuantity:
