@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import synthetic_campaign
 
+from duralab.recording import open_recording
 from duralab.recording_content import ActuatorUse, Distortion, Model, Playback
 from duralab.report import load_figures, model_figures, write_report
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.held_drives import Limit, held_stretches, largest_speed
 from duralab.report.waveforms import Shown, held_bands
 from duralab.signals import Channel, Signals
-from duralab.target_step_record import step_record
+from duralab.target_step_record import ChannelRecord, SourceRecord, StepRecord, step_record
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 
@@ -186,6 +187,32 @@ def test_nonlinearity_is_drawn_below_the_response_and_told_in_percent(distorted,
     html = write_report(path, tmp_path / "r.html").read_text(encoding="utf-8")
     section = html[html.index('id="model"') : html.index('id="actuators"')]
     assert section.count("<td>10 %</td><td>1 %</td>") == 6
+
+
+def test_how_the_file_was_read_stands_in_the_page_and_in_print_as_step_0(campaign, tmp_path):
+    messages = synthetic_campaign.steps(campaign)
+    read = SourceRecord(
+        "FZ_FL", "N", "kN", -1000.0, peak_before=4.25, rms_before=0.5, peak_after=4250.0, rms_after=500.0
+    )
+    channels = (
+        ChannelRecord("left_vertical", 0.0, source=read),
+        ChannelRecord("left_lateral", 0.0, source=SourceRecord("")),
+    )
+    step = StepRecord("read_file", "{file: road.csv}", 100, 100, 1000.0, 1000.0, channels)
+    messages[0].target_steps.append(step.to_message())
+    path = synthetic_campaign.write(tmp_path / "r.mcap", messages)
+    html = write_report(path, tmp_path / "r.html").read_text(encoding="utf-8")
+    assert re.search(r"<tr><th scope=\"row\">0&nbsp; read file</th>", html)
+    rows = re.search(r"aria-label=\"Channels read from the file\".*?</table>", html, re.DOTALL)[0]
+    found = [
+        re.findall(r"<t[hd][^>]*>([^<]*)</t[hd]>", row) for row in re.findall(r"<tr>.*?</tr>", rows, re.DOTALL)[1:]
+    ]
+    assert found == [
+        ["left vertical", "FZ_FL", "N", "kN", "1000", "turned", "4.25 kN", "4250 N", "0.5 kN", "500 N"],
+        ["left lateral", "none, silent", *8 * ["–"]],
+    ]
+    told = str(open_recording(path)).splitlines()[1]
+    assert told.startswith("target, step 0, read_file: left_vertical: FZ_FL in kN (stated, the file says N) × -1000 ")
 
 
 def test_the_steps_of_the_target_and_what_was_out_of_reach_stand_in_the_page(distorted, tmp_path):

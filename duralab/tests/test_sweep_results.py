@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 
 import pyarrow
 import pytest
@@ -105,6 +106,20 @@ def test_the_report_compares_and_opens_offline(results, tmp_path):
     assert all(height is None or 0.0 <= height <= 1.0 for height in heights)
     assert lines["data"][-1]["y"][2:4] == [0.0, 0.0]
     assert [trace["name"] for trace in drawn["axis-0"]["data"]] == ["0.5", "0.7", "1"]
+
+
+def test_a_best_point_that_did_not_reach_its_target_is_not_shown_as_good(tmp_path):
+    settings, good = rows()[0]
+    missed = replace(
+        good, judgement="not reached", sentence="The target was not reached: damage at k = 5 of left is 0.5."
+    )
+    sweep = load_sweep("fifty_gains_and_seeds")
+    for made, tone, reached in ((missed, "bad", 0), (good, "good", 1)):
+        found = write_results(tmp_path, sweep, [(settings, made)], total=1)
+        page = write_report(found, tmp_path / "report.html").read_text(encoding="utf-8")
+        assert f'<div class="verdict {tone}">' in page
+        assert made.sentence in page
+        assert f"<b>{reached}</b><span>reached their target</span>" in page
 
 
 def test_a_sweep_that_failed_as_a_whole_has_a_report_too(tmp_path):

@@ -39,18 +39,27 @@ COLUMNS_SHOWN = 7
 """Most iterations in the table, so that it fits beside the plots: the first and the last ones."""
 
 
-def best_iteration(iterations: Sequence[iterator_pb2.IterationMetrics]) -> int:
-    """Return the number of the playback of the whole target with the smallest overall error; 0 where there is none."""
+def best_iteration(
+    iterations: Sequence[iterator_pb2.IterationMetrics], status: iterator_pb2.CampaignStatus | None = None
+) -> int:
+    """Return the number of the best playback as the iterator names it; 0 where there is none.
+
+    Before a status knows the last playback, it is the one of the whole target with the smallest overall error.
+    """
+    if status is not None and len(status.iterations) == len(iterations):
+        return status.best_iteration
     # Older recordings tell no level: all of them played the whole target.
     whole = [metrics for metrics in iterations if metrics.level in (0.0, 1.0)]
     return min(whole, key=lambda metrics: metrics.overall_relative_rms_error).iteration if whole else 0
 
 
-def error_table(iterations: Sequence[iterator_pb2.IterationMetrics]) -> str:
+def error_table(
+    iterations: Sequence[iterator_pb2.IterationMetrics], status: iterator_pb2.CampaignStatus | None = None
+) -> str:
     """Return the relative RMS error in percent, a row for each channel, a column for each iteration, the best bold."""
     if not iterations:
         return ""
-    best = best_iteration(iterations)
+    best = best_iteration(iterations, status)
     shown = list(iterations)
     if len(shown) > COLUMNS_SHOWN:
         shown = [shown[0], *shown[1 - COLUMNS_SHOWN :]]
@@ -114,5 +123,5 @@ def status_document(
             lines.append(f"**Fault**: {status.fault.message}")
     if iterations:
         lines.append("Curves: grey the target, orange the newest playback, thin blue the first.")
-        lines.append(error_table(iterations))
+        lines.append(error_table(iterations, status))
     return "\n\n".join(lines) or "Waiting for the campaign."

@@ -111,7 +111,12 @@ def test_everything_is_drawn_on_the_canvas():
 
 
 def test_the_best_iteration_is_bold(campaign):
-    table = error_table([campaign.metrics(1, 0.5), campaign.metrics(2, 0.1), campaign.metrics(3, 0.2)])
+    made = [campaign.metrics(1, 0.5), campaign.metrics(2, 0.1), campaign.metrics(3, 0.2)]
+    # Where the target was reached the iterator names the last one, whatever the error of another.
+    told = error_table(made, iterator_pb2.CampaignStatus(iterations=made, best_iteration=3))
+    assert told.splitlines()[2] == "| left_vertical | 50.0 | 10.0 | **20.0** |"
+    assert error_table(made, iterator_pb2.CampaignStatus(iterations=made[:1], best_iteration=1)) == error_table(made)
+    table = error_table(made)
     assert table.splitlines()[2] == "| left_vertical | 50.0 | **10.0** | 20.0 |"
 
 
