@@ -133,7 +133,7 @@ class Acceptance(Section):
         description="Slope of the S-N line that damage is judged at: 3, 5 or 8; left out: that of stop.",
     )
     energy_outside_band: float | None = Field(
-        default=0.05,
+        default=0.1,
         ge=0,
         le=1,
         description="Largest share of a target's energy outside the control band that is accepted, 0 to 1.",

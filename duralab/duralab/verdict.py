@@ -67,7 +67,7 @@ class Limits:
     peak_ratio: tuple[float, float] | None = (0.9, 1.1)
     damage_ratio: tuple[float, float] | None = (0.8, 1.25)
     damage_exponent: int = 5
-    energy_outside_band: float | None = 0.05
+    energy_outside_band: float | None = 0.1
 
     def bounds(self, criterion: Criterion) -> tuple[float, float] | None:
         """Return the smallest and the largest value of a figure that is accepted; None where it is not judged."""

@@ -210,7 +210,7 @@ def test_file_that_is_no_text_is_refused(tmp_path):
 def test_what_is_left_out_of_accept_has_limits_and_what_is_null_has_none():
     accept = parse_campaign(changed("accept", {"peak_ratio": None, "relative_rms_error": 0.1}), name="x").accept
     assert (accept.relative_rms_error, accept.peak_ratio) == (0.1, None)
-    assert (accept.damage_ratio, accept.energy_outside_band) == ((0.8, 1.25), 0.05)
+    assert (accept.damage_ratio, accept.energy_outside_band) == ((0.8, 1.25), 0.1)
     assert parse_campaign(yaml.safe_dump(CONTENT), name="x").accept.relative_rms_error == 0.15
 
 

@@ -408,5 +408,7 @@ def run_campaign(
         target_in_band=target_in_band,
         iterations=iterations,
         outcome=outcome,
-        best_iteration=best_at_full_level(tuple(iteration.metrics for iteration in iterations), settings.levels),
+        best_iteration=best_at_full_level(
+            tuple(iteration.metrics for iteration in iterations), settings.levels, outcome=outcome
+        ),
     )
