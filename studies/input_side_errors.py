@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from iterator import (
+    NO_BOUNDS,
     AcceptanceSettings,
     CampaignSettings,
     CorrectionSettings,
@@ -191,7 +192,7 @@ def errors_of(
         lambda drive: predict(rig, drive, band=BAND) + noise * rng.standard_normal(target.shape),
         target,
         model=model,
-        settings=CampaignSettings(algorithm.settings, StopCriteria(extent.playbacks)),
+        settings=CampaignSettings(algorithm.settings, StopCriteria(extent.playbacks, bounds=NO_BOUNDS)),
     )
     return np.array([step.metrics.overall_relative_rms_error for step in steps])
 

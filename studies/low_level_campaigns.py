@@ -23,6 +23,7 @@ from identifier import (
     row_covariance,
 )
 from iterator import (
+    NO_BOUNDS,
     CampaignSettings,
     DriveLimitError,
     DriveLimits,
@@ -40,6 +41,8 @@ from rig_sim import RigFaultError, load_any_rig, shipped_specimens
 from rig_sim.playable import PlayableRig
 
 SAMPLE_RATE: Final = 1000.0
+#: Studies look at rigs that are held far below what a target needs.
+LARGEST_OVERRUN: Final = 100.0
 BAND: Final = control_band(0.7, 35.0, sample_rate=SAMPLE_RATE)
 #: RMS of the drives that reproduce the target, rounded: vertical, lateral and longitudinal, left and right, m.
 OPERATIONAL: Final = np.array([0.0135, 0.0009, 0.00085] * 2)
@@ -201,7 +204,12 @@ def campaign(
             lambda drive: play(played_on, drive, seed=next(noise)),
             target,
             model=model,
-            settings=CampaignSettings(update, StopCriteria(playbacks), limit_policy=policy),
+            settings=CampaignSettings(
+                update,
+                StopCriteria(playbacks, bounds=NO_BOUNDS),
+                limit_policy=policy,
+                largest_overrun=LARGEST_OVERRUN,
+            ),
             limits=limits_of(played_on) if projected_to is None else projected_to,
         ):
             done.append(step)

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import from_array, from_record
+from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.adaptive_modelling import FEWEST_BLOCKS
 from iterator.control_band import ControlBand, control_band
@@ -19,6 +19,7 @@ from iterator.iteration_loop import CampaignSettings
 from iterator.outside_band import OutsideBand, energy_outside_band
 from iterator.rig_model import FEWEST_LINES
 from iterator.static_part import static_remarks
+from iterator.target_reach import require_reach, tiny_target_remarks
 from iterator.update_plan import checked_limit_policy, checked_stop, checked_update, checked_weight, invalid
 from labbus import FaultError
 from spectra import count_blocks, rms
@@ -132,7 +133,7 @@ def plan_campaign(
             "watch it only.",
             field="target.samples",
         )
-    _check_reach(target_in_band, description, controlled=weight > 0.0)
+    require_reach(target_in_band, spec.target_steps, description=description, controlled=weight > 0.0)
     if spec.confirmations > _MOST_CONFIRMATIONS:
         raise invalid(
             f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
@@ -162,6 +163,7 @@ def plan_campaign(
         remarks=(
             *_outside_the_band(outside, band, description),
             *static_remarks(target, target_in_band, band=band, description=description),
+            *tiny_target_remarks(target_in_band, description=description, controlled=weight > 0.0),
         ),
     )
 
@@ -275,33 +277,6 @@ def _band_field(
         return "lower_flank" if spec.lower_flank < 0.0 else "upper_flank"
     ends = min(description.sample_rate / 2.0, experiment.highest_frequency)
     return "highest_frequency" if spec.highest_frequency + spec.upper_flank >= ends else "lowest_frequency"
-
-
-def _check_reach(
-    target_in_band: NDArray[np.float64], description: rig_pb2.RigDescription, *, controlled: NDArray[np.bool_]
-) -> None:
-    """Refuse a target that a response of the rig cannot reach: before anything moves, a wrong unit shows here."""
-    rest = from_array(description.static_response, field="static_response", shape=controlled.shape, dtype=np.float64)
-    worst: tuple[float, str] | None = None
-    for i in np.flatnonzero(controlled):
-        channel = description.responses[i]
-        level = rest[i] + target_in_band[i]
-        for value, limit in ((float(level.max()), channel.maximum), (float(level.min()), channel.minimum)):
-            watchdog = np.copysign(channel.watchdog, limit) if channel.watchdog > 0.0 else limit
-            bound = min(abs(limit), abs(watchdog))
-            if not (np.sign(value) == np.sign(limit) and abs(value) > bound):
-                continue
-            times = abs(value) / bound
-            what = "its watchdog" if bound < abs(limit) else "its range"
-            if worst is None or times > worst[0]:
-                worst = (
-                    times,
-                    f"The target of {channel.name} peaks at {value:.3g} {channel.unit} with what the rig carries at "
-                    f"rest, {times:.3g} times {what} of {np.copysign(bound, limit):.3g} {channel.unit}; look at the "
-                    "target's unit, scale and channel, or take another rig.",
-                )
-    if worst is not None:
-        raise invalid(worst[1], field="target.samples")
 
 
 def _check_lower_edge(band: ControlBand, *, samples: int) -> None:

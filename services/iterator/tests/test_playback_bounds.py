@@ -149,8 +149,10 @@ def test_the_bound_passed_furthest_is_named():
     assert PlaybackBounds().passed(judge_response(TARGET, TARGET), level=1.0, exponent=5.0) is None
 
 
-def planned(*, range=1e5, watchdog=0.0, weight=None):
+def planned(*, range=1e5, watchdog=0.0, weight=None, unit=""):
     spec, rig = specification(), description()
+    if unit:
+        spec.target_steps.add(name="read_file").channels.add(channel="left_vertical", source="Fz FL", stated_unit=unit)
     for channel in rig.responses:
         channel.minimum, channel.maximum, channel.watchdog = -range, range, watchdog
     if weight is not None:
@@ -161,11 +163,19 @@ def planned(*, range=1e5, watchdog=0.0, weight=None):
 def test_a_target_beyond_the_range_or_watchdog_of_a_response_is_refused_with_the_multiple():
     # At rest 3600 N; the target swings by 1.5 to 2 kN around it.
     planned()
-    with pytest.raises(FaultError, match=r"left_vertical peaks at .* times its range of 3e\+03 N") as caught:
+    with pytest.raises(FaultError, match=r"left_vertical peaks at .* times the 3e\+03 N of its range") as caught:
         planned(range=3000.0)
     assert caught.value.field == "target.samples"
-    with pytest.raises(FaultError, match="times its watchdog of 4e"):
+    with pytest.raises(FaultError, match=r"times the 4e\+03 N of its watchdog .* unit, scale and channel right\?"):
         planned(watchdog=4000.0)
+    with pytest.raises(FaultError, match=r"is `unit: kN` right for the file's channel 'Fz FL'\?"):
+        planned(watchdog=4000.0, unit="kN")
+
+
+def test_a_target_far_below_the_range_of_a_response_is_told_of():
+    assert not any("unit and scale" in remark for remark in planned(range=1e5).remarks)
+    (remark,) = [remark for remark in planned(range=1e8).remarks if "unit and scale" in remark]
+    assert "left_vertical" in remark
 
 
 def test_drives_begin_and_end_at_rest_however_often_they_are_corrected():
