@@ -22,15 +22,25 @@ SILENCE_SECONDS: Final = 10.0
 _STOP_SILENCE_SECONDS: Final = 2.0
 
 
-def free_id(ask: Asking, name: str) -> str:
-    """Return the campaign's name, with a number where the lab's recorder holds one of that name already."""
+def free_id(ask: Asking, name: str, *, first: int = 1) -> str:
+    """Return the campaign's name, with a number where the lab's recorder holds one of that name already.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    name : str
+        Without a number.
+    first : int
+        Least number.
+    """
     taken = {
         information.recording
         for information in ask.query(
             ask.bus.keys.recordings(), recorder_pb2.ListRecordingsRequest(), recorder_pb2.RecordingList
         ).recordings
     }
-    numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
+    numbered = (name if number == 1 else f"{name}-{number}" for number in range(first, first + len(taken) + 1))
     return next(candidate for candidate in numbered if candidate not in taken)
 
 

@@ -11,9 +11,15 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
+from duralab.recording_parts import part_path
+from duralab_proto.keys import check_id
+
+if TYPE_CHECKING:
+    from duralab.recording import Recording
 
 RECORDINGS: Final = "recordings"
 """In the folder of the results: where a lab of one's own records."""
@@ -37,6 +43,7 @@ class RecordingsPlace:
     passing: Path | None = None
     goes_on: bool = False
     _fetched: set[str] = field(default_factory=set)
+    _copies: set[str] = field(default_factory=set)
     _said: dict[str, str] = field(default_factory=dict)
 
     def file(self, id: str) -> Path | None:
@@ -52,6 +59,49 @@ class RecordingsPlace:
         """Note that the whole recording is where its user wants it."""
         self._fetched.add(id)
 
+    def copy_in(self, recording: Recording) -> None:
+        """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
+
+        A copy and no link: the recorder repairs a file that was never finished, and the given one stays as it is.
+
+        Parameters
+        ----------
+        recording : Recording
+            Its files are only read.
+
+        Raises
+        ------
+        InputError
+            The folder is not this process's, holds a recording of that name, or a file cannot be copied.
+        """
+        id = recording.specification.id
+        if self.folder is None:
+            raise InputError(
+                f"The recorder of this lab keeps a folder that is not known here; resume {id!r} by that name, or "
+                f"resume {recording.path} in a private lab (`duralab.start`).",
+                field="id",
+            )
+        if self.file(id) is not None:
+            raise InputError(
+                f"The recorder of this lab holds a recording {id!r} already; resume it by that name.", field="id"
+            )
+        self._copies.add(id)
+        first = self.folder / f"{check_id(id)}.mcap"
+        # The first file last: with it the recorder knows the recording.
+        for number, file in reversed([*enumerate(recording.files, start=1)]):
+            with replace_when_complete(part_path(first, number)) as temporary:
+                shutil.copyfile(file, temporary)
+
+    def expect_change(self, id: str) -> bool:
+        """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy."""
+        is_copy = id in self._copies
+        self._copies.discard(id)
+        return is_copy
+
+    def unchanged(self, id: str) -> None:
+        """Note that a copy is unchanged after all."""
+        self._copies.add(id)
+
     def say(self, id: str, sentence: str) -> str:
         """Return the sentence about where a recording is, noted for whoever ends the lab with another error."""
         self._said[id] = sentence
@@ -60,7 +110,7 @@ class RecordingsPlace:
     def left(self) -> set[str]:
         """Return the ids of the recordings that only the recorder's folder holds."""
         files = self.folder.glob("*.mcap") if self.folder is not None else ()
-        return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self._fetched
+        return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self._fetched - self._copies
 
     def add_notes(self, error: BaseException) -> None:
         """Add to an error what was said of recordings, and where those are of which nothing was said."""

@@ -95,8 +95,7 @@ class Rescue:
 
     def _where_it_lies(self, *, played: bool) -> str:
         if (path := self.place.file(self.id)) is not None:
-            up = f"`duralab up --recordings {shlex.quote(str(path.parent))}`"
-            further = f" To go on with it: {up}, then {self._resume}." if played else ""
+            further = f" `duralab resume {shlex.quote(str(path))}` goes on with it." if played else ""
             return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         if self.place.goes_on:
             further = f"; {self._resume} goes on with it" if played else ""

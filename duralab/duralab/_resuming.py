@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from duralab._asking import Asking
 from duralab._campaigns import collect, followed, free_id
@@ -18,9 +20,46 @@ from duralab._specification import stop_message, update_message
 from duralab.campaign_file import Campaign
 from duralab.campaign_result import CampaignResult
 from duralab.errors import InputError, LabError
+from duralab.recording import Recording
+from duralab.resume_settings import PartialSettings, completed
 from duralab.rig import Rig
-from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import Bus, FaultError
+
+_REFUSED: Final = frozenset(
+    {
+        query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        query_pb2.FAULT_CODE_NOT_FOUND,
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        query_pb2.FAULT_CODE_BUSY,
+    }
+)
+"""After these nothing was begun."""
+
+
+def recording_file(given: str | Path) -> Path | None:
+    """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash."""
+    if isinstance(given, os.PathLike) or (isinstance(given, str) and (os.sep in given or given.endswith(".mcap"))):
+        return Path(given)
+    return None
+
+
+def expected_id(recording: Recording, *, is_changed: bool) -> str:
+    """Return the name of the campaign that goes on with a recording in a lab that holds no other.
+
+    Parameters
+    ----------
+    recording : Recording
+        The file.
+    is_changed : bool
+        Whether other settings or an earlier playback are asked for.
+    """
+    id = recording.specification.id
+    if recording.closed is None and not is_changed:
+        return id
+    stem, number = _stem_and_number(id)
+    return f"{stem}-{number + 1}"
 
 
 def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
@@ -54,16 +93,30 @@ def _put_settings(request: iterator_pb2.ResumeCampaignRequest, settings: Campaig
     request.scenario = settings.text
 
 
-def _stem_of(id: str) -> str:
-    """Return a campaign's name without the number that the lab gave it: demo of demo-3."""
-    return re.sub(r"-\d+$", "", id)
+def _whole_settings(settings: PartialSettings, parent: iterator_pb2.CampaignSpec, *, rig: Rig) -> Campaign:
+    """Return partial settings with the values of the recorded campaign; these must be those of its campaign file."""
+    recorded = completed(PartialSettings(settings.name, {}), parent)
+    same = update_message(recorded.update, rig=rig) == parent.update and stop_message(recorded.stop) == parent.stop
+    if not same:
+        raise InputError(
+            f"The campaign file in the recording of {parent.id!r} does not give the settings that were recorded, as "
+            f"that of an older version; give a whole campaign file in place of {settings.name}.",
+            field="settings",
+        )
+    return completed(settings, parent)
+
+
+def _stem_and_number(id: str) -> tuple[str, int]:
+    """Return a campaign's name without the number that the lab gave it, and that number: demo and 3 of demo-3."""
+    match = re.fullmatch(r"(?P<stem>.+)-(?P<number>\d+)", id)
+    return (match["stem"], int(match["number"])) if match is not None else (id, 1)
 
 
 def resume_campaign(
     ask: Asking,
     id: str,
     *,
-    settings: Campaign | None,
+    settings: Campaign | PartialSettings | None,
     from_iteration: int,
     describe: Callable[[str], Rig],
     folder: Callable[[str], Path],
@@ -80,7 +133,7 @@ def resume_campaign(
         The session.
     id : str
         The campaign.
-    settings : Campaign or None
+    settings : Campaign, PartialSettings or None
         Whose update and stop criteria take the place of its own.
     from_iteration : int
         The last playback to build on; 0 is the last there is.
@@ -103,10 +156,18 @@ def resume_campaign(
     parent = _parent(ask, id, from_iteration=from_iteration)
     request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
     if settings is not None:
-        _put_settings(request, settings, rig=describe(parent.rig))
+        rig = describe(parent.rig)
+        plan = _whole_settings(settings, parent, rig=rig) if isinstance(settings, PartialSettings) else settings
+        _put_settings(request, plan, rig=rig)
 
     def begin() -> iterator_pb2.CampaignStatus:
-        return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
+        was_copy = not request.new_id and place.expect_change(id)
+        try:
+            return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
+        except FaultError as fault:
+            if was_copy and fault.code in _REFUSED:
+                place.unchanged(id)
+            raise
 
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
         require_free([folder(name) / file for file in OUTPUTS], replace=replace)
@@ -125,7 +186,8 @@ def resume_campaign(
             if error.field != "new_id":
                 raise
     if status is None:
-        name = free_id(ask, _stem_of(id))
+        stem, number = _stem_and_number(id)
+        name = free_id(ask, stem, first=number + 1)
         try:
             status = resumed(name)
         except LabError as error:

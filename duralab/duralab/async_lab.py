@@ -164,7 +164,7 @@ class AsyncLab:
 
     async def resume(
         self,
-        id: str,
+        id: str | Path,
         *,
         settings: Campaign | str | Path | None = None,
         from_iteration: int = 0,

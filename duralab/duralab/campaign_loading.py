@@ -91,7 +91,9 @@ def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[
         raise explained(error, place=("target", "edit")) from error
 
 
-def explained(error: ValidationError, *, name: str = "", place: tuple[str, ...] = ()) -> InputError:
+def explained(
+    error: ValidationError, *, name: str = "", place: tuple[str, ...] = (), is_part: bool = False
+) -> InputError:
     """Return what is wrong with a campaign, or with a part of one, in one sentence.
 
     Parameters
@@ -102,8 +104,12 @@ def explained(error: ValidationError, *, name: str = "", place: tuple[str, ...] 
         Begin of the sentence.
     place : tuple of str
         Keys of the campaign that lead to the part.
+    is_part : bool
+        Whether keys of the part itself may be missing.
     """
     findings = error.errors(include_url=False)
+    if is_part:
+        findings = [finding for finding in findings if finding["type"] != "missing" or len(finding["loc"]) > 1]
     for finding in findings:
         finding["loc"] = (*place, *finding["loc"])
     findings = _without_echoes(findings)

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 from duralab._asking import Asking
 from duralab._campaigns import collect, followed, free_id, stop_campaign
 from duralab._following import OnProgress, RunProgress, Stage, progress_of
+from duralab._outputs import OUTPUTS, require_other
 from duralab._patience import Patience, patience
 from duralab._recordings_place import RecordingsPlace
 from duralab._rescuing import Rescue
-from duralab._resuming import resume_campaign
+from duralab._resuming import recording_file, resume_campaign
 from duralab._script_values import folder_of, listener, require_text
 from duralab._specification import build_specification, check_against_rig
 from duralab._supervisor import Supervisor
@@ -27,6 +28,8 @@ from duralab.catalogue import Catalogue
 from duralab.errors import InputError, LabError
 from duralab.health import ServiceHealth, health_of
 from duralab.lab_rigs import LabRigs
+from duralab.recording import open_recording
+from duralab.resume_settings import PartialSettings, load_settings
 from duralab.signals import Signals
 from duralab.watching import Watch, Watched
 from duralab_proto.keys import ANY
@@ -206,9 +209,9 @@ class Lab(LabRigs):
 
     def resume(
         self,
-        id: str,
+        id: str | Path,
         *,
-        settings: Campaign | str | Path | None = None,
+        settings: Campaign | PartialSettings | str | Path | None = None,
         from_iteration: int = 0,
         out: str | Path | None = None,
         replace: bool = True,
@@ -222,10 +225,12 @@ class Lab(LabRigs):
 
         Parameters
         ----------
-        id : str
-            The campaign, by the name of its recording.
-        settings : Campaign, str or Path, optional
-            A campaign file whose sections `update` and `stop` take the place of the campaign's own.
+        id : str or Path
+            The campaign, by the name of its recording; or the path of a recording, in a lab that this process started:
+            a copy of it is resumed, the file stays as it is.
+        settings : str, Path, Campaign or PartialSettings, optional
+            A file with `update`, `stop` or both, whose keys take the place of the campaign's own; or a whole campaign,
+            whose sections `update` and `stop` do.
         from_iteration : int
             The last playback to build on, from 1; 0 is the last there is.
         out, on_progress, timeout_seconds, cancel
@@ -244,11 +249,12 @@ class Lab(LabRigs):
             As `run` does.
         """
         folder_of(out, usual=self.out)  # a wrong folder is an error before anything moves
-        plan = settings if settings is None or isinstance(settings, Campaign) else load_campaign(settings)
+        if not (settings is None or isinstance(settings, Campaign | PartialSettings)):
+            settings = load_settings(settings)
         return resume_campaign(
             self._ask,
-            id,
-            settings=plan,
+            self._id_of(id, out=out),
+            settings=settings,
             from_iteration=from_iteration,
             describe=self.describe,
             folder=lambda name: folder_of(out, usual=self.out / name),
@@ -257,6 +263,16 @@ class Lab(LabRigs):
             tell=listener(on_progress),
             patience=patience(timeout_seconds, cancel),
         )
+
+    def _id_of(self, given: str | Path, *, out: str | Path | None) -> str:
+        """Return the id of the campaign to resume; a recording is copied to where the recorder finds it."""
+        path = recording_file(given)
+        if path is None:
+            return str(given)
+        recording = open_recording(path)
+        require_other([folder_of(out, usual=self.out) / name for name in OUTPUTS], read=recording.files)
+        self._recordings.copy_in(recording)
+        return recording.specification.id
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
         """Stop a campaign and return how far it got; one that has ended stays as it is.

@@ -2,6 +2,7 @@
 
 import pytest
 
+import duralab
 from duralab._recordings_place import RecordingsPlace, own_recordings
 from duralab.cli.ending import ended_well
 from duralab.errors import InputError
@@ -17,6 +18,24 @@ def test_nothing_is_left_where_every_recording_was_fetched(tmp_path):
         recorded(place, "demo.mcap", "demo.part02.mcap", "demo.rrd", ".recorder")
         place.fetched("demo")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_copy_that_was_resumed_from_stays_only_if_the_campaign_went_on_in_it(tmp_path, recording_path):
+    given = duralab.open(recording_path)
+    before = recording_path.read_bytes(), recording_path.stat().st_mtime_ns
+    for changes in (False, True):
+        with own_recordings(tmp_path / str(changes)) as place:
+            place.copy_in(given)
+            assert (place.folder / "demo.mcap").read_bytes() == before[0]
+            with pytest.raises(InputError, match="holds a recording 'demo' already"):
+                place.copy_in(given)
+            assert place.expect_change("demo")
+            if not changes:
+                place.unchanged("demo")
+        assert place.folder.exists() is changes
+    assert (recording_path.read_bytes(), recording_path.stat().st_mtime_ns) == before
+    with pytest.raises(InputError, match="resume 'demo' by that name"):
+        RecordingsPlace().copy_in(given)
 
 
 def test_all_of_it_stays_where_one_was_not_fetched(tmp_path):

@@ -1,20 +1,27 @@
-"""`duralab resume` and `duralab stop`: campaigns of a lab that runs."""
+"""`duralab resume`, of a lab's campaign or of a recording's file, and `duralab stop`."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from duralab.campaign_loading import load_campaign
+from duralab._outputs import OUTPUTS, require_free, require_other
+from duralab._resuming import expected_id, recording_file
+from duralab.campaign_file import Campaign
 from duralab.cli.campaign_summary import campaign_document, exit_with, print_result
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.run_display import RunDisplay
-from duralab.lab_opening import connect
+from duralab.errors import InputError
+from duralab.lab_opening import DEFAULT_RIGS, connect, start
+from duralab.recording import open_recording
+from duralab.resume_settings import PartialSettings, completed, load_settings
+from duralab.shipped_rigs import require_shipped
 
 
 def resume(
-    id: str,
+    campaign: str,
     *,
     endpoint: str | None,
     settings: str | None,
@@ -23,15 +30,40 @@ def resume(
     replace: bool,
     as_json: bool,
 ) -> None:
-    """Go on with a campaign and leave its outputs; raises typer.Exit where the target was not reached."""
+    """Resume a campaign and leave its outputs; raises typer.Exit where the target was not reached."""
     console = console_beside(as_json)
-    plan = load_campaign(settings) if settings is not None else None
-    endpoint = endpoint_of_lab(endpoint)
-    with connect(endpoint, out=Path("out")) as lab:
-        console.print(f"The lab at {endpoint} is asked to go on with campaign {id}.", highlight=False, markup=False)
-        with RunDisplay(console, iterations=plan.stop.iterations if plan is not None else None) as display:
+    plan = load_settings(settings) if settings is not None else None
+    with ExitStack() as stack:
+        path = recording_file(campaign)
+        if path is None:
+            endpoint = endpoint_of_lab(endpoint)
+            lab = stack.enter_context(connect(endpoint, out=Path("out")))
+            text = f"The lab at {endpoint} is asked to resume campaign {campaign}."
+        else:
+            if endpoint is not None:
+                raise InputError(
+                    f"--connect is {endpoint}, and {path} is resumed in a private lab; leave it out, or give the id of "
+                    "a campaign that the lab knows.",
+                    field="connect",
+                )
+            recording = open_recording(path)
+            if isinstance(plan, PartialSettings):
+                # What the lab would refuse is refused before it starts.
+                completed(plan, recording.specification)
+            out = out or Path("out") / expected_id(recording, is_changed=plan is not None or from_iteration > 0)
+            outputs = [out / name for name in OUTPUTS]
+            require_other(outputs, read=recording.files)
+            require_free(outputs, replace=replace)
+            rig = recording.specification.rig
+            require_shipped([rig], usual=DEFAULT_RIGS)
+            with console.status("Starting a private lab …"):
+                lab = stack.enter_context(start(out, rigs=[rig]))
+            text = f"Campaign of {path} on rig {rig}, in a private lab at {lab.endpoints[0]}, which ends with it."
+        console.print(text, highlight=False, markup=False)
+        iterations = plan.stop.iterations if isinstance(plan, Campaign) else None
+        with RunDisplay(console, iterations=iterations) as display:
             result = lab.resume(
-                id,
+                campaign if path is None else path,
                 settings=plan,
                 from_iteration=from_iteration,
                 out=out,

@@ -60,11 +60,16 @@ def run(
 
 
 def resume(
-    campaign: CampaignId,
+    campaign: Annotated[
+        str,
+        typer.Argument(metavar="ID|FILE", help="A campaign of a lab that runs, or a recording.mcap: in a private lab."),
+    ],
     *,
     settings: Annotated[
         str | None,
-        typer.Option("--settings", metavar="FILE", help="A campaign file whose `update` and `stop` count from here."),
+        typer.Option(
+            "--settings", metavar="FILE", help="YAML with the keys of `update` and `stop` that change from here."
+        ),
     ] = None,
     from_iteration: Annotated[
         int, typer.Option("--from", min=0, metavar="N", help="Build on playback N; 0 is the last there is.")
@@ -74,7 +79,7 @@ def resume(
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Go on with a campaign that was broken off, or take one up again, possibly with other settings."""
+    """Resume a campaign that was broken off or has ended, possibly with other settings."""
     from duralab.cli.resume_command import resume as go_on
 
     go_on(
