@@ -82,3 +82,12 @@ def test_the_iteration_converges_on_a_rig_of_a_stranger(lab: duralab.Lab, tmp_pa
     playback = result.recording.playback(4)
     np.testing.assert_array_equal(drive.samples, playback.drive.samples)
     np.testing.assert_array_equal(response.samples, playback.response.samples)
+
+
+def test_the_campaign_that_init_writes_for_it_reaches_its_target(lab: duralab.Lab, tmp_path: Path) -> None:
+    file = tmp_path / "stranger_by_init.yaml"
+    command = [sys.executable, "-m", "duralab", "init", str(file), "--rig", "stranger", "--connect", lab.endpoints[0]]
+    subprocess.run(command, check=True, capture_output=True)
+    write_target(tmp_path / "target.csv")
+    result = lab.run(file, out=tmp_path / "out")
+    assert result.verdict.judgement is duralab.Judgement.REACHED

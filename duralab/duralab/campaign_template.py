@@ -1,4 +1,4 @@
-"""The text of a new campaign file: a shipped one under another name, perhaps with a measured target."""
+"""The text of a new campaign file: a shipped one under another name, for another rig, or with a measured target."""
 
 from __future__ import annotations
 
@@ -7,13 +7,20 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Final
 
+from duralab._rig_experiment import plain, rig_comment, with_experiment
 from duralab.campaign_loading import parse_campaign, shipped_campaigns
 from duralab.errors import InputError
 from duralab.rig import Rig
 from duralab.signals import Signals
 
+DEFAULT_TEMPLATE: Final = "front_axle_demo"
+AWAITED_TARGET: Final = "target.csv"
+"""Target of a campaign for which no measured file was given."""
+
 _NAME = re.compile(r"(?m)^name: .*$")
+_RIG = re.compile(r"(?m)^rig: .*\n")
 _HEADING = re.compile(r"\A(?:#.*\n)+")
 _TARGET = re.compile(r"(?ms)^target:\n.*?(?=^# |\Z)")
 """From the key to the comment above the next one."""
@@ -38,7 +45,13 @@ def campaign_name(path: Path) -> str:
     return letters[:60] or "campaign"
 
 
-def campaign_text(template: str, *, path: Path, target: str | None = None) -> str:
+def template_for(rig: str) -> str:
+    """Return the shipped campaign for a rig, or the default one where none is shipped for it."""
+    fitting = [name for name in shipped_campaigns() if parse_campaign(shipped_text(name), name=name).rig == rig]
+    return next((name for name in (DEFAULT_TEMPLATE, *fitting) if name in fitting), DEFAULT_TEMPLATE)
+
+
+def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: str | None = None) -> str:
     """Return the text of a campaign file, checked.
 
     Parameters
@@ -47,13 +60,16 @@ def campaign_text(template: str, *, path: Path, target: str | None = None) -> st
         The shipped campaign to begin with.
     path : Path
         Of the file, which names the campaign.
+    rig : Rig, optional
+        The rig; that of the shipped campaign where not given. For another rig, the experiment is made for its drives
+        and its sample rate, and without `target` the file names a target that is still to be put beside it.
     target : str, optional
         Section `target`, from `measured_target`.
 
     Raises
     ------
     InputError
-        There is no such shipped campaign.
+        There is no such shipped campaign, or the rig does not describe the limits that an experiment needs.
     """
     text = shipped_text(template)
     heading = (
@@ -62,6 +78,12 @@ def campaign_text(template: str, *, path: Path, target: str | None = None) -> st
     )
     text = _HEADING.sub(lambda _: heading, text, count=1)
     text = _NAME.sub(f"name: {campaign_name(path)}", text, count=1)
+    if rig is not None:
+        other = rig.name != parse_campaign(text, name=str(path)).rig
+        text = _RIG.sub(lambda _: f"{rig_comment(rig)}rig: {rig.name}\n", text, count=1)
+        if other:
+            text = with_experiment(text, rig)
+            target = target or awaited_target(rig)
     if target is not None:
         text = _TARGET.sub(lambda _: target + "\n", text, count=1)
     parse_campaign(text, name=str(path))
@@ -102,6 +124,21 @@ def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -
         lines += ["  # What is done with it, one step after the other.", "  edit:"]
         lines.append(f"    - resample: {{rate: {rig.sample_rate:g}}}")
     return "\n".join(lines) + "\n", missing
+
+
+def awaited_target(rig: Rig) -> str:
+    """Return the section `target` for a file that is not there yet."""
+    wanted = [f"{plain(channel.name)} [{plain(channel.unit)}]" for channel in rig.responses]
+    return "\n".join(
+        [
+            "target:",
+            f"  # The file to reproduce, relative to this one, with the responses at {rig.sample_rate:g} Hz:",
+            *_listed(wanted),
+            f"  # `duralab import MEASURED {AWAITED_TARGET} --rig {rig.name}` makes it of a measured file.",
+            f"  file: {AWAITED_TARGET}",
+            "",
+        ]
+    )
 
 
 def _listed(names: Sequence[str], *, width: int = 116) -> list[str]:

@@ -2,14 +2,22 @@
 
 import json
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import synthetic_campaign
 import yaml
+from fake_gateway import Defect, Gateway
 from test_cli import COMMAND, finish, invoke
 
+import labbus
 from duralab import Channel, Signals, load_campaign, shipped_campaigns
-from duralab.campaign_template import campaign_name, campaign_text, measured_target
+from duralab._rig_experiment import level_of
+from duralab._specification import check_against_rig
+from duralab.campaign_loading import parse_campaign
+from duralab.campaign_template import campaign_name, campaign_text, measured_target, template_for
+from duralab.errors import InputError
 from duralab.formats import write_signals
 from duralab.rig import Rig
 
@@ -73,8 +81,6 @@ def test_the_name_has_the_letters_that_a_name_may_have(tmp_path):
 
 @pytest.fixture
 def rig():
-    import synthetic_campaign
-
     return Rig.from_message(synthetic_campaign.description())
 
 
@@ -112,3 +118,92 @@ def test_with_a_measured_file_the_rig_is_asked_for_its_responses(fake_services, 
     assert code == 0, stderr
     assert json.loads(stdout)["to_say"] == []
     assert str(load_campaign(tmp_path / "mine.yaml").target.file) == "road.csv"
+
+
+BEAM = Rig(
+    name="beam",
+    specimen="a beam\nrig: other\x07 \u2028 seed: 1",
+    engine="beam controller",
+    version="1.0",
+    sample_rate=200.0,
+    drives=(
+        Channel("front", "m", minimum=-0.05, maximum=0.04, slew_limit=1.0),
+        Channel("on", "N", minimum=-2e4, maximum=2e4),
+    ),
+    responses=tuple(Channel(f"{end}_force", "N", minimum=-5e4, maximum=5e4) for end in ("front", "rear")),
+    longest_drive_seconds=3600.0,
+    static_response=np.zeros(2),
+    content_hash="",
+)
+
+
+@pytest.mark.parametrize("template", shipped_campaigns())
+def test_for_a_rig_that_is_not_shipped_the_experiment_follows_from_its_description(template, tmp_path):
+    text = campaign_text(template, path=tmp_path / "mine.yaml", rig=BEAM)
+    content = yaml.safe_load(text)
+    assert (content["rig"], content["seed"], content["target"]) == ("beam", 20140915, {"file": "target.csv"})
+    assert "#   front [m] -0.05 to 0.04, at most 1 per second\n" in text
+    assert "; 200 Hz, drives up to 3600 s.\n" in text
+    excitation = content["excitation"]
+    assert excitation["rms"]["on"] == 600.0
+    # The tighter of the two limits of the range, and the rate of a signal with this spectrum.
+    assert 0.0 < excitation["rms"]["front"] <= 0.03 * 0.04
+    assert excitation["highest_frequency"] <= 0.4 * 200.0
+    block = content["estimator"]["block_samples"]
+    assert block in (256, 512)
+    assert excitation["duration"] >= 2 * 2 * 3 * block / 200.0 + excitation["fade"]
+    assert content["control_band"]["highest_frequency"] < excitation["highest_frequency"]
+    check_against_rig(parse_campaign(text, name="mine.yaml"), rig=BEAM)
+
+
+def test_the_rate_of_the_experiment_is_well_below_the_rate_limit():
+    """The identifier's own multisine of this spectrum and RMS: its largest rate is about half of what is allowed."""
+    channel = replace(BEAM.drives[0], minimum=-10.0, maximum=10.0)
+    level = level_of(channel, BEAM, highest=45.0, corner=2.0)
+    generator, time = np.random.default_rng(5), np.arange(20_000) / 1000.0
+    frequency = np.arange(0.4, 45.0, 0.05)
+    amplitude = np.sqrt(np.minimum(1.0, 2.0 / frequency))
+    phase = generator.uniform(0.0, 2.0 * np.pi, frequency.size)
+    drive = (amplitude * np.cos(2.0 * np.pi * frequency * time[:, None] + phase)).sum(axis=1)
+    rate = np.abs(np.gradient(level * drive / drive.std(), time)).max()
+    assert 0.25 <= rate / channel.slew_limit <= 0.6
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"drives": (Channel("speed", "m/s", minimum=0.0, maximum=60.0),)}, "allows its drive 'speed' 0 to 60 m/s"),
+        ({"drives": (Channel("speed", "m/s"),)}, "needs finite limits on both sides"),
+        ({"longest_drive_seconds": 10.0}, "plays 10 s at most"),
+    ],
+)
+def test_a_rig_for_which_no_experiment_follows_is_refused(tmp_path, changes, said):
+    with pytest.raises(InputError, match=said):
+        campaign_text("front_axle_demo", path=tmp_path / "mine.yaml", rig=replace(BEAM, **changes))
+
+
+def test_a_rig_on_the_bus_is_asked_even_where_no_lab_is_complete(tmp_path):
+    with labbus.open_bus(service="rig_sim") as bus:
+        Gateway(bus, "stranger", Defect.NONE)
+        connect = ("--connect", bus.listening[0])
+        code, stdout, stderr = invoke("init", tmp_path / "mine.yaml", "--rig", "stranger", *connect, "--json")
+        missing = invoke("init", tmp_path / "other.yaml", "--rig", "strangr", *connect)
+    assert code == 0, stderr
+    told = json.loads(stdout)
+    assert told["rig"] == "stranger"
+    assert told["run"].endswith(f"--connect {connect[1]}")
+    assert told["target_awaited"] == str(tmp_path / "target.csv")
+    campaign = load_campaign(tmp_path / "mine.yaml")
+    assert set(campaign.excitation.rms) == set(synthetic_campaign.NAMES)
+    assert missing[0] == 2
+    assert "There is no rig 'strangr'; there are stranger." in missing[2]
+    assert not (tmp_path / "other.yaml").exists()
+
+
+def test_the_campaign_that_is_shipped_for_a_rig_is_taken(fake_services, tmp_path):
+    code, _, stderr = invoke("init", tmp_path / "mine.yaml", "--rig", "front_axle")
+    assert code == 0, stderr
+    own, shipped = load_campaign(tmp_path / "mine.yaml"), load_campaign("front_axle_demo")
+    assert {**own.model_dump(), "name": shipped.name} == shipped.model_dump()
+    assert "#   left_vertical [m] -0.125 to 0.125, at most 2 per second\n" in own.text
+    assert template_for("spindle_coupled") == "spindle_coupled_demo"

@@ -3,40 +3,96 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import suppress
 from pathlib import Path
 
 from duralab._outputs import replace_when_complete, require_free, require_other
 from duralab.campaign_loading import parse_campaign
-from duralab.campaign_template import campaign_name, campaign_text, measured_target, shipped_text
+from duralab.campaign_template import (
+    AWAITED_TARGET,
+    DEFAULT_TEMPLATE,
+    campaign_name,
+    campaign_text,
+    measured_target,
+    shipped_text,
+    template_for,
+)
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import own_command
+from duralab.rig import Rig
+from duralab.signals import Signals
 
 
-def init(file: Path, *, template: str, target: Path | None, replace: bool, as_json: bool) -> None:
+def init(
+    file: Path,
+    *,
+    template: str | None,
+    rig: str | None,
+    target: Path | None,
+    endpoint: str | None,
+    replace: bool,
+    as_json: bool,
+) -> None:
     """Write a campaign file and say how to run it."""
     console = console_beside(as_json)
     require_other([file], read=[target] if target is not None else [])
     require_free([file], replace=replace)
-    section, missing = None, []
-    if target is not None:
-        from duralab.formats import read_signals
-
-        signals = read_signals(target)
-        rig = parse_campaign(shipped_text(template), name=template).rig
-        with console.status("Asking for the rig's responses …"), open_lab(endpoint_if_any(None), rigs=(rig,)) as lab:
-            described = lab.describe(rig)
-        section, missing = measured_target(signals, source=target, folder=file.parent, rig=described)
-    text = campaign_text(template, path=file, target=section)
+    template = template or (template_for(rig) if rig is not None else DEFAULT_TEMPLATE)
+    shipped = parse_campaign(shipped_text(template), name=template)
+    described, section, missing = None, None, []
+    signals = _read(target) if target is not None else None
+    if rig is not None or target is not None or endpoint is not None:
+        with console.status("Asking for the rig's channels …"):
+            described = _describe(rig or shipped.rig, endpoint)
+        if signals is not None and target is not None:
+            section, missing = measured_target(signals, source=target, folder=file.parent, rig=described)
+    text = campaign_text(template, path=file, rig=described, target=section)
     with replace_when_complete(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    command = f"{own_command()} run {shlex.quote(str(file))}"
-    console.print(f"{file}: campaign {campaign_name(file)}; run it:  {command}", highlight=False, markup=False)
+    awaited = file.with_name(AWAITED_TARGET) if target is None and "\n  file: " in text else None
+    # A rig that was asked for by name may exist in the lab that runs only.
+    asked_at = endpoint_if_any(endpoint) if rig is not None else endpoint
+    place = "" if asked_at is None else f" --connect {shlex.quote(asked_at)}"
+    command = f"{own_command()} run {shlex.quote(str(file))}{place}"
+    lines = [f"{file}: campaign {campaign_name(file)}; run it:  {command}"]
     if missing:
-        console.print(
-            f"Say under target.channels which channel of {target} is which: {', '.join(missing)}.",
-            highlight=False,
-            markup=False,
-        )
+        lines.append(f"Say under target.channels which channel of {target} is which: {', '.join(missing)}.")
+    if awaited is not None and described is not None:
+        wanted = ", ".join(channel.name for channel in described.responses)
+        lines.append(f"Put its target at {awaited} first: a file of signals with {wanted}.")
+    for line in lines:
+        console.print(line, highlight=False, markup=False)
     if as_json:
-        write_json({"file": file, "campaign": campaign_name(file), "run": command, "to_say": missing})
+        write_json(
+            {
+                "file": file,
+                "campaign": campaign_name(file),
+                "rig": described.name if described is not None else shipped.rig,
+                "run": command,
+                "to_say": missing,
+                "target_awaited": awaited,
+            }
+        )
+
+
+def _read(target: Path) -> Signals:
+    from duralab.formats import read_signals
+
+    return read_signals(target)
+
+
+def _describe(rig: str, endpoint: str | None) -> Rig:
+    """Ask a rig for its description: at an endpoint, in the lab that runs, or in one that is started for it."""
+    if endpoint is None:
+        with open_lab(endpoint_if_any(None), rigs=(rig,)) as lab:
+            return lab.describe(rig)
+    from duralab.lab import Lab
+    from duralab.lab_opening import FIND_SECONDS, join_bus
+    from labbus import FaultError
+
+    # A gateway alone answers as well: neither identifier nor recorder is needed yet.
+    with join_bus(endpoint) as bus:
+        with suppress(FaultError):
+            bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
+        return Lab(bus, out=Path()).describe(rig)

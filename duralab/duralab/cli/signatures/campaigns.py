@@ -7,29 +7,51 @@ from typing import Annotated
 
 import typer
 
-from duralab.cli.options import CampaignId, Connect, Json, OutFolder, RealTime, Replace, complete_campaign
+from duralab.cli.options import (
+    CampaignId,
+    Connect,
+    Json,
+    OutFolder,
+    RealTime,
+    Replace,
+    complete_campaign,
+    complete_rig,
+)
 
 
 def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign file to write.")] = Path("campaign.yaml"),
     *,
     template: Annotated[
-        str,
+        str | None,
         typer.Option(
-            "--from", metavar="CAMPAIGN", help="The shipped campaign to begin with.", autocompletion=complete_campaign
+            "--from",
+            metavar="CAMPAIGN",
+            help="The shipped campaign to begin with; the one for the rig, else front_axle_demo, if left out.",
+            autocompletion=complete_campaign,
         ),
-    ] = "front_axle_demo",
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            "--rig",
+            metavar="RIG",
+            help="The rig that reproduces the target, of the lab or gateway at --connect too.",
+            autocompletion=complete_rig,
+        ),
+    ] = None,
     target: Annotated[
         Path | None,
         typer.Option("--target", metavar="SIGNALS", help="A measured file to reproduce instead of its target."),
     ] = None,
+    connect: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Write a campaign file with a comment above every key, which runs as it stands."""
+    """Write a campaign file with a comment above every key, for a shipped rig or for one of a lab that runs."""
     from duralab.cli.init_command import init as write
 
-    write(file, template=template, target=target, replace=replace, as_json=as_json)
+    write(file, template=template, rig=rig, target=target, endpoint=connect, replace=replace, as_json=as_json)
 
 
 def run(
