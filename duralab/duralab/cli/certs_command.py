@@ -1,8 +1,9 @@
-"""What `duralab certs` does: certificates, the router's configuration, and what a router refused."""
+"""What `duralab certs` and `duralab router` do: certificates, a router for them, and what a router refused."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -12,14 +13,18 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import labbus
 from duralab import certificates as lab_certificates
-from duralab.certificate_files import CertificateFile, read_certificates
+from duralab.certificate_files import AUTHORITY, CertificateFile, read_certificates
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
 from duralab.refusals import read_refusals
+from duralab_proto.access import ROUTER
+from labbus import BusError
 
 _EXPIRES_SOON_DAYS = 30.0
+_WATCH_SECONDS = 0.25
 
 
 def init(folder: Path, *, lab: str, as_json: bool) -> None:
@@ -99,9 +104,33 @@ def router(
         raise InputError(f"{out} is there already; say --replace to overwrite it.") from error
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}.") from error
-    _print(f"{out} written; start the router with `zenohd --config {out}`.", as_json=as_json)
+    _print(
+        f"{out} written; start the router with `zenohd --config {out}`, or try it with `duralab router`.",
+        as_json=as_json,
+    )
     if as_json:
         write_json({"configuration_file": out})
+
+
+def run_router(folder: Path, *, host: str, port: int, lab: str, as_json: bool) -> None:
+    """Run a router for the certificates of a folder until it is interrupted, and say where it listens."""
+    content = lab_certificates.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
+    endpoint = f"tls/{f'[{host}]' if ':' in host else host}:{port}"
+    names = [file.name for file in read_certificates(folder)]
+    members = [name for name in names if name != AUTHORITY and not name.startswith(f"{ROUTER}.")]
+    try:
+        with labbus.run_router(content, listen=endpoint):
+            _print(
+                f"The router of lab {lab} listens at {endpoint} and lets in {', '.join(members)}, each by its role. "
+                "Ctrl-C ends it.",
+                as_json=as_json,
+            )
+            if as_json:
+                write_json({"endpoint": endpoint, "lab": lab, "members": members}, on_one_line=True)
+            while True:
+                time.sleep(_WATCH_SECONDS)
+    except BusError as error:
+        raise InputError(str(error)) from error
 
 
 def refusals(log: Path | None, *, as_json: bool) -> None:

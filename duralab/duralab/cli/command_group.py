@@ -39,9 +39,8 @@ SECTIONS: Final[dict[str, dict[str, str]]] = {
     },
     "Files": {"info": "files:info", "import": "files:import_file", "convert": "files:convert"},
     "This machine": {"doctor": "machine:doctor"},
-    "Secured lab": {
-        f"certs {name}": f"certificates:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")
-    },
+    "Secured lab": {"router": "certificates:run_router"}
+    | {f"certs {name}": f"certificates:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")},
 }
 """For each command its module in `duralab.cli.signatures` and its function there."""
 

@@ -16,6 +16,7 @@ from labbus._logs import configure_logs
 from labbus._metrics import MetricsConfig
 from labbus._opening import open_bus
 from labbus._router import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration
+from labbus._routing import run_router
 from labbus._server import Served
 from labbus._service import ServiceConfig, run_service, service_main
 from labbus._spool import SpoolFullError
@@ -67,6 +68,7 @@ __all__ = [
     "load_config",
     "open_bus",
     "router_configuration",
+    "run_router",
     "run_service",
     "service_main",
     "tell_stacks_on_signal",

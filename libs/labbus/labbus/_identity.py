@@ -112,7 +112,9 @@ def _expect_private(key: Path) -> None:
     try:
         status = key.stat()
     except OSError as error:
-        raise BusError(f"The private key {key} cannot be read: {error.strerror}; correct `tls`.") from error
+        raise BusError(
+            f"The private key {key} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."
+        ) from error
     # A secret that an orchestrator mounts belongs to root and is lent to the service's group.
     lent = status.st_uid == 0 and os.geteuid() != 0
     if status.st_mode & (_BEYOND_GROUP if lent else _BEYOND_OWNER):
@@ -125,7 +127,9 @@ def _read(path: Path, what: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise BusError(f"The {what} {path} cannot be read: {error.strerror}; correct `tls`.") from error
+        raise BusError(
+            f"The {what} {path} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."
+        ) from error
 
 
 def _certificate(path: Path, what: str) -> Certificate:

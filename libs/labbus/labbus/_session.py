@@ -75,7 +75,7 @@ def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
             taken = re.search(r"listener bound to (\S+):", str(error))
             chosen_here = taken is not None and taken[1] not in config.listen
             if not (chosen_here and attempt < _PORT_ATTEMPTS):
-                raise BusError(_explain(str(error), config)) from error
+                raise BusError(explain_failure(str(error), config)) from error
     raise AssertionError("unreachable: the last attempt returns or raises")
 
 
@@ -150,7 +150,7 @@ def _answers(endpoint: str) -> bool:
         return False
 
 
-def _explain(error: str, config: BusConfig) -> str:
+def explain_failure(error: str, config: BusConfig) -> str:
     """Turn a Zenoh error into one sentence with the value and what to do."""
     if taken := re.search(r"listener bound to (\S+): \[?(.*?)(?: \(os error \d+\))? at /", error):
         if "in use" in taken[2]:

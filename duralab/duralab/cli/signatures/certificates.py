@@ -1,4 +1,4 @@
-"""`duralab certs init`, `issue`, `renew`, `show`, `router` and `refusals`."""
+"""`duralab router`, and `duralab certs init`, `issue`, `renew`, `show`, `router` and `refusals`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,22 @@ from duralab.cli.options import Json, Replace
 Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the certificates are.")]
 LabName = Annotated[str, typer.Option("--lab", metavar="NAME", help="Name of the lab.")]
 FOLDER = Path("certificates")
+
+
+def run_router(
+    folder: Folder = FOLDER,
+    *,
+    host: Annotated[
+        str, typer.Option("--host", metavar="ADDRESS", help="Where it listens; 0.0.0.0 for other machines too.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where it listens.")] = 7447,
+    lab: LabName = "local",
+    as_json: Json = False,
+) -> None:
+    """Run the router of a secured lab from Python, to try one without zenohd, until Ctrl-C."""
+    from duralab.cli.certs_command import run_router as run
+
+    run(folder, host=host, port=port, lab=lab, as_json=as_json)
 
 
 def init(folder: Folder = FOLDER, lab: LabName = "local", as_json: Json = False) -> None:
