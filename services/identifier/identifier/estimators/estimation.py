@@ -16,10 +16,11 @@ from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 from identifier.estimators.rest_check import RestCheck
 from identifier.estimators.smoothing_check import (
-    SMALLEST_SURPLUS,
+    AMPLE_SURPLUS,
     Neighbourhood,
     differences_from_h1,
     differences_from_narrower,
+    few_equations,
 )
 from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.standstill import StandstillCheck
@@ -101,7 +102,7 @@ class Estimation:
             model = _local_model(kind, layout, drives=drives, options=options)
             self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
             degrees_of_freedom(self._local, equations=self._local.equations_to_come)
-            narrow = max(model.half_width // 2, self._local.fewest_half_width(SMALLEST_SURPLUS))
+            narrow = max(model.half_width // 2, self._local.fewest_half_width(AMPLE_SURPLUS))
             # Without a window H1 is the better judge.
             if layout.window is Window.HANN and narrow < model.half_width:
                 model = replace(model, half_width=narrow)
@@ -180,9 +181,37 @@ class Estimation:
         spectra = self._spectral.averages()
         if self._local is None:
             return estimate_from_spectra(self._kind, spectra, warnings=warnings)
-        solution = solve_local(self._local)
-        warnings += self._smoothing_warnings(self._local, spectra, solution, warnings)
-        return _local_estimate(self._kind, self._local.lines, spectra, solution, warnings)
+        warnings += few_equations(self._local)
+        return self._local_estimate(self._local, spectra, warnings)
+
+    def _local_estimate(
+        self, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...]
+    ) -> FrfEstimate:
+        lines, size = sums.lines, spectra.frequency.size
+        scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
+        condition = drive_condition(scaled, spectra.frequency[lines])
+        solution = solve_local(sums)
+        warnings += self._smoothing_warnings(sums, spectra, solution, warnings)
+        # As many averages as would give H1 the same variance, on the mean over the drives.
+        of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
+        averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)
+        freedom: NDArray[np.float64] = np.full(lines.size, float(solution.degrees_of_freedom))
+        return FrfEstimate(
+            frequency=spectra.frequency,
+            frf=on_all_lines(solution.frf, lines, size),
+            coherence=on_all_lines(solution.explained, lines, size),
+            condition_number=on_all_lines(condition, lines, size),
+            s_uu=spectra.s_uu,
+            response_psd=spectra.auto_y,
+            blocks=spectra.blocks,
+            independent_averages=spectra.independent_averages,
+            valid=spectra.lines.copy(),
+            residual_psd=on_all_lines(solution.residual_psd, lines, size),
+            degrees_of_freedom=on_all_lines(freedom, lines, size),
+            averages=on_all_lines(averages, lines, size),
+            kind=self._kind,
+            warnings=warnings,
+        )
 
     def _smoothing_warnings(
         self, sums: LocalSums, spectra: AveragedSpectra, solution: LocalSolution, warnings: tuple[ModelWarning, ...]
@@ -193,12 +222,14 @@ class Estimation:
             for warning in warnings:
                 if warning.code is WarningCode.TRANSIENT and warning.channel is not None:
                     transients[warning.channel] = warning.size or 0.0
+            other_phases = len({capture.realisation for capture in self._layout.captures}) > 1
             return differences_from_h1(
                 spectra,
                 solution,
                 neighbourhood,
                 transients=transients,
-                other_phases=len({capture.realisation for capture in self._layout.captures}) > 1,
+                other_phases=other_phases,
+                sweeps=not self._layout.periodic and not other_phases,
             )
         if self._narrower is None:
             return ()
@@ -292,36 +323,4 @@ def _local_model(kind: EstimatorKind, layout: Layout, *, drives: int, options: E
         order=options.order,
         half_width=options.half_width,
         segment_blocks=options.segment_blocks,
-    )
-
-
-def _local_estimate(
-    kind: EstimatorKind,
-    lines: NDArray[np.intp],
-    spectra: AveragedSpectra,
-    solution: LocalSolution,
-    warnings: tuple[ModelWarning, ...],
-) -> FrfEstimate:
-    size = spectra.frequency.size
-    scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
-    condition = drive_condition(scaled, spectra.frequency[lines])
-    # As many averages as would give H1 the same variance, on the mean over the drives.
-    of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
-    averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)
-    freedom: NDArray[np.float64] = np.full(lines.size, float(solution.degrees_of_freedom))
-    return FrfEstimate(
-        frequency=spectra.frequency,
-        frf=on_all_lines(solution.frf, lines, size),
-        coherence=on_all_lines(solution.explained, lines, size),
-        condition_number=on_all_lines(condition, lines, size),
-        s_uu=spectra.s_uu,
-        response_psd=spectra.auto_y,
-        blocks=spectra.blocks,
-        independent_averages=spectra.independent_averages,
-        valid=spectra.lines.copy(),
-        residual_psd=on_all_lines(solution.residual_psd, lines, size),
-        degrees_of_freedom=on_all_lines(freedom, lines, size),
-        averages=on_all_lines(averages, lines, size),
-        kind=kind,
-        warnings=warnings,
     )

@@ -37,9 +37,9 @@ class WarningCode(Enum):
     TRANSIENT = "transient"
     """Capture blocks are not yet periodic."""
     FEW_AVERAGES = "few_averages"
-    """No more averages than drives: nothing is left to judge the noise by."""
+    """No more averages than drives, or hardly more equations than unknowns of a local method."""
     SMOOTHED = "smoothed"
-    """A local method disagrees with H1 of captures that do not leak: it smoothed a resonance."""
+    """A local method is biased: it differs from H1 of captures without a window, or from itself over fewer lines."""
 
 
 @dataclass(frozen=True)

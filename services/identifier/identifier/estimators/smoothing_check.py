@@ -14,14 +14,18 @@ from identifier.estimators.averaged_spectra import AveragedSpectra
 from identifier.estimators.condition import unit_diagonal
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
 from identifier.estimators.h1 import h1
+from identifier.estimators.local_polynomial import DEFAULT_HALF_WIDTH
 from identifier.estimators.local_regression import LocalSums
 from identifier.estimators.local_solution import LocalSolution
 
 NOTICED_SHARE = 0.02
 """Smallest bias, as a share of a response's RMS, that is worth a warning."""
 
-SMALLEST_SURPLUS = 1.3
-"""Equations over unknowns of the narrower neighbourhood that a local method is compared with."""
+SMALLEST_SURPLUS = 1.5
+"""Equations over unknowns below which the noise in them is amplified."""
+
+AMPLE_SURPLUS = 2.0
+"""Equations over unknowns that the methods' own widths give at least."""
 
 _TIMES_CHANCE = 2.0
 
@@ -66,7 +70,32 @@ class Neighbourhood:
         Neighbourhood
             The same at every line.
         """
-        return cls(half_width=sums.model.half_width, hertz=2.0 * sums.reach, fewest=sums.fewest_half_width(2.0))
+        return cls(
+            half_width=sums.model.half_width, hertz=2.0 * sums.reach, fewest=sums.fewest_half_width(AMPLE_SURPLUS)
+        )
+
+
+def few_equations(sums: LocalSums) -> tuple[ModelWarning, ...]:
+    """Warn of a neighbourhood that hardly determines its unknowns: noise is amplified.
+
+    Parameters
+    ----------
+    sums
+        Before or after the record.
+
+    Returns
+    -------
+    tuple of ModelWarning
+        One or none.
+    """
+    least, now = sums.fewest_half_width(SMALLEST_SURPLUS), sums.model.half_width
+    if now >= least:
+        return ()
+    sentence = (
+        f"A local_half_width of {now} gives hardly more equations than the {sums.unknowns} unknowns of a line, so that "
+        f"noise is amplified; take at least {sums.fewest_half_width(AMPLE_SURPLUS)}, a longer experiment, or h1."
+    )
+    return (ModelWarning(WarningCode.FEW_AVERAGES, sentence),)
 
 
 def differences_from_h1(
@@ -76,6 +105,7 @@ def differences_from_h1(
     *,
     transients: NDArray[np.float64],
     other_phases: bool,
+    sweeps: bool,
 ) -> tuple[ModelWarning, ...]:
     """Compare a local estimate with H1 of captures without a window; name the responses where they disagree.
 
@@ -95,6 +125,8 @@ def differences_from_h1(
         Shape (responses): transient left in the captures, as a share of the RMS; 0 where there is none.
     other_phases
         Whether the captures hold several independent draws; nonlinear distortion is not in the residual otherwise.
+    sweeps
+        Whether the captures are swept sines.
 
     Returns
     -------
@@ -122,7 +154,8 @@ def differences_from_h1(
         frequency=spectra.frequency[lines],
         least=np.maximum(NOTICED_SHARE, transients),
         judge="h1 of the same captures shows",
-        remedy=f"take h1, longer blocks{_narrower(neighbourhood)}",
+        # With few lines the drive where a sweep begins cannot be told from a transient.
+        remedy="take h1 or random_orthogonal" if sweeps else f"take h1{_or_narrower(neighbourhood)}",
         neighbourhood=neighbourhood,
     )
 
@@ -172,7 +205,7 @@ def differences_from_narrower(
         frequency=spectra.frequency[lines],
         least=np.full(auto_y.shape[1], NOTICED_SHARE),
         judge="the same method over fewer lines shows",
-        remedy=f"take longer blocks{_narrower(neighbourhood)}, or random_orthogonal with h1",
+        remedy=f"take random_orthogonal with h1{_or_narrower(neighbourhood)}",
         neighbourhood=neighbourhood,
     )
 
@@ -191,18 +224,13 @@ def _jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_
         return np.zeros(frf.shape[:2])
     bend = np.diff(frf, n=2, axis=0)
     power = _power(np.concatenate([bend[:1], bend, bend[-1:]]), s_uu) / _SECOND_DIFFERENCE
-    return median_filter(power, size=(2 * half_width + 1, 1), mode="nearest")
+    return median_filter(power, size=(2 * max(half_width, DEFAULT_HALF_WIDTH) + 1, 1), mode="nearest")
 
 
-def _narrower(neighbourhood: Neighbourhood) -> str:
-    least, now = neighbourhood.fewest, neighbourhood.half_width
-    return (
-        ""
-        if least >= now
-        else f", a local_half_width of {least} to {now - 1}"
-        if least < now - 1
-        else (f", a local_half_width of {least}")
-    )
+def _or_narrower(neighbourhood: Neighbourhood) -> str:
+    if neighbourhood.fewest >= neighbourhood.half_width:
+        return " or longer blocks"
+    return f", longer blocks or a smaller local_half_width, at least {neighbourhood.fewest}"
 
 
 def _warnings(
