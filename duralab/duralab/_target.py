@@ -15,6 +15,7 @@ from duralab.errors import InputError
 from duralab.rig import Rig
 from duralab.signals import Signals
 from duralab.target_editing import EditedTarget, edit_signals
+from strict_yaml import require_regular
 
 LEAD_IN_SECONDS: Final = 1.0
 """The vehicle rolls from flat ground onto the road, and off it, in this time."""
@@ -215,6 +216,7 @@ def _measured(road: MeasuredRoad, *, folder: Path, length: float):  # noqa: ANN2
 
     path = folder / road.path
     try:
+        require_regular(path)
         surface = roads.read_opencrg(path)
     except OSError as error:
         raise InputError(

@@ -12,6 +12,7 @@ from duralab._near_files import did_you_mean
 from duralab._supervisor import last_lines
 from duralab.errors import InputError, LabError
 from duralab.mcap_reading import McapFile
+from strict_yaml import open_regular
 
 _RECORDING: Final = b"\x89MCAP"
 _LIVE_VIEW: Final = b"RRF"
@@ -26,7 +27,7 @@ def is_recording(file: Path) -> bool:
         There is no such file, it is a folder, it cannot be read, or it is neither.
     """
     try:
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             start = stream.read(len(_RECORDING))
     except IsADirectoryError as error:
         raise InputError(f"{str(file)!r} is a folder; give the path of a live.rrd or a recording.mcap.") from error

@@ -22,6 +22,11 @@ from duralab.target_edit_section import EditStep
 
 _SUFFIX = ".yaml"
 
+# A file may be wrong in tens of thousands of places: a sentence names some of them, and keys and values by their start.
+_MOST_FINDINGS = 20
+_MOST_COMPARED = 200
+_LONGEST_SHOWN = 60
+
 
 def shipped_campaigns() -> list[str]:
     """Return the names of the campaigns that come with the package."""
@@ -113,7 +118,9 @@ def explained(
     for finding in findings:
         finding["loc"] = (*place, *finding["loc"])
     findings = _without_echoes(findings)
-    sentence = "; ".join(_finding(finding) for finding in findings)
+    sentence = "; ".join(_finding(finding) for finding in findings[:_MOST_FINDINGS])
+    if (more := len(findings) - _MOST_FINDINGS) > 0:
+        sentence += f"; {more} more are wrong"
     return InputError(f"{name}{sentence}{'' if sentence.endswith('?') else '.'}", field=_path(findings[0]["loc"]))
 
 
@@ -121,10 +128,10 @@ def _without_echoes(findings: list[ErrorDetails]) -> list[ErrorDetails]:
     """Leave out 'x is missing' where an unknown key is most likely x, misspelt."""
     meant = {
         (*finding["loc"][:-1], close[0])
-        for finding in findings
+        for finding in findings[:_MOST_COMPARED]
         if finding["type"] == "extra_forbidden"
         and (model := _model_at(finding["loc"][:-1])) is not None
-        and (close := get_close_matches(str(finding["loc"][-1]), _keys(model), n=1))
+        and (close := get_close_matches(str(finding["loc"][-1])[:_LONGEST_SHOWN], _keys(model), n=1))
     }
     return [finding for finding in findings if finding["type"] != "missing" or finding["loc"] not in meant]
 
@@ -145,7 +152,7 @@ def _finding(finding: ErrorDetails) -> str:
         case "value_error":
             return f"{_path(location)} {context['error']}".strip()
         case "enum":
-            return f"{_path(location)} is {value!r}; allowed: {context['expected'].replace(' or ', ', ')}{hint}"
+            return f"{_path(location)} is {_shown(value)}; allowed: {context['expected'].replace(' or ', ', ')}{hint}"
         case "string_pattern_mismatch":
             return f"{_path(location)} is {_shown(value)}; it must match {context['pattern']}{hint}"
         case _:
@@ -156,14 +163,14 @@ def _finding(finding: ErrorDetails) -> str:
 def _unknown_key(location: Sequence[int | str], model: type[BaseModel] | None) -> str:
     key, allowed = str(location[-1]), list(_keys(model)) if model else []
     place = f" in {_path(location[:-1])}" if location[:-1] else ""
-    close = get_close_matches(key, allowed, n=1)
+    close = get_close_matches(key[:_LONGEST_SHOWN], allowed, n=1)
     guess = f"; did you mean {close[0]!r}?" if close else ""
-    return f"unknown key {key!r}{place}; allowed: {_listed(allowed)}{guess}"
+    return f"unknown key {_shown(key)}{place}; allowed: {_listed(allowed)}{guess}"
 
 
 def _shown(value: object) -> str:
     text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}…"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}…"
 
 
 def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
@@ -171,7 +178,8 @@ def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
 
 
 def _path(location: Sequence[int | str]) -> str:
-    return ".".join(str(part) for part in location if part not in (ONE_NUMBER, PER_CHANNEL))
+    parts = (str(part) for part in location if part not in (ONE_NUMBER, PER_CHANNEL))
+    return ".".join(part if len(part) <= _LONGEST_SHOWN else f"{part[: _LONGEST_SHOWN - 3]}…" for part in parts)
 
 
 def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:

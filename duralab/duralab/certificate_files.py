@@ -13,9 +13,13 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from duralab.errors import InputError
+from strict_yaml import read_regular
 
 AUTHORITY: Final = "ca"
 """Name of the authority's files."""
+
+LARGEST_BYTES: Final = 2**20
+"""Of a certificate or key file; one has a few thousand."""
 
 _KEY_MODE: Final = 0o600
 _CERTIFICATE_MODE: Final = 0o644
@@ -98,7 +102,7 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
 def load_certificate(path: Path) -> x509.Certificate:
     """Return a certificate, or raise InputError with one sentence."""
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
+        return x509.load_pem_x509_certificate(read_regular(path, largest=LARGEST_BYTES))
     except OSError as error:
         raise InputError(f"The certificate {path} cannot be read: {error.strerror}.") from error
     except ValueError as error:

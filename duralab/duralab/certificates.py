@@ -21,6 +21,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from duralab.certificate_files import (
     AUTHORITY,
+    LARGEST_BYTES,
     CertificateFile,
     expect_free,
     load_certificate,
@@ -32,6 +33,7 @@ from duralab.errors import InputError
 from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
 from duralab_proto.keys import KeyNameError, Keys
 from labbus import DEFAULT_PORT, router_configuration
+from strict_yaml import read_regular
 
 AUTHORITY_DAYS: Final = 3650
 DEFAULT_DAYS: Final = 365
@@ -191,7 +193,7 @@ def _authority(folder: Path) -> tuple[x509.Certificate, ec.EllipticCurvePrivateK
     certificate = load_certificate(folder / f"{AUTHORITY}.crt")
     path = folder / f"{AUTHORITY}.key"
     try:
-        key = serialization.load_pem_private_key(path.read_bytes(), password=None)
+        key = serialization.load_pem_private_key(read_regular(path, largest=LARGEST_BYTES), password=None)
     except OSError as error:
         raise InputError(
             f"The authority's key {path} cannot be read ({error.strerror}); certificates are issued where it is kept."

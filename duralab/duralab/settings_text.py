@@ -8,7 +8,7 @@ from typing import Any
 
 from duralab._near_files import did_you_mean
 from duralab.errors import InputError
-from strict_yaml import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml, read_yaml_text
 
 
 def read_text(path: Path, *, what: str) -> str:
@@ -24,10 +24,10 @@ def read_text(path: Path, *, what: str) -> str:
     Raises
     ------
     InputError
-        It cannot be read, or is no text in UTF-8.
+        It cannot be read, is no regular file, is larger than a YAML file may be, or is no text in UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return read_yaml_text(path)
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start}); {what} is YAML text.") from error
     except FileNotFoundError as error:

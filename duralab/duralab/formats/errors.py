@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from duralab.errors import InputError
+from strict_yaml import require_regular
 
 
 class FormatError(InputError):
@@ -43,12 +44,13 @@ def require_file(path: Path) -> int:
     Raises
     ------
     FormatError
-        There is none, it is no file, or it is empty.
+        There is none, it is no regular file, or it is empty.
     """
     with opened(path):
-        if path.is_dir():
-            raise FormatError(path, "this is a folder; give a file.")
-        size = path.stat().st_size
+        try:
+            size = require_regular(path).st_size
+        except IsADirectoryError:
+            raise FormatError(path, "this is a folder; give a file.") from None
     if size == 0:
         raise FormatError(path, "the file is empty; a header was expected.", offset=0)
     return size

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from strict_yaml import open_regular
+
 _DISTRIBUTIONS: Final = (
     "duralab",
     "duralab-identifier",
@@ -71,5 +73,5 @@ def point_id(
 
 def file_sha256(path: Path) -> str:
     """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -19,6 +19,7 @@ from duralab.sweeps.dotted_keys import change, look_up
 from duralab.sweeps.identity import file_sha256, installed_versions, point_id
 from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText
 from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
+from strict_yaml import parse_yaml
 
 _PATHS: Final = ("target.file", "target.opencrg.path")
 """Keys of a campaign file that name a file, relative to it."""
@@ -72,7 +73,7 @@ class PointMaker:
         self._sweep = sweep
         named = sweep.folder / sweep.campaign
         self._base = load_campaign(named if named.is_file() else sweep.campaign)
-        self._document: dict[str, Any] = yaml.safe_load(self._base.text)
+        self._document: dict[str, Any] = parse_yaml(self._base.text)
         self._specimens = Specimens(sweep)
         self._versions = installed_versions()
         for key, value in sweep.settings.items():

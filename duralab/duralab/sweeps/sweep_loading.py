@@ -9,6 +9,7 @@ from duralab._near_files import did_you_mean
 from duralab.errors import InputError
 from duralab.sweeps.sweep_file import Sweep
 from labbus import ConfigError, load_config
+from strict_yaml import read_yaml_text
 
 _SUFFIX = ".yaml"
 
@@ -56,4 +57,4 @@ def _read(path: Path, *, folder: Path) -> Sweep:
         sweep = load_config(Sweep, path)
     except ConfigError as error:
         raise InputError(str(error)) from error
-    return sweep.read_from(folder=folder, text=path.read_text(encoding="utf-8"))
+    return sweep.read_from(folder=folder, text=read_yaml_text(path))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from duralab_proto.access import Holder, HolderNameError
 from labbus._config import TlsConfig
 from labbus._faults import BusError
+from strict_yaml import read_regular, require_regular
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _BEYOND_OWNER: Final = 0o077
 _BEYOND_GROUP: Final = 0o037
 _PROBE_SECONDS: Final = 2.0
+_LARGEST_BYTES: Final = 2**20
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def explain_refusal(host: str, port: int, tls: TlsConfig) -> str:
 
 def _expect_private(key: Path) -> None:
     try:
-        status = key.stat()
+        status = require_regular(key)
     except OSError as error:
         raise BusError(
             f"The private key {key} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."
@@ -125,7 +127,7 @@ def _expect_private(key: Path) -> None:
 
 def _read(path: Path, what: str) -> bytes:
     try:
-        return path.read_bytes()
+        return read_regular(path, largest=_LARGEST_BYTES)
     except OSError as error:
         raise BusError(
             f"The {what} {path} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."

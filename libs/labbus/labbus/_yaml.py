@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from strict_yaml import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml, read_yaml_text
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
+
+# A file may be wrong in tens of thousands of places: a sentence names some of them, and keys and values by their start.
+_MOST_FINDINGS: Final = 20
+_LONGEST_SHOWN: Final = 80
 
 
 class ConfigError(ValueError):
@@ -48,7 +52,7 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
     """Read the mapping of a YAML file, empty for an empty file; raises ConfigError where it holds none."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_yaml_text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(f"Cannot read the configuration {path}: {reason}.") from error
@@ -62,7 +66,7 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
 
 
 def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> str:
-    """Return a pydantic error as one sentence that names every field, its value and what is allowed.
+    """Return a pydantic error as one sentence that names every wrong field, its value and what is allowed.
 
     Parameters
     ----------
@@ -74,11 +78,12 @@ def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> 
     Returns
     -------
     str
-        One sentence.
+        One sentence; beyond 20 findings it says how many more there are.
     """
     findings = []
-    for detail in error.errors(include_url=False):
-        field = ".".join(str(part) for part in detail["loc"])
+    details = error.errors(include_url=False)
+    for detail in details[:_MOST_FINDINGS]:
+        field = ".".join(_cut(str(part)) for part in detail["loc"])
         if detail["type"] == "extra_forbidden":
             known = ", ".join(config_type.model_fields) if len(detail["loc"]) == 1 else ""
             findings.append(f"{field} is unknown{f' (known are {known})' if known else ''}")
@@ -90,9 +95,14 @@ def explain_validation(error: ValidationError, config_type: type[BaseModel]) -> 
             findings.append(f"{field} is {_shortened(detail['input'])}: {reason[:1].lower()}{reason[1:]}")
         else:
             findings.append(f"{field}: {reason}" if field else reason)
+    if (more := len(details) - _MOST_FINDINGS) > 0:
+        findings.append(f"{more} more are wrong")
     return "; ".join(findings) + "."
 
 
-def _shortened(value: object, longest: int = 80) -> str:
-    text = repr(value)
-    return text if len(text) <= longest else f"{text[:longest]}…"
+def _shortened(value: object) -> str:
+    return _cut(repr(value))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"

@@ -1,10 +1,11 @@
 """Text that is YAML and text that is none: nothing is dropped, and every fault is one sentence that says where."""
 
 import datetime
+import random
 
 import pytest
 
-from strict_yaml import YamlError, parse_yaml
+from strict_yaml import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
 
 
 def test_what_is_yaml_is_what_it_says():
@@ -37,6 +38,16 @@ def test_what_is_yaml_is_what_it_says():
         ("a: !!python/object/apply:os.system [ls]", "could not determine a constructor for the tag"),
         ("? [1]\n: 2", "found unhashable key"),
         ("a: \x01", "control characters are not allowed"),
+        ("*a : 1", "found undefined alias"),
+        ("k: &k x\nm: {*k : 1, x: 2}", "the key 'x' is given twice (line 2, column 13)"),
+        ("a: &a [*a]", "the alias *a stands within what it is an alias of (line 1, column 8)"),
+        ("a: &a {<<: *a}", "the alias *a stands within what it is an alias of (line 1, column 12)"),
+        ("a: !!int [1, [2]]", "expected a scalar node, but found sequence (line 1, column 4)"),
+        (f"a: 0x{'f' * 4000}", "cannot be read as int (it has more than 1000 digits) (line 1, column 4)"),
+        (f"a: 1{':00' * 300_000}", "cannot be read as int (it has more than 1000 digits)"),
+        ("%TAG !a! x\n" * 50_000 + "--- a", "50000 of its lines begin with %, and 10 may"),
+        ("#" * (LARGEST_TEXT + 1), "it has 1048577 characters, and 1048576 are allowed"),
+        ("a: [" + "1, " * 100_000 + "]", "it holds more than 100000 values"),
     ],
 )
 def test_what_is_none_is_one_clause_with_its_place(text, said):
@@ -45,3 +56,81 @@ def test_what_is_none_is_one_clause_with_its_place(text, said):
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+def doubled(levels, *, each, last):
+    """Return aliases that double, or more, with every level; `each` is the text of a level of a number of aliases."""
+    lines = [f"l0: &l0 {last}"]
+    lines += [f"l{level}: &l{level} {each.format(*[f'*l{level - 1}'] * 9)}" for level in range(1, levels + 1)]
+    return "\n".join([*lines, f"name: *l{levels}"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (doubled(10, each="[{}, {}, {}, {}, {}, {}, {}, {}, {}]", last="[x, x, x, x, x, x, x, x, x]"), "100000 values"),
+        (doubled(40, each="{{a: {}, b: {}}}", last="x"), "100000 values"),
+        (doubled(40, each="{{<<: [{}, {}]}}", last="{k: v}"), "100000 values"),
+        (doubled(40, each="[? {} : {}]", last="x"), "100000 values"),
+        (doubled(12, each="[{}, {}]", last="x" * 1000), "more than 1048576 characters"),
+        (doubled(101, each="[{}]", last="x"), "stand 101 deep"),
+    ],
+)
+def test_aliases_count_at_every_place_where_they_stand(text, said):
+    """Written out, each would take gigabytes, or overflow the stack of what reads it."""
+    assert len(text) < 6000
+    with pytest.raises(YamlError, match=said):
+        parse_yaml(text)
+
+
+def written_out(value):
+    """Return the number of values of a result, aliases followed: what the bound is on."""
+    if isinstance(value, dict):
+        return 1 + sum(written_out(key) + written_out(entry) for key, entry in value.items())
+    return 1 + sum(map(written_out, value)) if isinstance(value, list) else 1
+
+
+def test_the_bound_is_on_what_the_result_holds():
+    """Of two lists of n, one of them n times in the other; at the bound it is read."""
+    for count, allowed in ((313, True), (316, False)):
+        text = f"l0: &l0 [{', '.join(['x'] * count)}]\nl1: [{', '.join(['*l0'] * count)}]"
+        if allowed:
+            assert 98_000 < written_out(parse_yaml(text)) < 100_000
+        else:
+            with pytest.raises(YamlError, match="100000 values"):
+                parse_yaml(text)
+
+
+def test_a_mapping_that_is_merged_elsewhere_first_has_no_key_twice():
+    """PyYAML merges c before it builds b: looked for afterwards, x would seem to be given twice."""
+    text = "a: &a {x: 1, z: 0}\ndeep: {b: &b {<<: *a, x: 2}}\nc: {<<: *b}"
+    merged = {"x": 2, "z": 0}
+    assert parse_yaml(text) == {"a": {"x": 1, "z": 0}, "deep": {"b": merged}, "c": merged}
+
+
+def test_any_text_is_read_or_refused_in_one_clause():
+    rng = random.Random(5)
+    pieces = [*"[]{}|>\"'#\n\t1", "&a ", "*a", "&b ", "*b", "<<: ", "x: ", "- ", ", ", "  ", "? ", ": ", "0x"]
+    pieces += ["!!int ", "!!set ", "!!omap ", "!!binary ", "%TAG ! x\n", "---\n", "...\n", "2024-02-30"]
+    read = 0
+    for _ in range(3000):
+        text = "".join(rng.choices(pieces, k=rng.randrange(1, 30)))
+        try:
+            repr(parse_yaml(text))
+            read += 1
+        except YamlError as error:
+            said = str(error)
+            assert "\n" not in said, text
+            assert len(said) < 400, text
+    assert 100 < read < 2900
+
+
+def test_a_file_is_read_as_text_and_one_that_is_too_large_is_not_read(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_bytes("a: ä\r\nb: 1\rc: 2".encode())
+    assert read_yaml_text(path) == path.read_text(encoding="utf-8") == "a: ä\nb: 1\nc: 2"
+    path.write_bytes(b"#" * LARGEST_TEXT)
+    assert parse_yaml(read_yaml_text(path)) is None
+    path.write_bytes(b"#" * (LARGEST_TEXT + 1))
+    with pytest.raises(OSError, match="it has 1048577 bytes, and 1048576 are allowed"):
+        read_yaml_text(path)

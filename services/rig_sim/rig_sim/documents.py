@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from strict_yaml import YamlError, parse_yaml
+from strict_yaml import YamlError, parse_yaml, read_yaml_text
 
 _VARIANT_OF = "variant_of"
 _BESIDE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.yaml")
@@ -71,7 +71,7 @@ def _merged(base: dict[Any, Any], changes: dict[Any, Any], *, place: str) -> dic
 
 def _read(path: Path) -> Any:
     try:
-        return parse_yaml(path.read_text(encoding="utf-8"))
+        return parse_yaml(read_yaml_text(path))
     except OSError as error:
         raise SpecimenError(f"specimen {path.name} cannot be read: {error.strerror}.") from error
     except UnicodeDecodeError as error:

@@ -30,6 +30,9 @@ from rig_sim.watchdogs import WatchdogLimits
 
 SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
 
+_MOST_PROBLEMS = 20
+_LONGEST_KEY = 80
+
 #: What the name of a mirrored part begins with; `right_` takes its place in the mirror image.
 LEFT = "left_"
 RIGHT = "right_"
@@ -218,16 +221,15 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
 
 
 def problems_in_words(error: ValidationError) -> str:
-    """Return all that is wrong with a document, in one line without a full stop."""
-    texts, problems = [], error.errors()
-    wrong = [problem["loc"] for problem in problems]
-    for problem in problems:
-        # What is said of a whole follows from what is wrong within it: a list without its wrong entry is too short.
-        if any(place != problem["loc"] and place[: len(problem["loc"])] == problem["loc"] for place in wrong):
-            continue
+    """Return what is wrong with a document, in one line without a full stop; 20 places, and how many more there are."""
+    texts, problems = list[str](), error.errors()
+    # What is said of a whole follows from what is wrong within it: a list without its wrong entry is too short.
+    around = {problem["loc"][:depth] for problem in problems for depth in range(len(problem["loc"]))}
+    problems = [problem for problem in problems if problem["loc"] not in around]
+    for problem in problems[:_MOST_PROBLEMS]:
         # A union puts the name of the kind it took into the place.
         place = [str(part) for part in problem["loc"] if part not in {SPINDLE, *KINDS.values(), *CONTROLS}]
-        where = ".".join(place) or "the document"
+        where = ".".join(part[:_LONGEST_KEY] for part in place) or "the document"
         match problem["type"]:
             case "missing":
                 texts.append(f"{where} is missing")
@@ -237,6 +239,8 @@ def problems_in_words(error: ValidationError) -> str:
                 texts.append(f"{where}: {problem['msg'].removeprefix('Value error, ')}")
             case _:
                 texts.append(f"{where} is {reprlib.repr(problem['input'])}: {problem['msg']}")
+    if (more := len(problems) - _MOST_PROBLEMS) > 0:
+        texts.append(f"{more} more are wrong")
     return "; ".join(texts)
 
 

@@ -1,0 +1,82 @@
+"""Files that a user names: only regular ones are read, for a FIFO or a device makes its reader wait without end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from io import BufferedReader
+from pathlib import Path
+from typing import Final
+
+_KINDS: Final = {
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def require_regular(path: Path) -> os.stat_result:
+    """Return the status of a regular file, without opening it.
+
+    Parameters
+    ----------
+    path : Path
+        The file; a link counts as what it leads to.
+
+    Raises
+    ------
+    OSError
+        There is no such file, or it is a FIFO, a socket, a device or a directory; `strerror` says which.
+    ValueError
+        No file can have this name.
+    """
+    return _checked(path, path.stat())
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a regular file for reading; raises as `require_regular` does, and never waits for another process."""
+    # Looked at before it is opened: opening a FIFO for a moment would already disturb who writes into it.
+    require_regular(path)
+    # And when it is open, for another file may have taken its name; O_NONBLOCK keeps that from waiting.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _checked(path, os.fstat(descriptor))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
+def read_regular(path: Path, *, largest: int) -> bytes:
+    """Return the content of a regular file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    largest : int
+        Most bytes that it may have.
+
+    Raises
+    ------
+    OSError
+        As from `require_regular`, or the file is larger.
+    """
+    with open_regular(path) as stream:
+        content = stream.read(largest + 1)
+        size = max(len(content), os.fstat(stream.fileno()).st_size)
+    if size > largest:
+        raise OSError(errno.EFBIG, f"it has {size} bytes, and {largest} are allowed", str(path))
+    return content
+
+
+def _checked(path: Path, status: os.stat_result) -> os.stat_result:
+    kind = stat.S_IFMT(status.st_mode)
+    if kind == stat.S_IFDIR:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if kind != stat.S_IFREG:
+        said = f"it is {_KINDS.get(kind, 'no regular file')}, and only a regular file is read"
+        raise OSError(errno.EINVAL, said, str(path))
+    return status
