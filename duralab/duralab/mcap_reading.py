@@ -15,9 +15,10 @@ from mcap.records import Message as McapMessage
 from duralab._near_files import did_you_mean
 from duralab.errors import InputError
 from duralab.mcap_damage import DAMAGE, damaged, unreadable
-from duralab.mcap_index import MAGIC, has_index
+from duralab.mcap_index import MAGIC, has_index, require_chunks, require_metadata
 from duralab.mcap_whole_records import end_of_whole_records, whole_records
 from duralab.recording_parts import Part, files_of, require_chain
+from strict_yaml import open_regular
 
 MessageT = TypeVar("MessageT", bound=Message)
 
@@ -115,7 +116,7 @@ class _OneFile:
         stream.seek(0)
         is_empty = False
         if self.whole:
-            texts = {entry.name: entry.metadata for entry in SeekingReader(stream).iter_metadata()}
+            texts = {entry.name: entry.metadata for entry in _metadata(stream)}
         else:
             if end_of_whole_records(stream) == len(MAGIC):
                 raise InputError(f"{self.path} ends within its first record and holds nothing; give a recording.mcap.")
@@ -138,7 +139,7 @@ class _OneFile:
     @contextmanager
     def _opened(self) -> Iterator[IO[bytes]]:
         try:
-            stream = self.path.open("rb")
+            stream = open_regular(self.path)
         except (FileNotFoundError, ValueError) as error:
             # ValueError: no name on this system, for it holds a zero byte.
             guess = did_you_mean(self.path)
@@ -176,6 +177,9 @@ class _OneFile:
         topics = sorted({channel.topic for channel in summary.channels.values() if channel.schema_id in wanted})
         if not topics:
             return
+        channels = {channel.id for channel in summary.channels.values() if channel.schema_id in wanted}
+        # A chunk that is not read may be damaged without harm to those that are.
+        require_chunks(stream, [each for each in summary.chunk_indexes if each.message_index_offsets.keys() & channels])
         for schema, channel, message in reader.iter_messages(topics=topics, log_time_order=False):
             if schema is not None:
                 yield schema.name, channel, message.data
@@ -184,10 +188,17 @@ class _OneFile:
         """Return the named sets of texts; see `McapFile.metadata`."""
         with self._opened() as stream:
             try:
-                records = SeekingReader(stream).iter_metadata() if self.whole else whole_records(stream)
+                records = _metadata(stream) if self.whole else whole_records(stream)
                 return {record.name: dict(record.metadata) for record in records if isinstance(record, Metadata)}
             except DAMAGE as error:
                 raise damaged(self.path, error) from error
+
+
+def _metadata(stream: IO[bytes]) -> Iterator[Metadata]:
+    reader = SeekingReader(stream)
+    summary = reader.get_summary()
+    require_metadata(stream, () if summary is None else summary.metadata_indexes)
+    yield from reader.iter_metadata()
 
 
 def _streamed(stream: IO[bytes]) -> Iterator[tuple[str, Channel, bytes]]:

@@ -11,6 +11,8 @@ from typing import IO, Final
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Chunk, ChunkIndex
 from mcap.records import Message as McapMessage
@@ -18,6 +20,7 @@ from mcap.stream_reader import breakup_chunk
 
 from duralab.errors import InputError
 from duralab.mcap_damage import DAMAGE, damaged, unreadable
+from duralab.mcap_index import require_chunks
 from duralab.mcap_reading import epoch_of
 from duralab.run_epochs import counting_epoch
 from duralab.window_cache import Window, WindowCache
@@ -156,13 +159,16 @@ def _places_in(path: Path, stream: IO[bytes]) -> Iterator[tuple[str, int, _Place
     channels = {channel.id: channel for channel in summary.channels.values() if channel.schema_id in schemas}
     for chunk in summary.chunk_indexes:
         for number in sorted(channels.keys() & chunk.message_index_offsets.keys()):
-            stream.seek(chunk.message_index_offsets[number])
-            _, _, _, length = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
+            offset = chunk.message_index_offsets[number]
+            stream.seek(offset)
+            kind, length, found, entries = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
+            if (kind, length, found) != (Opcode.MESSAGE_INDEX, _INDEX_HEAD.size - _RECORD_HEAD.size + entries, number):
+                raise McapError(f"at byte {offset} is not the message index of channel {number} that its index names")
             channel = channels[number]
             yield (
                 channel.topic.rsplit("/", 1)[-1],
                 epoch_of(channel),
-                _Place(path, chunk, number, length // _ENTRY_BYTES),
+                _Place(path, chunk, number, entries // _ENTRY_BYTES),
             )
 
 
@@ -180,6 +186,7 @@ def _likely(places: list[_Place], size: int, first: int, last: int) -> list[_Pla
 def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
     try:
         with place.path.open("rb") as stream:
+            require_chunks(stream, [place.chunk])
             stream.seek(place.chunk.chunk_start_offset + _RECORD_HEAD.size)
             records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
         return [

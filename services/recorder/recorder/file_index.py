@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Collection
 from functools import lru_cache
@@ -16,12 +17,18 @@ from mcap.records import Chunk, ChunkIndex, Message, Metadata
 from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
-from recorder.mcap_scan import is_finished, scan
+from recorder.mcap_scan import FOOTER_BYTES, LARGEST_RECORD, MAGIC, is_finished, scan
 
 _RECORD_HEAD: Final = struct.Struct("<BQ")
 # Of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _INDEX_ENTRY_BYTES: Final = 16
+# In a footer, after its head.
+_SUMMARY_START: Final = struct.Struct("<Q")
+# Of a chunk: its head, first and last time, and size.
+_CHUNK: Final = struct.Struct("<BQQQQ")
+_LARGEST_IN_INDEX: Final = 64 * 1024 * 1024
+"""Bytes of a record of the index: those of a schema and of a chunk with thousands of channels are far smaller."""
 
 
 def index_of(path: Path) -> Summary:
@@ -51,11 +58,71 @@ def _index(path: Path, size: int, changed: int) -> Summary:
     del size, changed  # They are the cache's key: another file of that name has others.
     if is_finished(path):
         with path.open("rb") as stream:
-            return SeekingReader(stream).get_summary() or Summary()
+            return index_reader(stream).get_summary() or Summary()
     found = scan(path, lambda _: None)
     summary = Summary()
     summary.schemas, summary.channels, summary.chunk_indexes = found.schemas, found.channels, found.chunks
     return summary
+
+
+def index_reader(stream: IO[bytes]) -> SeekingReader:
+    """Return a reader of a finished file whose index is record after record and leads to its metadata.
+
+    Where a disk lost them there are zeros, through which the reader would step nine bytes at a time.
+
+    Parameters
+    ----------
+    stream : file
+        A finished file, open for reading.
+
+    Raises
+    ------
+    McapError
+        It has no index, or one that is not so; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    footer = stream.seek(-len(MAGIC) - FOOTER_BYTES - _RECORD_HEAD.size, os.SEEK_END)
+    (start,) = _SUMMARY_START.unpack_from(stream.read(_RECORD_HEAD.size + FOOTER_BYTES), _RECORD_HEAD.size)
+    position = start or footer
+    while position < footer:
+        kind, length = _head(stream, position)
+        if kind == 0 or length > min(_LARGEST_IN_INDEX, footer - position - _RECORD_HEAD.size):
+            raise McapError(f"no record of its index begins at byte {position}")
+        position += _RECORD_HEAD.size + length
+    stream.seek(0)
+    reader = SeekingReader(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+    summary = reader.get_summary()
+    if summary is None:
+        # The reader would look for messages and metadata from the start of the file.
+        raise McapError("it has no index")
+    for place in summary.metadata_indexes:
+        if _head(stream, place.offset)[0] != Opcode.METADATA:
+            raise McapError(f"at byte {place.offset} is not the metadata {place.name!r} that its index names")
+    return reader
+
+
+def chunks_of(reader: SeekingReader, topic: str) -> list[ChunkIndex]:
+    """Return where the chunks are that hold messages of a topic."""
+    summary = reader.get_summary() or Summary()
+    wanted = {channel.id for channel in summary.channels.values() if channel.topic == topic}
+    return [chunk for chunk in summary.chunk_indexes if chunk.message_index_offsets.keys() & wanted]
+
+
+def expect_chunk(stream: IO[bytes], chunk: ChunkIndex) -> None:
+    """Check that a chunk begins where its file's index says, and as it says; raises McapError.
+
+    Zeros, as a failing disk leaves them, read as a chunk without messages.
+    """
+    stream.seek(chunk.chunk_start_offset)
+    content = stream.read(_CHUNK.size)
+    said = (Opcode.CHUNK, chunk.chunk_length - _RECORD_HEAD.size, chunk.message_start_time, chunk.message_end_time)
+    if len(content) < _CHUNK.size or _CHUNK.unpack(content) != (*said, chunk.uncompressed_size):
+        raise McapError(f"at byte {chunk.chunk_start_offset} is not the chunk that its index names")
+
+
+def _head(stream: IO[bytes], position: int) -> tuple[int, int]:
+    """Return kind and length of a record."""
+    stream.seek(position)
+    return _RECORD_HEAD.unpack(stream.read(_RECORD_HEAD.size))
 
 
 def forget_indexes() -> None:
@@ -117,6 +184,7 @@ def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> lis
         The chunk is damaged; one of the other exceptions of `DAMAGE` may come as well.
     """
     with path.open("rb") as stream:
+        expect_chunk(stream, chunk)
         stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
         records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
     return [record for record in records if isinstance(record, Message) and record.channel_id in channels]

@@ -15,12 +15,11 @@ from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, McapRecord, Schema
 from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader
 
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
 from recorder.live_view import LiveView
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_scan import Unfinished, check_begin, is_finished, scan
+from recorder.mcap_scan import RecordReader, Unfinished, ZerosError, check_begin, is_finished, scan
 
 SHOWN: Final[dict[str, type[Message]]] = {
     kind.DESCRIPTOR.full_name: kind
@@ -136,11 +135,11 @@ def _named_in(path: Path) -> str:
     check_begin(path)
     with path.open("rb") as stream:
         try:
-            for record in StreamReader(stream, validate_crcs=True).records:
+            for record in RecordReader(stream).records:
                 match decoder.decode(record):
                     case iterator_pb2.CampaignSpec() as specification, _ if specification.id:
                         return specification.id
-        except (EndOfFile, struct.error):
+        except (EndOfFile, ZerosError, struct.error):
             # Of a killed recorder; `show_log` tells whether it is that.
             return ""
     return ""

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from mcap.records import Footer
-from mcap.stream_reader import StreamReader
 
 from duralab_proto.v1 import recorder_pb2
 from recorder.mcap_damage import DAMAGE, reason_of
-from recorder.mcap_scan import check_begin
+from recorder.mcap_scan import RecordReader, check_begin
 from recorder.recording_content import Content
 from recorder.recording_files import sha256_of
 from recorder.step_types import type_name_of
 
 _MAGIC_BYTES: Final = 8
 _FOOTER_CRC_BYTES: Final = 4
+_BLOCK_BYTES: Final = 1024 * 1024
 
 
 @dataclass
@@ -119,13 +120,15 @@ def _read_file(found: Audit, path: Path) -> None:
     try:
         check_begin(path)
         with path.open("rb") as stream:
-            for record in StreamReader(stream, validate_crcs=True).records:
+            for record in RecordReader(stream).records:
                 if isinstance(record, Footer):
                     footer = record
                 else:
                     found.content.take(record)
-            if footer is not None and not _index_is_sound(path, footer):
+            if footer is not None and not _index_is_sound(stream, footer):
                 found.findings.append(f"The index at the end of {path.name} is damaged.")
+            if more := os.fstat(stream.fileno()).st_size - stream.tell():
+                found.findings.append(f"The file {path.name} has {more} bytes after its end.")
         found.read_whole = True
     except DAMAGE as error:
         messages = found.content.messages - first
@@ -151,12 +154,16 @@ def _check_place(found: Audit, path: Path, *, number: int, before: Path | None, 
         found.findings.append(f"The file {before.name} is not the one that {path.name} follows: its hash differs.")
 
 
-def _index_is_sound(path: Path, footer: Footer) -> bool:
-    """Check the checksum over the index, which the streaming reader passes over."""
+def _index_is_sound(stream: IO[bytes], footer: Footer) -> bool:
+    """Check the checksum over the index, which the streaming reader passes over; the file has been read to its end."""
+    end = stream.tell()
+    covered = range(footer.summary_start, end - _MAGIC_BYTES - _FOOTER_CRC_BYTES)
     # A start of 0 would say that there is no index; the recorder always writes one.
-    if not 0 < footer.summary_start < path.stat().st_size:
+    if not 0 < covered.start < covered.stop:
         return False
-    with path.open("rb") as stream:
-        stream.seek(footer.summary_start)
-        covered = stream.read()[: -_MAGIC_BYTES - _FOOTER_CRC_BYTES]
-    return zlib.crc32(covered) == footer.summary_crc
+    stream.seek(covered.start)
+    checksum = 0
+    for first in range(covered.start, covered.stop, _BLOCK_BYTES):
+        checksum = zlib.crc32(stream.read(min(_BLOCK_BYTES, covered.stop - first)), checksum)
+    stream.seek(end)
+    return checksum == footer.summary_crc

@@ -5,10 +5,12 @@ A recorder that is killed leaves a file that stops somewhere. Everything before 
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -30,15 +32,21 @@ from mcap.records import (
     MetadataIndex,
     Schema,
 )
-from mcap.stream_reader import breakup_chunk
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from recorder.mcap_damage import DAMAGE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
+LARGEST_RECORD: Final = 5 * 2**28
+"""Bytes of a record, 1.25 GiB: the bus carries messages of 1 GiB at most. A larger one is damage."""
+
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK_KIND: Final = bytes([Opcode.CHUNK])
-# Its two times, size, checksum, name of the compression and size of the records.
-_SMALLEST_CHUNK: Final = 40
+# Head, two times, size, checksum and the length of the compression's name; that and the length of the records follow.
+_CHUNK_HEAD: Final = struct.Struct("<BQQQQII")
+_COMPRESSIONS: Final = (b"", b"lz4", b"zstd")
+_LENGTH_BYTES: Final = 8
+_BLOCK_BYTES: Final = 1024 * 1024
 FOOTER_BYTES: Final = 20
 _CRC_BYTES: Final = 4
 
@@ -68,6 +76,22 @@ class Unfinished:
     message_counts: dict[int, int] = field(default_factory=dict)
 
 
+class ZerosError(McapError):
+    """Zeros stand where a record was to come, as a power cut or a failing disk leaves them."""
+
+
+class RecordReader(StreamReader):
+    """Reads records in order, with all checksums; refuses zeros, through which it would step nine bytes at a time."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        super().__init__(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode == 0:
+            raise ZerosError(f"at byte {self._stream.count - _HEAD.size} are zeros where a record was to come")
+        return super()._read_record(opcode, length)
+
+
 def is_finished(path: Path) -> bool:
     """Tell whether a file ends as a complete MCAP file does; nothing else of it is checked."""
     least = 2 * len(MAGIC) + _HEAD.size + FOOTER_BYTES
@@ -80,7 +104,13 @@ def is_finished(path: Path) -> bool:
 
 
 def check_begin(path: Path) -> None:
-    """Raise InvalidMagic where a file begins otherwise than an MCAP file, be it as short as it may."""
+    """Raise InvalidMagic where a file begins otherwise than an MCAP file, be it as short as it may.
+
+    Raises OSError where it is a FIFO, a socket or a device, which makes its reader wait without end.
+    """
+    kind = stat.S_IFMT(path.stat().st_mode)
+    if kind not in (stat.S_IFREG, stat.S_IFDIR):
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
     with path.open("rb") as stream:
         begin = stream.read(len(MAGIC))
     if not MAGIC.startswith(begin):
@@ -224,7 +254,7 @@ def _read_record(stream: IO[bytes]) -> tuple[int, bytes] | None:
     opcode, length = _HEAD.unpack(head)
     left = os.fstat(stream.fileno()).st_size - stream.tell()
     # A kind 0 is no record: a power cut may leave zeros where data was to come.
-    if opcode == 0 or length > left:
+    if opcode == 0 or length > min(left, LARGEST_RECORD):
         _refuse_whole_chunk_after(stream, stream.tell())
         return None
     return opcode, head + stream.read(length)
@@ -232,22 +262,58 @@ def _read_record(stream: IO[bytes]) -> tuple[int, bytes] | None:
 
 def _refuse_whole_chunk_after(stream: IO[bytes], position: int) -> None:
     """Raise McapError where a whole chunk follows: then what lies before it is damaged, and not the file's end."""
+    if any(_is_whole_chunk(stream, start, length) for start, length in _chunk_heads(stream, position)):
+        raise McapError(f"what lies before byte {position} is not what was written, and others follow it")
     stream.seek(position)
-    rest = stream.read()
-    stream.seek(position)
-    at = rest.find(_CHUNK_KIND)
-    while at >= 0:
-        length = int.from_bytes(rest[at + 1 : at + _HEAD.size], "little")
-        end = at + _HEAD.size + length
-        # Only then a copy: nearly every byte that looks like a chunk's beginning is none.
-        if length > _SMALLEST_CHUNK and end <= len(rest) and _is_whole_chunk(rest[at:end]):
-            raise McapError(f"what lies before byte {position} is not what was written, and others follow it")
-        at = rest.find(_CHUNK_KIND, at + 1)
 
 
-def _is_whole_chunk(record: bytes) -> bool:
+def _chunk_heads(stream: IO[bytes], start: int) -> Iterator[tuple[int, int]]:
+    """Yield position and length of all that may be a chunk; what a sparse file does not store is not read."""
+    size = os.fstat(stream.fileno()).st_size
+    position = start
+    while (data := _next_data(stream, position)) is not None:
+        position = data
+        stream.seek(position)
+        # Of a kind at the end of a block, the length lies behind it.
+        block = stream.read(_BLOCK_BYTES + _HEAD.size - 1)
+        at = block.find(_CHUNK_KIND, 0, _BLOCK_BYTES)
+        while at >= 0:
+            length = int.from_bytes(block[at + 1 : at + _HEAD.size], "little")
+            if length <= min(size - position - at - _HEAD.size, LARGEST_RECORD):
+                yield position + at, length
+            at = block.find(_CHUNK_KIND, at + 1, _BLOCK_BYTES)
+        position += _BLOCK_BYTES
+
+
+def _next_data(stream: IO[bytes], start: int) -> int | None:
+    """Return the position of the next stored byte from `start` on; None where only a hole follows."""
+    descriptor = stream.fileno()
+    # The stream's buffer counts on where its descriptor stands.
+    before = os.lseek(descriptor, 0, os.SEEK_CUR)
     try:
-        return bool(breakup_chunk(Chunk.read(_body(record)), validate_crc=True))
+        return os.lseek(descriptor, start, os.SEEK_DATA)
+    except OSError as error:
+        if error.errno == errno.ENXIO:
+            return None
+        raise
+    finally:
+        os.lseek(descriptor, before, os.SEEK_SET)
+
+
+def _is_whole_chunk(stream: IO[bytes], start: int, length: int) -> bool:
+    stream.seek(start)
+    content = stream.read(_CHUNK_HEAD.size + max(map(len, _COMPRESSIONS)) + _LENGTH_BYTES)
+    if len(content) < _CHUNK_HEAD.size + _LENGTH_BYTES:
+        return False
+    name_length = _CHUNK_HEAD.unpack_from(content)[-1]
+    name, records = content[_CHUNK_HEAD.size :][:name_length], content[_CHUNK_HEAD.size + name_length :]
+    before = _CHUNK_HEAD.size - _HEAD.size + name_length + _LENGTH_BYTES
+    # Only then it is read: nearly every byte that looks like a chunk's beginning is none.
+    if name not in _COMPRESSIONS or before + int.from_bytes(records[:_LENGTH_BYTES], "little") != length:
+        return False
+    stream.seek(start + _HEAD.size)
+    try:
+        return bool(breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True))
     except (*DAMAGE, MemoryError):
         return False
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from mcap.reader import SeekingReader
-
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from labbus import Continuity
+from recorder.file_index import index_reader
 from recorder.mcap_damage import DAMAGE
 from recorder.mcap_scan import is_finished
 from recorder.run_book import MOST_BLOCKS, PlannedRun, ranges_of
@@ -187,7 +186,7 @@ def read_summary(path: Path) -> Summary | None:
     try:
         with path.open("rb") as stream:
             # The last one: a file that was repaired may hold one that its recorder did not live to end with.
-            found = [entry for entry in SeekingReader(stream).iter_metadata() if entry.name == SUMMARY_METADATA]
+            found = [entry for entry in index_reader(stream).iter_metadata() if entry.name == SUMMARY_METADATA]
             return Summary.from_metadata(found[-1].metadata) if found else None
     except DAMAGE:
         return None

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Final
 
 import structlog
-from mcap.reader import SeekingReader
 
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from recorder.file_index import chunks_of, expect_chunk, index_reader
 from recorder.free_room import MEBIBYTE
 from recorder.mcap_damage import DAMAGE, reason_of
 from recorder.mcap_ending import finish
@@ -150,12 +150,14 @@ def _seed(content: Content, files: Sequence[Path], name: str) -> int:
         _take_over(content, summary)
         for path in files[:number]:
             with path.open("rb") as stream:
-                for metadata in SeekingReader(stream).iter_metadata():
+                reader = index_reader(stream)
+                for metadata in reader.iter_metadata():
                     if metadata.name == SCENARIO_METADATA:
                         content.scenario = dict(metadata.metadata)
-                stream.seek(0)
                 topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
-                for _, _, message in SeekingReader(stream, validate_crcs=True).iter_messages(topics=[topic]):
+                for chunk in chunks_of(reader, topic):
+                    expect_chunk(stream, chunk)
+                for _, _, message in reader.iter_messages(topics=[topic]):
                     description = rig_pb2.RigDescription.FromString(message.data)
                     content.descriptions[description.rig] = description
         return number
@@ -226,7 +228,13 @@ def _keep(path: Path) -> None:
     temporary = place.with_name(place.name + ".copying")
     try:
         with path.open("rb") as source, temporary.open("wb") as copy:
-            shutil.copyfileobj(source, copy, 1024 * 1024)
+            while block := source.read(MEBIBYTE):
+                # Zeros that a power cut left take no room in the copy either.
+                if block.strip(b"\0"):
+                    copy.write(block)
+                else:
+                    copy.seek(len(block), os.SEEK_CUR)
+            copy.truncate(source.tell())
             copy.flush()
             os.fsync(copy.fileno())
         temporary.replace(place)

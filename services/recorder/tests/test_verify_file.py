@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 
 import pytest
 
 from duralab_proto.v1 import recorder_pb2
-from recorder import verify_file
+from recorder import rebuild_view, verify_file
 from recorder.archive import Archive
 
 
@@ -51,6 +52,28 @@ def test_damage_is_not_said_to_be_a_recording_cut_short(recording, findings):
     assert last.name in found[0]
     assert any(re.fullmatch(r"What follows, if anything does, was not read; \d steps lie .*", line) for line in found)
     assert not any("cut short" in finding for finding in found)
+
+
+def test_zeros_in_the_place_of_a_record_are_told_at_once(recording, findings):
+    last = max(recording.parent.iterdir())
+    first_chunk = last.read_bytes().index(b"\x06", 300)
+    os.truncate(last, first_chunk)
+    os.truncate(last, 2**31)
+    assert any("zeros where a record was to come" in finding for finding in findings())
+
+
+def test_bytes_after_the_end_are_told(recording, findings):
+    last = max(recording.parent.iterdir())
+    os.truncate(last, last.stat().st_size + 2**31)
+    assert findings() == [f"The file {last.name} has {2**31} bytes after its end."]
+
+
+def test_a_fifo_is_refused_and_makes_nobody_wait(tmp_path, capsys):
+    fifo = tmp_path / "r.mcap"
+    os.mkfifo(fifo)
+    assert verify_file.main([str(fifo)]) == 1
+    assert rebuild_view.main([str(fifo), "--out", str(tmp_path / "r.rrd")]) == 1
+    assert capsys.readouterr().err.count("it is no regular file") == 2
 
 
 def test_damage_at_the_end_is_told_of_the_end(recording, findings):
