@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+import synthetic_campaign
 from browser import Browser, browser_program
 from PIL import Image
 
@@ -78,6 +79,24 @@ def test_it_is_drawn_without_a_fault_without_the_net_and_without_sideways_scroll
         assert value_of(browser, "document.documentElement.dataset.theme") == theme
         picture = np.asarray(Image.open(io.BytesIO(browser.picture())).convert("L"))
         assert (np.median(picture) < 60) == (theme == "dark")
+
+
+HOSTILE = "<!--<script>&amp;</script><b>\u2028"
+
+
+def test_a_channel_of_any_name_takes_no_figure_away(browser, tmp_path, monkeypatch):
+    """After "<!--" and "<script" in a string of JSON, the end tag of its element does not end it."""
+    monkeypatch.setattr(synthetic_campaign, "NAMES", (HOSTILE + "_vertical", *synthetic_campaign.NAMES[1:]))
+    path, _ = synthetic_campaign.recording(tmp_path / "r.mcap", seconds=4.0)
+    comparison = duralab.compare(path, path)
+    for page in (write_report(path, tmp_path / "r.html"), write_comparison(tmp_path / "c.html", comparison)):
+        open_page(browser, page, width=1280, theme="light")
+        assert value_of(browser, "wrong") == []
+        assert value_of(browser, "[...document.querySelectorAll('.plot')].every((p) => p.querySelector('.main-svg'))")
+        figures = value_of(browser, "document.getElementById('figures').textContent")
+        assert not set(figures) & set("<>&\u2028\u2029")
+        assert HOSTILE in json.dumps(json.loads(figures), ensure_ascii=False)
+        assert HOSTILE in value_of(browser, "document.querySelector('main').textContent")
 
 
 def test_the_keyboard_zooms_chooses_and_changes_the_theme(browser, pages):

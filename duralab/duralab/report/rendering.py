@@ -36,10 +36,20 @@ def render(template: str, *, figures: Mapping[str, Figure], **values: Any) -> st
     return environment.get_template(template).render(
         asset=_asset,
         plotly=Markup(get_plotlyjs()),
-        # "</" would end the script element, wherever it stands in a string.
-        figures=Markup(json.dumps(figures, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")),
+        figures=json_in_html(figures),
         **values,
     )
+
+
+def json_in_html(content: object) -> Markup:
+    """Return JSON that stands in an element of a page as it is, whatever its strings hold.
+
+    "</script" would end the element, and after "<!--" and "<script" in a string its end tag would not. As escapes of
+    JSON, neither stands in the page; U+2028 and U+2029 end a line of JavaScript and are escapes as all that is not
+    ASCII.
+    """
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))
 
 
 def _asset(name: str) -> Markup:

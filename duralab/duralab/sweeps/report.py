@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import shlex
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -18,6 +17,7 @@ from plotly.offline import get_plotlyjs
 
 from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
+from duralab.report.rendering import json_in_html
 from duralab.sweeps import figures
 from duralab.sweeps.campaign_task import CAMPAIGN
 from duralab.sweeps.results import POINTS, SweepResults
@@ -65,8 +65,7 @@ def render_report(results: SweepResults) -> str:
     return _template().render(
         asset=_asset,
         plotly=Markup(get_plotlyjs()),
-        # "</" would end the script element, wherever it stands in a string.
-        figures=Markup(json.dumps(drawn, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")),
+        figures=json_in_html(drawn),
         results=results,
         objective=figures.words(objective),
         keys=keys,
