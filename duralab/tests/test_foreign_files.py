@@ -1,5 +1,7 @@
 """Files as other programs write them: read where their meaning is clear, refused with the reason where it is not."""
 
+from csv import reader as csv_reader
+
 import asammdf
 import nptdms
 import numpy as np
@@ -7,8 +9,12 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 import scipy.io
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 
-from duralab.formats import FormatError, read_signals
+from duralab import Channel, InputError, Signals
+from duralab.formats import FormatError, read_signals, write_signals
+from duralab.formats.channel_names import unique_names
 
 TIME = np.arange(100) / 200
 
@@ -133,3 +139,29 @@ def test_a_matlab_file_with_other_variables_is_refused_with_what_it_has(tmp_path
             read_signals(path)
     scipy.io.savemat(path, good)
     assert [channel.unit for channel in read_signals(path).channels] == ["N", ""]
+
+
+FORMULA = "=+-@\t＝＋－＠"
+NAMES = st.text(st.sampled_from("=+-@'\";,\t |a[]＝＠"), min_size=1, max_size=8)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(NAMES, min_size=1, max_size=3))
+@example(["=cmd|' /C calc'!A0", "'=cmd", 'a;"=cmd'])
+def test_no_cell_of_a_csv_header_is_a_formula_and_each_name_comes_back(tmp_path, names):
+    path = tmp_path / "a.csv"
+    signals = Signals(tuple(Channel(name, "N") for name in names), 10.0, np.arange(3.0) * np.ones((len(names), 1)))
+    write_signals(signals, path, overwrite=True)
+    header = path.read_text(encoding="utf-8").split("\n")[0]
+    for separator in ",;\t":
+        for cell in next(csv_reader([header], delimiter=separator)):
+            assert not cell.lstrip("\"'").startswith(tuple(FORMULA)) or cell.startswith("'")
+    # As of every format: what surrounds a name is left out, and names are told apart.
+    assert read_signals(path).names == tuple(unique_names(names))
+
+
+def test_csv_refuses_a_name_that_would_end_its_header(tmp_path):
+    signals = Signals((Channel("a\nb", "N"),), 10.0, np.ones((1, 3)))
+    with pytest.raises(InputError, match=r"The channel 'a\\nb' in 'N' has a line break"):
+        write_signals(signals, tmp_path / "a.csv")
+    assert not (tmp_path / "a.csv").exists()

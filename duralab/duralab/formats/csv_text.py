@@ -10,11 +10,18 @@ from typing import Final
 
 import numpy as np
 
+from duralab.errors import InputError
 from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
 from duralab.formats.errors import FormatError, opened, require_file
 from duralab.formats.written import Written
 from duralab.signals import Signals
 
+# Where a spreadsheet may begin a cell, whatever it takes for the separator, and would take the text for a formula.
+_BEGIN: Final = "(^|[;\t])"
+_FORMULA: Final = "(?=[\"']*[=+\\-@\t＝＋－＠])"
+_UNGUARDED: Final = re.compile(_BEGIN + _FORMULA)
+_GUARDED: Final = re.compile(f"{_BEGIN}'{_FORMULA}")
+_SEPARATOR: Final = re.compile(r'"?time \[s\]"?[ ]*([,;\t])')
 _ROWS_AT_ONCE: Final = 10_000
 _LONGEST_LINE: Final = 1 << 20
 
@@ -42,8 +49,11 @@ def read_csv(path: Path) -> Signals:
     try:
         with opened(path), path.open(encoding="utf-8-sig", newline="") as stream:
             header = stream.readline(_LONGEST_LINE)
-            separator = max(",;\t", key=header.count)
-            row = next(csv.reader([header], delimiter=separator, strict=True), [])
+            # What a name holds may be there more often than what stands between names.
+            named = _SEPARATOR.match(header)
+            separator = named[1] if named else max(",;\t", key=header.count)
+            cells = next(csv.reader([header], delimiter=separator, strict=True), [])
+            row = [_GUARDED.sub(r"\1", cell) for cell in cells]
             channels = channels_of_headings(path, row)
             first = stream.readline(_LONGEST_LINE)
             if not first.strip():
@@ -95,6 +105,9 @@ def _undecodable(path: Path) -> int:
 def write_csv(signals: Signals, path: Path) -> Written:
     """Write CSV text; numbers have as many digits as it takes to read the same float64 back.
 
+    A name that a spreadsheet would run as a formula gets a single quote before it (CSV injection, OWASP), which
+    `read_csv` takes away: a rig and a file from elsewhere may name a channel as they like.
+
     Parameters
     ----------
     signals : Signals
@@ -106,10 +119,21 @@ def write_csv(signals: Signals, path: Path) -> Written:
     -------
     Written
         Without errors.
+
+    Raises
+    ------
+    InputError
+        A name or unit has a line break, which would end the header line.
     """
+    for channel in signals.channels:
+        if set(channel.name + channel.unit) & {"\n", "\r"}:
+            raise InputError(
+                f"The channel {channel.name!r} in {channel.unit!r} has a line break, which a header of CSV does not "
+                "hold; rename it, or write another format."
+            )
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(headings(signals))
+        writer.writerow([_UNGUARDED.sub(r"\1'", heading) for heading in headings(signals)])
         for first in range(0, signals.samples.shape[1], _ROWS_AT_ONCE):
             piece = signals.samples[:, first : first + _ROWS_AT_ONCE]
             time = (first + np.arange(piece.shape[1])) / signals.sample_rate
