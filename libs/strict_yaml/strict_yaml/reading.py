@@ -61,6 +61,11 @@ def read_yaml_text(path: Path) -> str:
     path : Path
         A regular file of `LARGEST_TEXT` bytes at most.
 
+    Returns
+    -------
+    str
+        Its lines end with a line feed only.
+
     Raises
     ------
     OSError

@@ -25,6 +25,11 @@ def require_regular(path: Path) -> os.stat_result:
     path : Path
         The file; a link counts as what it leads to.
 
+    Returns
+    -------
+    os.stat_result
+        As of `Path.stat`.
+
     Raises
     ------
     OSError
@@ -36,7 +41,23 @@ def require_regular(path: Path) -> os.stat_result:
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a regular file for reading; raises as `require_regular` does, and never waits for another process."""
+    """Open a regular file for reading, without waiting for another process.
+
+    Parameters
+    ----------
+    path : Path
+        The file; a link counts as what it leads to.
+
+    Returns
+    -------
+    BufferedReader
+        At its first byte; the caller closes it.
+
+    Raises
+    ------
+    OSError, ValueError
+        As from `require_regular`, or the file may not be read.
+    """
     # Looked at before it is opened: opening a FIFO for a moment would already disturb who writes into it.
     require_regular(path)
     # And when it is open, for another file may have taken its name; O_NONBLOCK keeps that from waiting.
@@ -58,6 +79,11 @@ def read_regular(path: Path, *, largest: int) -> bytes:
         The file.
     largest : int
         Most bytes that it may have.
+
+    Returns
+    -------
+    bytes
+        All of them.
 
     Raises
     ------
