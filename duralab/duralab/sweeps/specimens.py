@@ -17,7 +17,7 @@ import yaml
 from duralab.errors import InputError, LabError
 from duralab.sweeps.dotted_keys import change
 from duralab.sweeps.sweep_file import Sweep
-from strict_yaml import open_regular, parse_yaml, read_yaml_text
+from strict_yaml import parse_yaml, read_yaml_text, require_regular
 
 SPECIMEN: Final = "specimen"
 """What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""
@@ -131,7 +131,8 @@ class Specimens:
         place = self._own[rig] if rig in self._own else Path(self._shipped[rig]["path"])
         beside = place.with_name(bodies) if bodies else place
         try:
-            content = open_regular(beside).read().decode("utf-8") if bodies else ""
+            require_regular(beside)
+            content = beside.read_text(encoding="utf-8") if bodies else ""
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"specimen {rig}: {bodies!r} belongs beside its YAML and cannot be read.") from error
         return SpecimenText(rig, yaml.safe_dump(document, sort_keys=False), bodies, content)
