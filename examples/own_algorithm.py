@@ -17,8 +17,8 @@ settings = duralab.load_campaign(Path(__file__).with_name("short_campaign.yaml")
 with duralab.connect(*sys.argv[1:2]) as lab:
     rig = lab.describe("front_axle")
     model = lab.identify(rig.name, settings.excitation, settings.estimator, seed=1)
-    inverse = rig_model(model.frequency, model.frf, identified_band=(0.4, 45.0))
-    band = control_band(0.7, 35.0, sample_rate=rig.sample_rate)
+    inverse = rig_model(model.frequency, model.frf, identified_band=(0.25, 46.0))
+    band = control_band(0.5, 40.0, sample_rate=rig.sample_rate)
 
     # A target that is known to be within reach: what the rig answered to some drive.
     noise = np.random.default_rng(1).standard_normal((len(rig.drives), 8000))

@@ -14,6 +14,7 @@ class Result(StrEnum):
     NO_IMPROVEMENT = "no improvement"
     DAMAGE_BUDGET_USED = "damage budget used"
     RESPONSE_STOOD_STILL = "response stood still"
+    BOUND_PASSED = "bound passed"
     FINISHED = "finished"
     FAULTED = "faulted"
     STOPPED = "stopped"

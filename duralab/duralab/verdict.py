@@ -265,6 +265,12 @@ def judge(
         told = f"after {best}, every channel is within its limits: {_worst_of_each(findings, limits)}"
     told += f".{_not_judged(table, limits) if whole else ''}"
     end = _ENDS.get(status.outcome, "")
+    if status.outcome == iterator_pb2.OUTCOME_BOUND_PASSED:
+        sentence = (
+            f"The campaign ended early: playback {table.numbers[-1]} passed a bound of error, peak or damage, which a "
+            f"remark names. {told[0].upper()}{told[1:]}"
+        )
+        return Verdict(Judgement.ENDED_EARLY, sentence, limits, findings)
     if status.outcome == iterator_pb2.OUTCOME_DIVERGED:
         worst = int(np.argmax(table.judged_error[-1]))
         sentence = (

@@ -217,6 +217,7 @@ def test_a_part_of_the_target_is_not_the_target():
         (iterator_pb2.OUTCOME_NO_IMPROVEMENT, "did not improve"),
         (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, "damage budget was used"),
         (iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL, "a controlled response stood still"),
+        (iterator_pb2.OUTCOME_BOUND_PASSED, "passed a bound of error, peak or damage"),
     ],
 )
 def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):

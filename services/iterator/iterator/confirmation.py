@@ -133,6 +133,8 @@ def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criter
         return "the iteration diverged"
     if outcome is Outcome.RESPONSE_STOOD_STILL:
         return "a controlled response stood still"
+    if outcome is Outcome.BOUND_PASSED:
+        return "a playback passed a bound"
     if outcome is Outcome.DAMAGE_BUDGET_USED or (criteria.damage_budget > 0.0 and would_overspend(spent, criteria)):
         return "one more playback would pass the damage budget"
     return None
