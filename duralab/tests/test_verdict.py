@@ -83,7 +83,7 @@ def test_the_best_playback_is_judged_by_its_worst_channel():
         ({"damages": [1.0, 0.0]}, {}, "damage at k = 5 of c 1 is 0.00 (allowed 0.8 to 1.25)"),
         ({"damages": [0.5, 2.1]}, {}, "damage at k = 5 of c 0 and c 1 is 2.10 at worst, in c 1 (allowed"),
         ({"damages": [0.5, 2.1]}, {"damage_ratio": None}, None),
-        ({"outside": [0.02, 0.157]}, {}, "energy outside the control band of c 1 is 15.7 % (allowed up to 5 %)"),
+        ({"outside": [0.02, 0.157]}, {}, "energy outside the control band of c 1 is 15.7 % (allowed up to 10 %)"),
         ({"outside": [0.02, 0.157]}, {"energy_outside_band": 0.2}, None),
     ],
 )
