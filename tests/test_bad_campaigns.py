@@ -42,9 +42,9 @@ def write_target(path: Path, samples: np.ndarray, *, names: list[str] = RESPONSE
     ("changes", "said"),
     [
         ({"rig": "front_axel"}, ["front_axel", "front_axle"]),
-        ({"control_band__highest_frequency": 700.0}, ["700", "45"]),
+        ({"control_band__highest_frequency": 700.0}, ["700", "46"]),
         ({"excitation__highest_frequency": 600.0, "control_band__highest_frequency": 550.0}, ["600", "500"]),
-        ({"control_band__lowest_frequency": 0.1}, ["0.1", "0.4"]),
+        ({"control_band__lowest_frequency": 0.1}, ["0.1", "0.25"]),
         ({"excitation__rms": 0.2}, ["left_vertical", "0.115"]),
         ({"excitation__rms": float("nan")}, ["rms", "nan"]),
         ({"excitation__rms": 0.02}, ["left_vertical", "4 m/s", "fits"]),
