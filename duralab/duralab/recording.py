@@ -179,7 +179,9 @@ class Recording:
         """The figures of every playback."""
         return IterationTable.from_messages(
             [metrics for metrics, _, _ in self._iterations],
-            confirmations=[step.metrics for step in self.messages(iterator_pb2.ConfirmationStep)],
+            confirmations=[
+                step.metrics for step in self.messages(iterator_pb2.ConfirmationStep) if step.HasField("metrics")
+            ],
             status=self.status,
         )
 

@@ -6,12 +6,14 @@ import struct
 import pytest
 import synthetic_campaign
 from mcap.exceptions import EndOfFile
+from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 from test_cli import invoke
 
 import duralab
 from duralab.errors import InputError
 from duralab.mcap_damage import damaged
+from duralab.mcap_whole_records import whole_records
 from duralab_proto.v1 import iterator_pb2
 
 STEPS = 3
@@ -122,7 +124,10 @@ def test_damage_within_an_unfinished_file_is_no_end(tmp_path):
     path = synthetic_campaign.write(tmp_path / "r.mcap", steps(200), finish=False, chunk_size=500)
     content = bytearray(path.read_bytes())
     assert numbers_of(path) == list(range(1, 201))
-    content[len(content) // 2] ^= 0xFF
+    with path.open("rb") as stream:
+        chunks = [record for record in whole_records(stream, emit_chunks=True) if isinstance(record, Chunk)]
+    stored = chunks[len(chunks) // 2].data
+    content[content.index(stored) + len(stored) // 2] ^= 0xFF
     path.write_bytes(content)
     with pytest.raises(InputError, match="is damaged"):
         numbers_of(path)

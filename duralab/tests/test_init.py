@@ -99,7 +99,7 @@ def test_a_measured_file_with_the_rigs_names_needs_nothing_said_but_its_rate(rig
     content, missing = target_of(given, rig, tmp_path)
     assert missing == []
     assert content["target"] == {"file": "a road's.rsp", "edit": [{"resample": {"rate": 1000}}]}
-    assert content["control_band"]["lowest_frequency"] == 0.7
+    assert content["control_band"]["lowest_frequency"] == 0.5
 
 
 def test_no_channel_of_a_measured_file_is_guessed(rig, tmp_path):

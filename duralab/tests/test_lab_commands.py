@@ -205,7 +205,7 @@ def test_a_measured_file_becomes_a_target_and_each_step_is_told(lab, tmp_path):
     code, stdout, stderr = invoke("import", source, out, "--rig", "front_axle", "--settings", settings, "--json")
     assert code == 0, stderr
     told = json.loads(stdout)
-    assert (told["seconds"], told["steps"][0]["name"]) == (6.0, "resample")
+    assert (told["seconds"], [step["name"] for step in told["steps"]]) == (6.0, ["read_file", "resample"])
     target = read_signals(out)
     assert (target.names, target.channels[0].unit, target.sample_rate) == (NAMES, "N", 1000.0)
     wanted = -1000.0 * np.sin(2 * np.pi * 3 * target.time + 2)

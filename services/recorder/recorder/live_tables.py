@@ -23,6 +23,7 @@ _OUTCOMES = {
     iterator_pb2.OUTCOME_NO_IMPROVEMENT: "the last playbacks improved the best error too little",
     iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: "one more playback would do more damage than is allowed",
     iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL: "a response stood still while its target moved: check its sensor",
+    iterator_pb2.OUTCOME_BOUND_PASSED: "a playback passed a bound of error, peak or damage",
 }
 
 _MODES = {

@@ -103,13 +103,15 @@ class Campaign:
     def played(self, run: str, *, epoch: int, blocks: int = SAMPLES // BLOCK) -> recorder_pb2.RunPlayed:
         return recorder_pb2.RunPlayed(run=run, rig=self.rig, epoch=epoch, blocks=blocks)
 
-    def blocks(self, run: str, gain: float = 0.9) -> list[rig_pb2.SignalBlock]:
+    def blocks(
+        self, run: str, gain: float | np.ndarray = 0.9, drive_gain: float | np.ndarray = 1e-6
+    ) -> list[rig_pb2.SignalBlock]:
         return [
             rig_pb2.SignalBlock(
                 run=run,
                 first_sample=first,
                 sample_rate=SAMPLE_RATE,
-                drive=to_array(np.ascontiguousarray(self.target[:, first : first + BLOCK] * 1e-6)),
+                drive=to_array(np.ascontiguousarray(self.target[:, first : first + BLOCK] * drive_gain)),
                 response=to_array(np.ascontiguousarray(self.target[:, first : first + BLOCK] * gain)),
                 last=first + BLOCK >= SAMPLES,
             )

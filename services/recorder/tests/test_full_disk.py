@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 
+import numpy as np
 import pytest
 
 from duralab_proto.keys import Keys
@@ -59,7 +60,10 @@ def archive(small_disk, campaign, step_of, monkeypatch):
 
 def blocks_of(campaign, *, first=0, stop=4):
     key = Keys().rig_signal(campaign.rig, "demo.i01")
-    return [StreamItem(key, EPOCH, seq, block) for seq, block in enumerate(campaign.blocks("demo.i01"))][first:stop]
+    # Noise does not compress: three blocks never fit into what is left of a file's last page of 4 KiB.
+    noise = np.random.default_rng(4).uniform(0.5, 1.5, (2, 50))
+    blocks = campaign.blocks("demo.i01", gain=noise, drive_gain=1e-6 * noise)
+    return [StreamItem(key, EPOCH, seq, block) for seq, block in enumerate(blocks)][first:stop]
 
 
 def finish(archive, campaign, step_of):
@@ -82,7 +86,6 @@ def test_a_full_disk_interrupts_and_the_recording_goes_on_whole_when_there_is_ro
     archive.sync()
     acknowledged = (small_disk / "demo.mcap").read_bytes()
     fill(small_disk, leave=0)
-    # Three blocks do not fit into what is left of the file's last page of 4 KiB, however long the file is.
     for item in blocks_of(campaign, first=1):
         archive.take_block(item)
     archive.sync()
