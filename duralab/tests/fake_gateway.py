@@ -263,14 +263,16 @@ class Gateway:
         )
 
     def stop(self, request: rig_pb2.StopRequest, call) -> rig_pb2.RigState:
-        self.stopping.set()
         if not self.has(Defect.STOP_DOES_NOT_LATCH):
             self.latched = True
             self.reason = "" if self.has(Defect.STOP_WITHOUT_REASON) else request.reason
+        # Before it is told to stop: a busy machine would come to the answer after the rig has come to rest.
+        moving = self.state()
+        self.stopping.set()
         self.publish_state()
         if not self.cannot_be_stopped and not self.has(Defect.STOP_DOES_NOT_WAIT):
             self.resting.wait(60.0)
-        state = self.state()
+        state = moving if self.has(Defect.STOP_DOES_NOT_WAIT) else self.state()
         if self.has(Defect.STOP_CLAIMS_REST):
             state.run = ""
         return state

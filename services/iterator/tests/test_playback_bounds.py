@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from duralab_proto.arrays import to_array
 from iterator import (
     NO_BOUNDS,
     BoundedQuantity,
@@ -13,12 +12,14 @@ from iterator import (
     DriveLimits,
     DriveOverrunError,
     LimitPolicy,
+    NextDrive,
     Outcome,
     PlaybackBoundError,
     PlaybackBounds,
     StopCriteria,
     UpdateKind,
     UpdateSettings,
+    apply_inverse,
     control_band,
     judge_response,
     rig_model,
@@ -115,6 +116,30 @@ def test_a_watched_response_passes_no_bound():
     assert result.outcome is Outcome.ITERATIONS_USED
 
 
+def test_a_drive_whose_prediction_passes_a_bound_is_not_played():
+    played = []
+
+    def rig(drive):
+        played.append(drive)
+        return play(H, drive)
+
+    def quadrupling(history, model, settings):
+        """An update of somebody's own that runs away."""
+        if not history.playbacks:
+            return NextDrive(drive=apply_inverse(model, history.target, band=settings.band), model=model)
+        return NextDrive(drive=4.0 * history.playbacks[-1].drive, model=model)
+
+    settings = CampaignSettings(UpdateSettings(band=BAND, iteration_gain=np.full(2, 1.0)), StopCriteria(6))
+    model = rig_model(*frequency_response(H), identified_band=(1.0, 60.0))
+    with pytest.raises(PlaybackBoundError, match="Playback 2 is not played: by the model's prediction") as caught:
+        run_campaign(rig, TARGET, model=model, settings=settings, update=quadrupling)
+    assert len(played) == 1
+    assert (caught.value.passed.quantity, caught.value.passed.value) == (
+        BoundedQuantity.DAMAGE,
+        pytest.approx(4.0**5, rel=0.01),
+    )
+
+
 def test_a_first_drive_far_beyond_a_limit_is_refused_before_anything_is_played():
     largest = max(float(np.abs(drive).max()) for drive in run(louder(1.0))[1][:1])
     error, played = run(louder(1.0), limits=limits(largest / 2.0))
@@ -149,14 +174,12 @@ def test_the_bound_passed_furthest_is_named():
     assert PlaybackBounds().passed(judge_response(TARGET, TARGET), level=1.0, exponent=5.0) is None
 
 
-def planned(*, range=1e5, watchdog=0.0, weight=None, unit=""):
+def planned(*, range=1e5, watchdog=0.0, unit=""):
     spec, rig = specification(), description()
     if unit:
         spec.target_steps.add(name="read_file").channels.add(channel="left_vertical", source="Fz FL", stated_unit=unit)
     for channel in rig.responses:
         channel.minimum, channel.maximum, channel.watchdog = -range, range, watchdog
-    if weight is not None:
-        spec.update.response_weight.CopyFrom(to_array(np.array(weight)))
     return plan_campaign(spec, rig, experiment_plan(spec))
 
 
