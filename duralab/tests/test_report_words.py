@@ -69,3 +69,20 @@ def test_levels_weights_and_limits_are_told_where_they_are_set(specification):
     assert rows["Watched, not controlled"] == f"{names[3]}, {names[5]}"
     assert rows["Weights"] == f"{names[0]} 1, {names[1]} 2, {names[2]} 1, {names[4]} 1"
     assert rows["At a limit of the rig"] == "the campaign ends before the drive is played"
+
+
+def test_bounds_of_a_playback_and_of_the_first_drive_are_told_where_they_are_set(specification):
+    before = told(specification)
+    assert "passes" not in before["End"]
+    specification.limit_policy = iterator_pb2.LIMIT_POLICY_PROJECT
+    specification.largest_overrun = 1.25
+    specification.stop.error_bound, specification.stop.peak_bound, specification.stop.damage_bound = 3.0, np.inf, 250.0
+    rows = told(specification)
+    assert rows["End"] == (
+        f"{before['End']}, or where a channel passes a relative RMS error of 3 or 250 × the target's damage "
+        "in a playback"
+    )
+    assert rows["At a limit of the rig"] == (
+        "a near drive that holds it is played, and each change is reported; a first drive beyond 1.25 × the limit is "
+        "refused"
+    )

@@ -42,9 +42,21 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
                 if stop.smallest_improvement
                 else ""
             )
-            + (f", or before more than {stop.damage_budget:g} × the target's damage" if stop.damage_budget else ""),
+            + (f", or before more than {stop.damage_budget:g} × the target's damage" if stop.damage_budget else "")
+            + _bounds_in_words(stop),
         ),
     ]
+
+
+def _bounds_in_words(stop: iterator_pb2.StopCriteria) -> str:
+    """Return what no playback may pass; empty without a bound, and in recordings from before there were bounds."""
+    bounds = {
+        "a relative RMS error of {:g}": stop.error_bound,
+        "{:g} × the target's peak": stop.peak_bound,
+        "{:g} × the target's damage": stop.damage_bound,
+    }
+    passed = [words.format(value) for words, value in bounds.items() if 0.0 < value < np.inf]
+    return f", or where a channel passes {' or '.join(passed)} in a playback" if passed else ""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ _ALGORITHMS: Final = {
     iterator_pb2.UPDATE_KIND_SECANT: "secant update",
 }
 _LIMITS: Final = {
-    iterator_pb2.LIMIT_POLICY_PROJECT: "a near drive that holds it is played, and its differences are told",
+    iterator_pb2.LIMIT_POLICY_PROJECT: "a near drive that holds it is played, and each change is reported",
     iterator_pb2.LIMIT_POLICY_REFUSE: "the campaign ends before the drive is played",
 }
 
@@ -34,7 +34,10 @@ def iteration_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[s
             rows.append(("Watched, not controlled", ", ".join(names[~counted])))
         if np.unique(weight[counted]).size > 1:
             rows.append(("Weights", _by_channel(list(names[counted]), weight[counted])))
-    rows.append(("At a limit of the rig", _LIMITS.get(specification.limit_policy, "not told")))
+    overrun = specification.largest_overrun
+    projects = specification.limit_policy == iterator_pb2.LIMIT_POLICY_PROJECT
+    refused = f"; a first drive beyond {overrun:g} × the limit is refused" if projects and overrun else ""
+    rows.append(("At a limit of the rig", _LIMITS.get(specification.limit_policy, "not told") + refused))
     return rows
 
 
