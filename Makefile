@@ -6,6 +6,7 @@ PYTHON ?=
 VIEW ?=
 ARGS ?=
 UPGRADE ?=
+PREFIX ?= $(CURDIR)/.lab
 FUZZ ?= 3000
 SEED ?= 1000
 export PYTHON
@@ -16,13 +17,17 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo bench faults multihost security-table audit sbom studies docs test examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup install demo bench faults multihost security-table audit sbom studies docs test examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
 
 setup: ## make .venv, again only when the lock or a pyproject.toml changed
 	@scripts/setup.sh
+
+install: ## put the lab alone, without the tools of tests and docs, into PREFIX (.lab): 1.7 GB, `.lab/bin/duralab`
+	@TOOLS=$(CURDIR)/.tools/install deploy/images/install.sh --tools
+	@TOOLS=$(CURDIR)/.tools/install PREFIX=$(PREFIX) deploy/images/install.sh services/rig_sim services/identifier services/iterator services/recorder duralab
 
 demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
 	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view)
@@ -111,5 +116,5 @@ format: setup ## format and mend what ruff can
 	@$(BIN)/ruff format --quiet .
 
 clean: ## remove .venv, tools, results and caches
-	@rm -rf .venv .tools out examples/bare_zenoh/rust/target .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
+	@rm -rf .venv .lab .tools out examples/bare_zenoh/rust/target .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
