@@ -24,9 +24,9 @@ from duralab.campaign_file import Campaign, Target
 from duralab.formats import write_signals
 from duralab.signals import Signals
 from duralab_proto.v1 import identifier_pb2
+from identifier.bus import settings_of
 from identifier.excitation import design_experiment
 from identifier.experiment import estimate_experiment
-from identifier.request import settings_of
 from iterator import iterate
 from iterator.campaign_messages import checked_model
 from iterator.campaign_plan import plan_campaign

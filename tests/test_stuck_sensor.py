@@ -15,7 +15,7 @@ from identifier import (
     estimate,
     pure_random,
 )
-from identifier.line_filling import fill_lines, valid_band
+from identifier.modelling import fill_lines, valid_band
 from iterator import (
     CampaignSettings,
     Outcome,

@@ -31,7 +31,6 @@ from identifier.excitation import (
     design_experiment,
     hadamard_matrix,
     linear_fades,
-    make_experiment,
     minimise_crest_factor,
     plan_experiment,
     pure_random,
@@ -39,12 +38,17 @@ from identifier.excitation import (
     shortest_delay_seconds,
     sign_matrix,
 )
-from identifier.experiment import estimate_experiment
+from identifier.experiment import (
+    EstimatorSettings,
+    IdentificationSettings,
+    RigUnderTest,
+    check_against_rig,
+    estimate_experiment,
+    make_experiment,
+)
 from identifier.layout import Capture, Layout, Window
-from identifier.model import IdentifiedModel, content_hash, from_message, to_message, with_id
-from identifier.rig_under_test import RigUnderTest, check_against_rig
+from identifier.modelling import IdentifiedModel, content_hash, from_message, to_message, with_id
 from identifier.setting_error import SettingError
-from identifier.settings import EstimatorSettings, IdentificationSettings
 from identifier.uncertainty import (
     DistortionLevels,
     ValidBand,

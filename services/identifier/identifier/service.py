@@ -10,19 +10,37 @@ from pydantic import Field
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import identifier_pb2, query_pb2
-from identifier.excitation import Experiment, make_experiment
-from identifier.experiment import estimate_experiment
-from identifier.level_series import level_series
-from identifier.line_filling import valid_band
-from identifier.model import IdentifiedModel, from_message, to_message
-from identifier.model_building import distortion_of, model_of, plan_message
-from identifier.model_queries import advise, converge, difference, drive_room, predict
-from identifier.model_shelf import ModelShelf
-from identifier.request import settings_of
-from identifier.rig_playback import describe_rig, play_experiment
-from identifier.rig_under_test import RigUnderTest, check_against_rig, with_names
+from identifier.bus import (
+    advise,
+    converge,
+    describe_rig,
+    difference,
+    drive_room,
+    level_series,
+    play_experiment,
+    predict,
+    settings_of,
+)
+from identifier.excitation import Experiment
+from identifier.experiment import (
+    IdentificationSettings,
+    RigUnderTest,
+    check_against_rig,
+    estimate_experiment,
+    make_experiment,
+    with_names,
+)
+from identifier.modelling import (
+    IdentifiedModel,
+    ModelShelf,
+    distortion_of,
+    from_message,
+    model_of,
+    plan_message,
+    to_message,
+    valid_band,
+)
 from identifier.setting_error import SettingError
-from identifier.settings import IdentificationSettings
 from labbus import Bus, Call, FaultError, ServiceConfig
 
 SERVICE = "identifier"

@@ -10,8 +10,8 @@ from duralab_proto.arrays import from_array, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from duralab_proto.v1.array_pb2 import Channel
 from identifier import SettingError
-from identifier.model import IdentifiedModel, to_message, with_id
-from identifier.model_queries import advise, converge, drive_room
+from identifier.bus import advise, converge, drive_room
+from identifier.modelling import IdentifiedModel, to_message, with_id
 from identifier.service import IdentifierConfig, IdentifierService
 from identifier.uncertainty import ValidBand
 from labbus import FaultError

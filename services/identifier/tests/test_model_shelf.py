@@ -1,5 +1,5 @@
 from duralab_proto.v1.identifier_pb2 import Model
-from identifier.model_shelf import ModelShelf
+from identifier.modelling import ModelShelf
 
 
 def test_the_model_not_used_for_longest_gives_way():

@@ -21,8 +21,8 @@ from identifier import (
     make_experiment,
     to_message,
 )
-from identifier.model_building import distortion_of, model_of
-from identifier.request import settings_of
+from identifier.bus import settings_of
+from identifier.modelling import distortion_of, model_of
 
 
 def request(**changes):

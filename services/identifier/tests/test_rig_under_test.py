@@ -5,7 +5,7 @@ from test_request_and_model import RIG, multisine, plan, request
 
 from duralab_proto.v1 import identifier_pb2
 from identifier import SettingError
-from identifier.rig_under_test import with_names
+from identifier.experiment import with_names
 
 POLYNOMIAL = {"estimator__kind": identifier_pb2.ESTIMATOR_KIND_LOCAL_POLYNOMIAL}
 RATIONAL = {"estimator__kind": identifier_pb2.ESTIMATOR_KIND_LOCAL_RATIONAL}

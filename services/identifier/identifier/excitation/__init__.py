@@ -13,7 +13,6 @@ from identifier.excitation.orthogonal import PhaseSet, dft_matrix, draw_phases
 from identifier.excitation.plan import ExperimentPlan, plan_experiment, shortest_delay_seconds
 from identifier.excitation.power_spectrum import PowerSpectrum, TabulatedSpectrum, White, WhitePink
 from identifier.excitation.pure_random import pure_random
-from identifier.excitation.rig_drive import make_experiment
 from identifier.excitation.schedule import AVERAGES_PER_DRIVE, averages_of, schedule_experiment
 from identifier.excitation.settings import ExcitationKind, ExcitationSettings, LevelKind
 
@@ -37,7 +36,6 @@ __all__ = [
     "draw_phases",
     "hadamard_matrix",
     "linear_fades",
-    "make_experiment",
     "minimise_crest_factor",
     "nearest_hadamard_order",
     "plan_experiment",

@@ -1,15 +1,7 @@
 """The experiment for a rig, checked against its limits."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from identifier.excitation.design import Experiment, design_experiment
-from identifier.excitation.levels import check_levels
-from identifier.excitation.settings import ExcitationSettings
-
-if TYPE_CHECKING:
-    from identifier.rig_under_test import RigUnderTest
+from identifier.excitation import ExcitationSettings, Experiment, check_levels, design_experiment
+from identifier.experiment.rig_under_test import RigUnderTest
 
 
 def make_experiment(settings: ExcitationSettings, rig: RigUnderTest) -> Experiment:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import ArrayError, from_record, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
-from identifier.rig_under_test import RigUnderTest
+from identifier.experiment import RigUnderTest
 from labbus import Bus, Call, FaultError
 
 

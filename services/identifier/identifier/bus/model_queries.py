@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import array_pb2, identifier_pb2
-from identifier.model import IdentifiedModel
+from identifier.modelling import IdentifiedModel
 from identifier.setting_error import SettingError
 from identifier.uncertainty import (
+    CREST_FACTOR,
     ValidBand,
     advise_levels,
     difference_sentences,
@@ -17,7 +18,6 @@ from identifier.uncertainty import (
     predict_convergence,
     predict_response,
 )
-from identifier.uncertainty.level_advice import CREST_FACTOR
 
 LARGEST_CONVERGENCE_LINES: Final = 4096
 """More lines of the control band than this would keep a processor busy for minutes."""

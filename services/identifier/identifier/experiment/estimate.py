@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identifier.estimators import FrfEstimate, estimate
+from identifier.experiment.settings import EstimatorSettings
 from identifier.layout import Layout
-from identifier.settings import EstimatorSettings
 from spectra import as_record
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from duralab_proto.v1 import array_pb2, rig_pb2
 from identifier.estimators import Estimation, EstimatorKind
 from identifier.excitation import ExcitationKind, ExcitationSettings, LevelKind, schedule_experiment
+from identifier.experiment.settings import IdentificationSettings
 from identifier.setting_error import SettingError
-from identifier.settings import IdentificationSettings
 from spectra import count_blocks
 
 LARGEST_AVERAGED_SAMPLES = 2**28

@@ -9,10 +9,10 @@ from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
 from identifier.excitation import ExcitationSettings, plan_experiment
+from identifier.experiment import RigUnderTest, with_names
 from identifier.layout import Layout
-from identifier.line_filling import fill_lines, valid_band
-from identifier.model import IdentifiedModel, with_id
-from identifier.rig_under_test import RigUnderTest, with_names
+from identifier.modelling.line_filling import fill_lines, valid_band
+from identifier.modelling.model import IdentifiedModel, with_id
 from identifier.uncertainty import (
     DistortionLevels,
     ValidBand,

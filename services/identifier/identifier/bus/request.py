@@ -16,8 +16,8 @@ from identifier.excitation import (
     TabulatedSpectrum,
     WhitePink,
 )
+from identifier.experiment import EstimatorSettings, IdentificationSettings
 from identifier.setting_error import SettingError
-from identifier.settings import EstimatorSettings, IdentificationSettings
 
 # The names of the contract are those of the enums with a prefix, so that neither can grow without the other being seen.
 _EXCITATIONS: Final = {

@@ -1,0 +1,16 @@
+"""One experiment with a rig: its settings, whether they fit the rig, its drive, and the estimate from its record."""
+
+from identifier.experiment.estimate import estimate_experiment
+from identifier.experiment.rig_drive import make_experiment
+from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, with_names
+from identifier.experiment.settings import EstimatorSettings, IdentificationSettings
+
+__all__ = [
+    "EstimatorSettings",
+    "IdentificationSettings",
+    "RigUnderTest",
+    "check_against_rig",
+    "estimate_experiment",
+    "make_experiment",
+    "with_names",
+]
