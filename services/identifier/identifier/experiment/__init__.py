@@ -1,8 +1,7 @@
 """One experiment with a rig: its settings, whether they fit the rig, its drive, and the estimate from its record."""
 
 from identifier.experiment.estimate import estimate_experiment
-from identifier.experiment.rig_drive import make_experiment
-from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, with_names
+from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, make_experiment, with_names
 from identifier.experiment.settings import EstimatorSettings, IdentificationSettings
 
 __all__ = [

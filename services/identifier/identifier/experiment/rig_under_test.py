@@ -1,4 +1,4 @@
-"""The rig an experiment is for, and whether the experiment fits it."""
+"""The rig an experiment is for, whether the experiment fits it, and the drive within its limits."""
 
 import re
 from collections.abc import Sequence
@@ -8,7 +8,15 @@ import numpy as np
 
 from duralab_proto.v1 import array_pb2, rig_pb2
 from identifier.estimators import Estimation, EstimatorKind
-from identifier.excitation import ExcitationKind, ExcitationSettings, LevelKind, schedule_experiment
+from identifier.excitation import (
+    ExcitationKind,
+    ExcitationSettings,
+    Experiment,
+    LevelKind,
+    check_levels,
+    design_experiment,
+    schedule_experiment,
+)
 from identifier.experiment.settings import IdentificationSettings
 from identifier.setting_error import SettingError
 from spectra import count_blocks
@@ -149,6 +157,37 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
         )
     except ValueError as error:
         raise SettingError(str(error), field="estimator.local_half_width") from error
+
+
+def make_experiment(settings: ExcitationSettings, rig: RigUnderTest) -> Experiment:
+    """Make the drive of an experiment and check it against the rig's limits.
+
+    Parameters
+    ----------
+    settings
+        Checked against the rig, see `check_against_rig`.
+    rig
+        What it is for.
+
+    Returns
+    -------
+    Experiment
+        Drive and layout.
+
+    Raises
+    ------
+    SettingError
+        Where a drive would pass a limit.
+    """
+    experiment = design_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    check_levels(
+        experiment.drive,
+        channels=rig.drives,
+        levels=settings.levels,
+        sample_rate=rig.sample_rate,
+        level_kind=settings.level_kind,
+    )
+    return experiment
 
 
 def _check_blocks(excitation: ExcitationSettings, sample_rate: float) -> None:
