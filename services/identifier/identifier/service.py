@@ -32,7 +32,7 @@ from identifier.experiment import (
 )
 from identifier.modelling import (
     IdentifiedModel,
-    ModelShelf,
+    ModelCache,
     distortion_of,
     from_message,
     model_of,
@@ -78,13 +78,13 @@ class IdentifierService:
 
     def __init__(self, bus: Bus, config: IdentifierConfig) -> None:
         self._bus = bus
-        self._shelf = ModelShelf(config.kept_models)
+        self._cache = ModelCache(config.kept_models)
         self._log = structlog.get_logger(SERVICE)
         self._identified_rigs = bus.figures.count(
             "duralab_identifier_models_total", "Models identified, by rig", labels=("rig",)
         )
         bus.figures.follow(
-            "duralab_identifier_kept_models", "Models that can be asked for", lambda: {(): float(len(self._shelf))}
+            "duralab_identifier_kept_models", "Models that can be asked for", lambda: {(): float(len(self._cache))}
         )
         keys = bus.keys
         bus.serve(keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
@@ -326,17 +326,17 @@ class IdentifierService:
             levels=levels,
         )
         message = to_message(model)
-        self._shelf.put(message)
+        self._cache.put(message)
         self._identified_rigs.add(request.rig)
         log.info("identified", model=message.id, blocks=message.blocks, warnings=len(message.warnings))
         return message
 
     def _held(self, wanted: str, *, field: str = "") -> identifier_pb2.Model:
-        message = self._shelf.get(wanted)
+        message = self._cache.get(wanted)
         if message is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
-                f"The identifier holds no model {wanted!r}; it keeps the {self._shelf.capacity} used last since it was "
+                f"The identifier holds no model {wanted!r}; it keeps the {self._cache.capacity} used last since it was "
                 "started, so read older ones from the recording of their campaign.",
                 field=field,
             )

@@ -97,7 +97,7 @@ def test_a_target_that_does_not_move_is_refused_with_its_field():
 def test_a_drive_without_room_is_no_fault_of_the_target():
     model = with_id(model_valid(1.0, 60.0, limits=(0.0, 0.1)))
     service = IdentifierService(MagicMock(), IdentifierConfig())
-    service._shelf.put(to_message(model))
+    service._cache.put(to_message(model))
     call = SimpleNamespace(progress=lambda _what, _fraction: None)
     with pytest.raises(FaultError, match="Drive drive_0 of rig 'front_axle' goes from 0 to") as fault:
         service.advice(advice_request(model, model_id=model.id), call)

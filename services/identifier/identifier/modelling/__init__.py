@@ -1,14 +1,14 @@
 """Models of rigs: built from estimates, as values and as messages, named by the hash of their content, and held."""
 
 from identifier.modelling.building import distortion_of, model_of, plan_message
+from identifier.modelling.cache import ModelCache
 from identifier.modelling.line_filling import FilledLines, fill_lines, valid_band
 from identifier.modelling.model import IdentifiedModel, content_hash, from_message, to_message, with_id
-from identifier.modelling.shelf import ModelShelf
 
 __all__ = [
     "FilledLines",
     "IdentifiedModel",
-    "ModelShelf",
+    "ModelCache",
     "content_hash",
     "distortion_of",
     "fill_lines",

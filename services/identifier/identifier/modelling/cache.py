@@ -6,8 +6,8 @@ from collections import OrderedDict
 from duralab_proto.v1 import identifier_pb2
 
 
-class ModelShelf:
-    """Holds the models used last, up to a number; the log, not this, is the memory of the lab.
+class ModelCache:
+    """Cache of the models used last; the log, not this, is the memory of the lab.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class ModelShelf:
 
     def __init__(self, capacity: int) -> None:
         if capacity < 1:
-            raise ValueError(f"The shelf is to hold {capacity} models; it must hold 1 or more.")
+            raise ValueError(f"The cache is to hold {capacity} models; it must hold 1 or more.")
         self.capacity = capacity
         self._models: OrderedDict[str, identifier_pb2.Model] = OrderedDict()
         self._lock = threading.Lock()
@@ -31,7 +31,7 @@ class ModelShelf:
         return len(self._models)
 
     def put(self, model: identifier_pb2.Model) -> None:
-        """Hold a model; the one not used for longest gives way where the shelf is full.
+        """Hold a model; drop the least recently used one if the cache is full.
 
         Parameters
         ----------
