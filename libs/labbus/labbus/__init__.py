@@ -1,7 +1,7 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
 from labbus._arenas import keep_few_arenas
-from labbus._bus import Bus
+from labbus._bus import Bus, LiveToken, open_bus
 from labbus._call import Call
 from labbus._client import Cancel
 from labbus._config import BusConfig, BusMode, TlsConfig
@@ -10,18 +10,14 @@ from labbus._encoding import encoding_of
 from labbus._faults import BusError, FaultError
 from labbus._figures import FigureFamily, FigureKind, Figures, Tally
 from labbus._hosting import HostedService, host_services, installed_services
-from labbus._live_token import LiveToken
 from labbus._liveliness import LiveWatch
 from labbus._logs import configure_logs
 from labbus._metrics import MetricsConfig
-from labbus._opening import open_bus
-from labbus._router import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration
-from labbus._routing import run_router
+from labbus._router import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
 from labbus._server import Served
 from labbus._service import ServiceConfig, run_service, service_main
-from labbus._spool import SpoolFullError
+from labbus._spool import SpoolFullError, SpoolSpace
 from labbus._spool_folder import SpoolFolder
-from labbus._spool_space import SpoolSpace
 from labbus._stacks import tell_stacks_on_signal
 from labbus._stream_item import StreamItem
 from labbus._stream_order import StreamProof

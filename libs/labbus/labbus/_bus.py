@@ -1,4 +1,4 @@
-"""The bus as a service or a lab script uses it."""
+"""The bus as a service or a lab script uses it: joining, and everything a session can do."""
 
 from __future__ import annotations
 
@@ -21,23 +21,51 @@ from labbus._encoding import MessageT
 from labbus._faults import BusError, FaultError
 from labbus._figures import Figures
 from labbus._health import HealthTeller
-from labbus._identity import Identity
-from labbus._live_token import LiveToken
+from labbus._identity import Identity, check_identity
 from labbus._liveliness import Instance, LiveCallback, LivelinessTracker, LiveWatch
 from labbus._permission import Permission
 from labbus._reintroduction import Reintroduction
-from labbus._rejoining import BusSession
+from labbus._rejoining import BusSession, Declaration
 from labbus._replay import ReplayServer
 from labbus._replay_client import ReplayClient
 from labbus._server import QueryServer, Served
+from labbus._session import open_session
+from labbus._spool import SPOOL_BYTES, SpoolSpace
 from labbus._spool_folder import SpoolFolder
-from labbus._spool_space import SPOOL_BYTES, SpoolSpace
 from labbus._stream_figures import StreamFigures
 from labbus._stream_item import StreamItem
 from labbus._streams import StreamPublisher
 from labbus._subscription import Subscription
 
 _STORING: Final = ("recorder", MAIN_INSTANCE)
+
+
+class LiveToken:
+    """Says that an instance of a service is there and answers for its health, until `close` or the process's end.
+
+    Parameters
+    ----------
+    token : Declaration
+        Of the liveliness token.
+    answering : Served
+        The query for its health.
+    on_close : callable
+        Told when it is closed.
+    """
+
+    def __init__(self, token: Declaration[Any], answering: Served, *, on_close: Callable[[LiveToken], None]) -> None:
+        self._token = token
+        self._answering = answering
+        self._on_close = on_close
+        self._closed = False
+
+    def close(self) -> None:
+        """Say it no more."""
+        if not self._closed:
+            self._closed = True
+            self._token.undeclare()
+            self._answering.close()
+            self._on_close(self)
 
 
 class Bus:
@@ -326,3 +354,31 @@ class Bus:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4) -> Bus:
+    """Join the bus.
+
+    Parameters
+    ----------
+    config : BusConfig, optional
+        How; an unconnected peer on loopback where not given.
+    service : str
+        Who joins, e.g. "rig_sim"; named in the faults it answers.
+    workers : int
+        Queries of one key answered at once, 1 or more.
+
+    Returns
+    -------
+    Bus
+        Open; to be closed.
+
+    Raises
+    ------
+    BusError
+        One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
+    """
+    config = config or BusConfig()
+    identity = check_identity(config.tls) if config.tls is not None else None
+    session, listening = open_session(config)
+    return Bus(session, config, service=service, workers=workers, listening=listening, identity=identity)

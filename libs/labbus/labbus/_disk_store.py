@@ -16,14 +16,11 @@ import os
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import xxhash
 
-from labbus._spool import Spooled
-
-if TYPE_CHECKING:
-    from labbus._spool_folder import SpoolFolder
+from labbus._spool import Spooled, SpoolSpace
 
 SEGMENT_BYTES: Final = 4 * 2**20
 SUFFIX: Final = ".spool"
@@ -80,13 +77,14 @@ def _checksum(epoch: int, seq: int, encoding: bytes, payload: bytes) -> int:
 
 
 class DiskStore:
-    """Keeps the messages of one epoch in its folder; the bound is the folder's.
+    """Messages of one epoch in a folder; the bound is that of the space, which is shared with other stores.
 
     A segment in reserve is always taken from the disk before it is needed: a disk that is full is noticed while there
     is room for what must still be written.
     """
 
-    def __init__(self, folder: SpoolFolder, *, key: str, epoch: int, writable: bool = True) -> None:
+    def __init__(self, space: SpoolSpace, folder: Path, *, key: str, epoch: int, writable: bool = True) -> None:
+        self._space = space
         self._folder = folder
         self._epoch = epoch
         header = json.dumps({"key": key, "epoch": epoch}).encode()
@@ -102,12 +100,12 @@ class DiskStore:
         """Why nothing more should be put in but what must be; empty while there is room, which is looked for again."""
         if self._refusal:
             self._reserve()
-        return self._refusal or self._folder.shortage
+        return self._refusal or self._space.shortage
 
     @property
     def full(self) -> bool:
-        """Whether the folder's bound is exceeded."""
-        return self._folder.full
+        """Whether the bound of the space is exceeded."""
+        return self._space.full
 
     @property
     def size(self) -> int:
@@ -157,7 +155,7 @@ class DiskStore:
         self._segments.clear()
         for spare in self._spares:
             spare.unlink(missing_ok=True)
-            self._folder.count(-SEGMENT_BYTES)
+            self._space.count(-SEGMENT_BYTES)
         self._spares.clear()
 
     def adopt(self, path: Path, first: int, content: bytes) -> None:
@@ -172,7 +170,7 @@ class DiskStore:
             segment.offsets.append(segment.end)
             segment.end += _RECORD.size + len(message.encoding.encode()) + len(message.payload)
         self._segments.append(segment)
-        self._folder.count(segment.size)
+        self._space.count(segment.size)
 
     @property
     def adopted(self) -> range:
@@ -181,7 +179,7 @@ class DiskStore:
 
     def _begin(self, first: int, *, least: int) -> None:
         size = max(SEGMENT_BYTES, len(self._header) + least)
-        path = self._folder.path / f"{self._epoch}-{first:020}{SUFFIX}"
+        path = self._folder / f"{self._epoch}-{first:020}{SUFFIX}"
         if size == SEGMENT_BYTES and self._spares:
             self._spares.pop().rename(path)
         else:
@@ -193,11 +191,11 @@ class DiskStore:
             self._reserve()
 
     def _reserve(self) -> None:
-        spare = self._folder.path / f"{self._epoch}.reserve"
+        spare = self._folder / f"{self._epoch}.reserve"
         try:
             self._take(spare, SEGMENT_BYTES)
         except OSError as error:
-            self._refusal = f"the disk of the spool {self._folder.path} refuses more: {error.strerror or error}"
+            self._refusal = f"the disk of the spool {self._folder} refuses more: {error.strerror or error}"
         else:
             self._spares.append(spare)
             self._refusal = ""
@@ -212,11 +210,11 @@ class DiskStore:
             raise
         finally:
             os.close(descriptor)
-        self._folder.count(size)
+        self._space.count(size)
 
     def _release(self, segment: _Segment) -> None:
         """Keep a segment to be written again, or delete it where room is short."""
-        roomy = self._folder.used_bytes < self._folder.largest_bytes // 2
+        roomy = self._space.used_bytes < self._space.largest_bytes // 2
         if segment.size != SEGMENT_BYTES or len(self._spares) >= _MOST_SPARES or not roomy or self._refusal:
             self._delete(segment)
             return
@@ -228,7 +226,7 @@ class DiskStore:
     def _delete(self, segment: _Segment) -> None:
         os.close(segment.descriptor)
         segment.path.unlink(missing_ok=True)
-        self._folder.count(-segment.size)
+        self._space.count(-segment.size)
 
 
 def _longest(content: bytes, offset: int) -> int:

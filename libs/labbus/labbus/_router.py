@@ -1,10 +1,14 @@
-"""The router's configuration, made from the access table: who is let in, and what each may do."""
+"""The router of a secured lab: its configuration, made from the access table, and running it in this process."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Final
+
+import zenoh
 
 from duralab_proto.access import (
     ACCESS,
@@ -20,8 +24,10 @@ from duralab_proto.access import (
     reserved,
 )
 from duralab_proto.keys import Keys
-from labbus._config import LARGEST_PAYLOAD_BYTES
-from labbus._session import LINK_SETTINGS
+from labbus._config import LARGEST_PAYLOAD_BYTES, BusConfig, TlsConfig
+from labbus._faults import BusError
+from labbus._identity import check_identity
+from labbus._session import LINK_SETTINGS, explain_failure
 
 DEFAULT_HOLDERS: Final = (*(Holder(role, "main") for role in Role), Holder(ADMIN, "main"))
 """Who is let in by the configuration in deploy/router; `duralab certs router` writes one for those of a folder."""
@@ -193,3 +199,48 @@ def _rule(id: str, flow: str, messages: Sequence[str], expressions: Sequence[str
         "messages": list(messages),
         "key_exprs": list(expressions),
     }
+
+
+@contextmanager
+def run_router(configuration: str, *, listen: str) -> Iterator[None]:
+    """Run the router of a secured lab, with its certificates and its access control, until the `with` statement ends.
+
+    Parameters
+    ----------
+    configuration : str
+        As `router_configuration` returns it.
+    listen : str
+        The endpoint it listens at, in place of the one in the configuration, e.g. "tls/127.0.0.1:7447".
+
+    Yields
+    ------
+    None
+        As soon as it accepts sessions. Zenoh's log goes to standard error, as far as RUST_LOG says, else warnings.
+
+    Raises
+    ------
+    BusError
+        One sentence: a certificate or key is missing, not usable or expired, or the endpoint cannot be used.
+    """
+    zenoh.init_log_from_env_or("warn")
+    try:
+        config = zenoh.Config.from_json5(configuration)
+        config.insert_json5("listen/endpoints", json.dumps({"router": [listen]}))
+        tls = json.loads(config.get_json("transport/link/tls"))
+    except (zenoh.ZError, ValueError) as error:
+        raise BusError(f"This is no configuration of a router: {error}; `duralab certs router` makes one.") from error
+    # Zenoh does not name the file that is missing.
+    ca, certificate, key = (
+        Path(tls[name]) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")
+    )
+    check_identity(TlsConfig(ca=ca, certificate=certificate, key=key))
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        if "in use" in str(error):
+            raise BusError(
+                f"The endpoint {listen} is in use by another process; end that one, or choose another."
+            ) from error
+        raise BusError(explain_failure(str(error), BusConfig())) from error
+    with session:
+        yield

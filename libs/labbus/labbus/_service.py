@@ -18,12 +18,11 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field
 
 from duralab_proto.keys import MAIN_INSTANCE
-from labbus._bus import Bus
+from labbus._bus import Bus, open_bus
 from labbus._config import BusConfig
 from labbus._faults import BusError, FaultError
 from labbus._logs import configure_logs
 from labbus._metrics import MetricsConfig, tell_prometheus
-from labbus._opening import open_bus
 from labbus._settings import configured
 from labbus._stacks import tell_stacks
 from labbus._yaml import ConfigError

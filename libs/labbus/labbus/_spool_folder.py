@@ -11,8 +11,7 @@ from typing import Final, NamedTuple
 
 from labbus._disk_store import SUFFIX, DiskStore, read_header
 from labbus._faults import BusError
-from labbus._spool import Extent, Spool
-from labbus._spool_space import SpoolSpace
+from labbus._spool import Extent, Spool, SpoolSpace
 
 SMALLEST_BYTES: Final = 16 * 2**20
 FOLDER_BYTES: Final = 512 * 2**20
@@ -64,7 +63,7 @@ class SpoolFolder(SpoolSpace):
 
     def store(self, *, key: str, epoch: int) -> DiskStore:
         """Return the store of a new epoch."""
-        return DiskStore(self, key=key, epoch=epoch)
+        return DiskStore(self, self.path, key=key, epoch=epoch)
 
     def take_over(self) -> list[LeftSpool]:
         """Take over what processes that are dead left here; what is of no publisher is left alone."""
@@ -89,7 +88,7 @@ class SpoolFolder(SpoolSpace):
             if header is None or not first.isdigit():
                 continue
             key, epoch = header
-            store = stores.setdefault(header, DiskStore(self, key=key, epoch=epoch, writable=False))
+            store = stores.setdefault(header, DiskStore(self, self.path, key=key, epoch=epoch, writable=False))
             # What follows a damaged message is of no use to a receiver that wants all; it stays on the disk.
             if not store.adopted or store.adopted.stop == int(first):
                 store.adopt(path, int(first), content)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from labbus._figures import NO_LABELS, FigureKind, Figures, Labels
-from labbus._spool_space import SpoolSpace
+from labbus._spool import SpoolSpace
 
 _BY_MESSAGE = ("message",)
 

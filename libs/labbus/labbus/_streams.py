@@ -14,8 +14,7 @@ from labbus._faults import BusError
 from labbus._figures import Tally
 from labbus._rejoining import BusSession
 from labbus._replay import ReplayServer
-from labbus._spool import Spool
-from labbus._spool_space import SPOOL_BYTES, SpoolSpace
+from labbus._spool import SPOOL_BYTES, Spool, SpoolSpace
 from labbus._stream_item import POSITION
 
 # Above the queries: an answer that waits for a receiver holds its queue, and nothing of a stream must wait behind it.

@@ -15,9 +15,9 @@ from pydantic import BaseModel, ConfigDict
 
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import health_pb2
+from labbus._bus import open_bus
 from labbus._config import BusConfig, BusMode
 from labbus._faults import BusError, FaultError
-from labbus._opening import open_bus
 from labbus._settings import configured
 from labbus._yaml import ConfigError
 

@@ -113,7 +113,8 @@ def test_segments_are_taken_over_without_a_copy_of_what_follows_each_message(tmp
     fill(spool, 100)
     (path,) = tmp_path.glob("written/*/1-*.spool")
     content = path.read_bytes()
-    taking = _disk_store.DiskStore(labbus.SpoolFolder(tmp_path / "taking"), key="k", epoch=1, writable=False)
+    space = labbus.SpoolFolder(tmp_path / "taking")
+    taking = _disk_store.DiskStore(space, space.path, key="k", epoch=1, writable=False)
     tracemalloc.start()
     try:
         taking.adopt(path, 0, content)
