@@ -14,8 +14,7 @@ from duralab.certificate_files import read_certificate, read_certificates
 from duralab.certificates import configure_router, init_authority, issue, renew
 from duralab.cli import app
 from duralab.errors import InputError
-from labbus import BusError, TlsConfig
-from labbus._identity import check_identity
+from labbus import BusError, TlsConfig, check_identity
 
 
 @pytest.fixture

@@ -1,29 +1,26 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
-from labbus._arenas import keep_few_arenas
-from labbus._bus import Bus, LiveToken, open_bus
-from labbus._call import Call
-from labbus._client import Cancel
-from labbus._config import BusConfig, BusMode, TlsConfig
-from labbus._continuity import Continuity
-from labbus._encoding import encoding_of
-from labbus._faults import BusError, FaultError
-from labbus._figures import FigureFamily, FigureKind, Figures, Tally
-from labbus._hosting import HostedService, host_services, installed_services
-from labbus._liveliness import LiveWatch
-from labbus._logs import configure_logs
-from labbus._metrics import MetricsConfig
-from labbus._router import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
-from labbus._server import Served
-from labbus._service import ServiceConfig, run_service, service_main
-from labbus._spool import SpoolFullError, SpoolSpace
-from labbus._spool_folder import SpoolFolder
-from labbus._stacks import tell_stacks_on_signal
-from labbus._stream_item import StreamItem
-from labbus._stream_order import StreamProof
-from labbus._streams import StreamPublisher
-from labbus._subscription import Subscription
-from labbus._yaml import ConfigError, explain_validation, load_config
+from labbus.bus import Bus, LiveToken, open_bus
+from labbus.encoding import encoding_of
+from labbus.faults import BusError, FaultError
+from labbus.metrics import FigureFamily, FigureKind, Figures, MetricsConfig, Tally
+from labbus.process import (
+    HostedService,
+    ServiceConfig,
+    configure_logs,
+    host_services,
+    installed_services,
+    keep_few_arenas,
+    run_service,
+    service_main,
+    tell_stacks_on_signal,
+)
+from labbus.queries import Call, Cancel, Served
+from labbus.security import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
+from labbus.session import BusConfig, BusMode, Identity, LiveWatch, TlsConfig, check_identity
+from labbus.spool import SpoolFolder, SpoolFullError, SpoolSpace
+from labbus.streams import Continuity, StreamItem, StreamProof, StreamPublisher, Subscription
+from labbus.yaml_config import ConfigError, explain_validation, load_config
 
 __all__ = [
     "DEFAULT_HOLDERS",
@@ -41,6 +38,7 @@ __all__ = [
     "FigureKind",
     "Figures",
     "HostedService",
+    "Identity",
     "LiveToken",
     "LiveWatch",
     "MetricsConfig",
@@ -55,6 +53,7 @@ __all__ = [
     "Subscription",
     "Tally",
     "TlsConfig",
+    "check_identity",
     "configure_logs",
     "encoding_of",
     "explain_validation",

@@ -15,11 +15,11 @@ from pydantic import BaseModel, ConfigDict
 
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import health_pb2
-from labbus._bus import open_bus
-from labbus._config import BusConfig, BusMode
-from labbus._faults import BusError, FaultError
-from labbus._settings import configured
-from labbus._yaml import ConfigError
+from labbus.bus import open_bus
+from labbus.faults import BusError, FaultError
+from labbus.process import configured
+from labbus.session import BusConfig, BusMode
+from labbus.yaml_config import ConfigError
 
 EXIT_SICK: Final = 1
 EXIT_MISCONFIGURED: Final = 2

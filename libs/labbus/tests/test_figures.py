@@ -8,8 +8,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 import labbus
 from duralab_proto.v1 import health_pb2, rig_pb2
-from labbus._figures import FigureKind, Figures
-from labbus._metrics import MetricsConfig, tell_prometheus
+from labbus.metrics.prometheus import MetricsConfig, tell_prometheus
+from labbus.metrics.registry import FigureKind, Figures
 
 
 def page(address):

@@ -11,7 +11,7 @@ from cryptography.x509.oid import NameOID
 from pydantic import ValidationError
 
 from labbus import BusConfig, BusError, TlsConfig, open_bus
-from labbus._identity import check_identity
+from labbus.session.identity import check_identity
 
 
 def name(common_name):

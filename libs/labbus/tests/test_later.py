@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from labbus._later import Later
+from labbus.streams.delayed_executor import Later
 
 
 def test_jobs_are_done_in_the_order_of_their_times_on_one_thread():

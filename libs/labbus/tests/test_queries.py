@@ -150,7 +150,7 @@ def test_unknown_rig_and_missing_service_are_named(lab):
 
 def test_a_service_that_the_asker_meets_a_moment_later_is_waited_for_and_one_that_left_is_not(lab, monkeypatch):
     """What a peer is that joined last: a third one has met it already, the asker has not."""
-    monkeypatch.setattr(labbus._client, "INTRODUCTION_SECONDS", 10 * WAIT)
+    monkeypatch.setattr(labbus.queries.client, "INTRODUCTION_SECONDS", 10 * WAIT)
     lab.discover()
     served = lab.serve(lab.keys.rig_state("late"), rig_pb2.StateRequest, lambda *_: rig_pb2.RigState(rig="late"))
     tokens = queue.SimpleQueue()

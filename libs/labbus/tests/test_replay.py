@@ -12,10 +12,10 @@ import zenoh
 
 import labbus
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import _replay
-from labbus._spool import MemoryStore, Spool
-from labbus._stream_repair import FOLLOWED_STREAMS
-from labbus._subscription import MOST_WAITING
+from labbus.spool.spool import MemoryStore, Spool
+from labbus.streams import replay
+from labbus.streams.repair import FOLLOWED_STREAMS
+from labbus.streams.subscription import MOST_WAITING
 
 WAIT = 120.0
 RUN = "spooled.1"
@@ -210,18 +210,18 @@ def test_spool_that_is_marked_refuses_rather_than_dropping():
 
 
 def test_only_the_last_closed_spools_are_kept_where_nobody_marks(hub, receiver, key, until):
-    publishers = [publish(hub, key, 1) for _ in range(_replay.KEPT_SPOOLS + 2)]
+    publishers = [publish(hub, key, 1) for _ in range(replay.KEPT_SPOOLS + 2)]
     for publisher in publishers:
         publisher.close()
-    assert len(hub._replays._offers) == _replay.KEPT_SPOOLS
+    assert len(hub._replays._offers) == replay.KEPT_SPOOLS
     items = []
     receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
-    until(lambda: len(items) == _replay.KEPT_SPOOLS)
+    until(lambda: len(items) == replay.KEPT_SPOOLS)
     assert {item.epoch for item in items} == {publisher.epoch for publisher in publishers[2:]}
 
 
 def test_closed_spool_is_let_go_after_its_time(hub, key, monkeypatch, until):
-    monkeypatch.setattr(_replay, "KEPT_SECONDS", 0.2)
+    monkeypatch.setattr(replay, "KEPT_SECONDS", 0.2)
     publisher = publish(hub, key, 1)
     publisher.close()
     until(lambda: not hub._replays._offers)

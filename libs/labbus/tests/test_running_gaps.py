@@ -7,10 +7,10 @@ import pytest
 
 import labbus
 from duralab_proto.v1 import rig_pb2
-from labbus import _stream_repair
-from labbus._stream_order import MOST_HELD
+from labbus.streams import repair
+from labbus.streams.order import MOST_HELD
 
-PATIENCE_POLLS = _stream_repair.PATIENCE_POLLS
+PATIENCE_POLLS = repair.PATIENCE_POLLS
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_publisher_that_is_slow_and_has_what_is_missing_is_waited_for_while_the_
 
 
 def test_gap_that_was_given_up_takes_no_patience_from_the_next(publish, received, until, monkeypatch):
-    monkeypatch.setattr(_stream_repair, "STUCK_POLLS", 3)
+    monkeypatch.setattr(repair, "STUCK_POLLS", 3)
     # Its publisher says that it has the first, and cannot read it.
     publisher = publish(lost={1, *range(3, 10, 2)}, replay=lambda kept: [each for each in kept if each.seq != 1])
     for _ in range(3):

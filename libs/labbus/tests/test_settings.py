@@ -4,7 +4,7 @@ import pytest
 from pydantic import Field
 
 from labbus import BusMode, ConfigError, ServiceConfig
-from labbus._settings import configured
+from labbus.process.settings import configured
 
 
 class LabConfig(ServiceConfig):

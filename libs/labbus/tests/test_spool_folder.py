@@ -8,8 +8,8 @@ import tracemalloc
 import pytest
 
 import labbus
-from labbus import _disk_store
-from labbus._spool import Spool, SpoolFullError
+from labbus.spool import disk_store
+from labbus.spool.spool import Spool, SpoolFullError
 
 PAYLOAD = bytes(range(256)) * 40
 
@@ -17,7 +17,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import labbus
-from labbus._spool import Spool
+from labbus.spool.spool import Spool
 spools = labbus.SpoolFolder(Path(sys.argv[1]))
 for epoch, count in ((5, 1000), (6, 3)):
     spool = Spool(spools.store(key=f"k/{epoch}", epoch=epoch), held=True, unheld_bytes=0)
@@ -114,7 +114,7 @@ def test_segments_are_taken_over_without_a_copy_of_what_follows_each_message(tmp
     (path,) = tmp_path.glob("written/*/1-*.spool")
     content = path.read_bytes()
     space = labbus.SpoolFolder(tmp_path / "taking")
-    taking = _disk_store.DiskStore(space, space.path, key="k", epoch=1, writable=False)
+    taking = disk_store.DiskStore(space, space.path, key="k", epoch=1, writable=False)
     tracemalloc.start()
     try:
         taking.adopt(path, 0, content)
@@ -183,7 +183,7 @@ def test_disk_that_is_full_is_known_while_there_is_room_for_the_end(tmp_path, mo
     def refuse(*_arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(_disk_store.os, "posix_fallocate", refuse)
+    monkeypatch.setattr(disk_store.os, "posix_fallocate", refuse)
     while not spool.shortage:
         fill(spool, 1)
     assert "No space left" in spool.shortage

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labbus._stream_order import MOST_HELD, MOST_LOST_RANGES, StreamOrder
+from labbus.streams.order import MOST_HELD, MOST_LOST_RANGES, StreamOrder
 
 COUNT = 30
 

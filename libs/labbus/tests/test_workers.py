@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from labbus._workers import MOST_WAITING, WorkerPool
+from labbus.queries.workers import MOST_WAITING, WorkerPool
 
 WAIT = 20.0
 

@@ -1,0 +1,113 @@
+"""Messages as they go over the bus: protobuf, with the encoding naming the message's type."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TypeVar
+
+import zenoh
+from google.protobuf.message import DecodeError, Message
+
+from duralab_proto.v1 import query_pb2
+from labbus.faults import FaultError
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+def encoding_of(message_type: Message | type[Message]) -> str:
+    """Return the encoding of a message or message type: `application/protobuf;<full name>`.
+
+    Parameters
+    ----------
+    message_type : Message or type
+        Of the contract.
+
+    Returns
+    -------
+    str
+        As it goes beside the payload.
+    """
+    return f"application/protobuf;{message_type.DESCRIPTOR.full_name}"
+
+
+@cache
+def zenoh_encoding_of(message_type: type[Message]) -> zenoh.Encoding:
+    """Return the encoding of a message type as Zenoh keeps it, to send and to compare without reading its text again.
+
+    Parameters
+    ----------
+    message_type : type
+        Of the contract.
+
+    Returns
+    -------
+    zenoh.Encoding
+        What Zenoh makes of `encoding_of`.
+    """
+    return zenoh.Encoding(encoding_of(message_type))
+
+
+def encode(
+    message: Message,
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> bytes:
+    """Serialise a message that is about to be sent.
+
+    Raises
+    ------
+    FaultError
+        With `code`, when it is larger than `largest_bytes`.
+    """
+    # Asking for its size first would serialise it twice.
+    payload = message.SerializeToString(deterministic=True)
+    if len(payload) > largest_bytes:
+        raise _too_large(message.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
+    return payload
+
+
+def decode(
+    payload: zenoh.ZBytes | bytes | None,
+    encoding: zenoh.Encoding | None,
+    message_type: type[MessageT],
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> MessageT:
+    """Check and parse what was received.
+
+    Parameters
+    ----------
+    payload, encoding
+        As Zenoh delivered them; a query without a payload has neither.
+    message_type : type
+        The only type that is accepted.
+    largest_bytes : int
+        Largest payload that is accepted.
+    code : query_pb2.FaultCode
+        Code of the fault: whose mistake it is depends on who sent it.
+
+    Raises
+    ------
+    FaultError
+        The encoding names another type, the payload is too large, or does not parse; the message names what was
+        expected.
+    """
+    # Thousands of times a second: what only a sentence needs is made for the sentence.
+    if encoding != zenoh_encoding_of(message_type):
+        received = "none" if encoding is None else str(encoding)
+        raise FaultError(code, f"The message has the encoding {received!r}; expected is {encoding_of(message_type)!r}.")
+    if payload is not None and len(payload) > largest_bytes:
+        raise _too_large(message_type.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
+    try:
+        return message_type.FromString(payload.to_bytes() if isinstance(payload, zenoh.ZBytes) else payload or b"")
+    except DecodeError as error:
+        name = message_type.DESCRIPTOR.full_name
+        raise FaultError(code, f"The payload of {len(payload or b'')} bytes is not a {name}; send one.") from error
+
+
+def _too_large(name: str, size: int, largest: int, *, code: query_pb2.FaultCode) -> FaultError:
+    return FaultError(
+        code, f"The {name} has {size} bytes; at most {largest} are allowed (`largest_payload_bytes` of the bus)."
+    )

@@ -1,0 +1,69 @@
+"""The figures of a bus's streams: what was published, received, fetched again and lost, and what is not stored yet."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from labbus.metrics import NO_LABELS, FigureKind, Figures, Labels
+from labbus.spool import SpoolSpace
+from labbus.streams.subscription import Subscription
+
+_BY_MESSAGE = ("message",)
+
+
+class StreamFigures:
+    """Figures of the streams of one bus.
+
+    Parameters
+    ----------
+    figures : Figures
+        Of its process.
+    """
+
+    def __init__(self, figures: Figures) -> None:
+        self.published = figures.count(
+            "duralab_stream_published_messages_total", "Messages published, by type", labels=_BY_MESSAGE
+        )
+        self._figures = figures
+
+    def follow_spools(self, spaces: Iterable[SpoolSpace], unstored: Callable[[], int]) -> None:
+        """Tell of what publishers keep; `spaces` may grow."""
+        for name, what, read in (
+            ("duralab_stream_unstored_messages", "Messages published that the recorder has not stored yet", unstored),
+            ("duralab_spool_bytes", "What spools take", lambda: sum(space.used_bytes for space in spaces)),
+            ("duralab_spool_limit_bytes", "What spools may take", lambda: sum(space.largest_bytes for space in spaces)),
+        ):
+            self._figures.follow(name, what, lambda read=read: {NO_LABELS: float(read())})
+
+    def follow_subscriptions(self, subscriptions: Iterable[Subscription[Any]]) -> None:
+        """Tell of what is received; `subscriptions` may grow, those that are closed are forgotten."""
+        counters: tuple[tuple[str, str, Callable[[Subscription[Any]], int]], ...] = (
+            ("received", "Messages handed to their receivers", lambda each: each.received),
+            ("fetched", "Messages that were lost on the way and fetched again", lambda each: each.fetched),
+            ("lost", "Messages that nobody has any more or that were refused", lambda each: each.lost),
+        )
+        for name, what, read in counters:
+            self._figures.follow(
+                f"duralab_stream_{name}_messages_total",
+                f"{what}, by type",
+                lambda read=read: _by_message(subscriptions, read),
+                labels=_BY_MESSAGE,
+                kind=FigureKind.COUNTER,
+            )
+        self._figures.follow(
+            "duralab_stream_missing_messages",
+            "Messages published that are not here yet, by type",
+            lambda: _by_message(subscriptions, lambda each: each.missing),
+            labels=_BY_MESSAGE,
+        )
+
+
+def _by_message(
+    subscriptions: Iterable[Subscription[Any]], read: Callable[[Subscription[Any]], int]
+) -> Mapping[Labels, float]:
+    counted: Counter[Labels] = Counter()
+    for each in list(subscriptions):
+        counted[each.message,] += read(each)
+    return counted
