@@ -16,7 +16,7 @@ def script():
 
 def test_figures_come_with_their_labels_and_add_up(script):
     with labbus.open_bus(labbus.BusConfig(connect=script.listening), service="rig_sim") as rig:
-        tally = rig.figures.count("duralab_rig_playbacks_total", "Playbacks", labels=("rig", "code"))
+        tally = rig.metrics.count("duralab_rig_playbacks_total", "Playbacks", labels=("rig", "code"))
         tally.add("left", "OK", amount=3)
         tally.add("left", "CANCELLED")
         tally.add("right", "OK")

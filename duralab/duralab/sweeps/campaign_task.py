@@ -17,7 +17,7 @@ from duralab.sweeps.cell import KeptCell
 from duralab.sweeps.outcome import Costs, Outcome, State, outcome_of, write_outcome
 from duralab.sweeps.points import Point
 from duralab.sweeps.sweep_file import CellKind, Kept
-from labbus import configure_logs, tell_stacks_on_signal
+from labbus import configure_logs, log_stacks_on_signal
 
 CAMPAIGN: Final = "campaign.yaml"
 """Of a point, in its folder: `duralab run` runs it again."""
@@ -125,4 +125,4 @@ def prepare_worker(folder: Path) -> None:
     configure_logs("cell", stream=stream)
     # Where Dask keeps its workers as threads of another process, that one is not ours to change.
     if threading.current_thread() is threading.main_thread():
-        tell_stacks_on_signal()
+        log_stacks_on_signal()

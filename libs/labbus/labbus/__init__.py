@@ -3,7 +3,7 @@
 from labbus.bus import Bus, LiveToken, open_bus
 from labbus.encoding import encoding_of
 from labbus.faults import BusError, FaultError
-from labbus.metrics import FigureFamily, FigureKind, Figures, MetricsConfig, Tally
+from labbus.metrics import Counter, FigureFamily, FigureKind, Metrics, MetricsConfig
 from labbus.process import (
     HostedService,
     ServiceConfig,
@@ -11,9 +11,9 @@ from labbus.process import (
     host_services,
     installed_services,
     keep_few_arenas,
+    log_stacks_on_signal,
     run_service,
     service_main,
-    tell_stacks_on_signal,
 )
 from labbus.queries import Call, Cancel, Served
 from labbus.security import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
@@ -33,14 +33,15 @@ __all__ = [
     "Cancel",
     "ConfigError",
     "Continuity",
+    "Counter",
     "FaultError",
     "FigureFamily",
     "FigureKind",
-    "Figures",
     "HostedService",
     "Identity",
     "LiveToken",
     "LiveWatch",
+    "Metrics",
     "MetricsConfig",
     "Served",
     "ServiceConfig",
@@ -51,7 +52,6 @@ __all__ = [
     "StreamProof",
     "StreamPublisher",
     "Subscription",
-    "Tally",
     "TlsConfig",
     "check_identity",
     "configure_logs",
@@ -61,10 +61,10 @@ __all__ = [
     "installed_services",
     "keep_few_arenas",
     "load_config",
+    "log_stacks_on_signal",
     "open_bus",
     "router_configuration",
     "run_router",
     "run_service",
     "service_main",
-    "tell_stacks_on_signal",
 ]

@@ -16,7 +16,7 @@ from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import health_pb2, query_pb2
 from labbus.encoding import MessageT
 from labbus.faults import BusError, FaultError
-from labbus.metrics import Figures, HealthTeller
+from labbus.metrics import HealthService, Metrics
 from labbus.queries import Cancel, Handler, QueryClient, QueryServer, Served
 from labbus.security import Permission
 from labbus.session import (
@@ -33,7 +33,7 @@ from labbus.session import (
     open_session,
 )
 from labbus.spool import SPOOL_BYTES, SpoolFolder, SpoolSpace
-from labbus.streams import ReplayClient, ReplayServer, StreamFigures, StreamItem, StreamPublisher, Subscription
+from labbus.streams import ReplayClient, ReplayServer, StreamItem, StreamMetrics, StreamPublisher, Subscription
 
 _STORING: Final = ("recorder", MAIN_INSTANCE)
 
@@ -90,10 +90,10 @@ class Bus:
         self._reintroduction = Reintroduction(config, self._tracker)
         self._permission = Permission(identity, self.keys)
         self._client = QueryClient(self._session, self.keys, self._tracker, largest_bytes=self._limit)
-        self.figures = Figures()
-        """What this process counts and measures: told to Prometheus, and to who asks for its health."""
+        self.metrics = Metrics()
+        """Metrics of this process: served to Prometheus, and in the answer to a health query."""
         self._server = QueryServer(
-            self._session, self.keys, service=service, workers=workers, largest_bytes=self._limit, figures=self.figures
+            self._session, self.keys, service=service, workers=workers, largest_bytes=self._limit, metrics=self.metrics
         )
         self._replays = ReplayServer(self._session)
         self._replay_client = ReplayClient(self._session, largest_bytes=self._limit)
@@ -102,11 +102,11 @@ class Bus:
         self._subscriptions: set[Subscription[Any]] = set()
         self._watches: set[LiveWatch] = set()
         self._spaces: set[SpoolSpace] = set()
-        streams = StreamFigures(self.figures)
+        streams = StreamMetrics(self.metrics)
         streams.follow_spools(self._spaces, lambda: self._replays.unstored)
         streams.follow_subscriptions(self._subscriptions)
         self._published = streams.published
-        self._health = HealthTeller(self.figures)
+        self._health = HealthService(self.metrics)
         self._closing = threading.Lock()
         self._closed = False
 
@@ -279,7 +279,7 @@ class Bus:
         answering = self.serve(
             self.keys.health(service, instance),
             health_pb2.HealthRequest,
-            lambda _request, _call: self._health.tell(service, instance),
+            lambda _request, _call: self._health.report(service, instance),
         )
         key = self.keys.live(service, instance)
         declared = self._session.declare(lambda joined: joined.liveliness().declare_token(key))

@@ -80,13 +80,13 @@ def main() -> int:
             raise ConfigError("The service connects to nobody, so nobody can look at it; name an endpoint in connect.")
         check_health(config.bus, options.service, options.instance, timeout_seconds=options.timeout)
     except ConfigError as error:
-        return _told(error, EXIT_MISCONFIGURED)
+        return _report(error, EXIT_MISCONFIGURED)
     except (BusError, FaultError) as error:
-        return _told(error, EXIT_SICK)
+        return _report(error, EXIT_SICK)
     return 0
 
 
-def _told(error: Exception, code: int) -> int:
+def _report(error: Exception, code: int) -> int:
     sys.stderr.write(f"{error}\n")
     return code
 

@@ -1,4 +1,4 @@
-"""Figures: counted and read in one place, and told alike to Prometheus and over the bus."""
+"""Metrics: counted and read in one place, and the same for Prometheus and over the bus."""
 
 import math
 import urllib.request
@@ -8,8 +8,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 import labbus
 from duralab_proto.v1 import health_pb2, rig_pb2
-from labbus.metrics.prometheus import MetricsConfig, tell_prometheus
-from labbus.metrics.registry import FigureKind, Figures
+from labbus.metrics.prometheus import MetricsConfig, serve_metrics
+from labbus.metrics.registry import FigureKind, Metrics
 
 
 def page(address):
@@ -34,14 +34,14 @@ def told(health):
 
 
 def test_counters_add_up_and_gauges_are_read_when_asked():
-    figures, level = Figures(), {(): 1.0}
-    tally = figures.count("duralab_things_total", "Things", labels=("kind",))
-    figures.follow("duralab_level", "Level", lambda: level)
-    tally.add("a")
-    tally.add("a", amount=2.5)
-    tally.add("b")
+    metrics, level = Metrics(), {(): 1.0}
+    counter = metrics.count("duralab_things_total", "Things", labels=("kind",))
+    metrics.follow("duralab_level", "Level", lambda: level)
+    counter.add("a")
+    counter.add("a", amount=2.5)
+    counter.add("b")
     level[()] = 7.0
-    found = {family.name: (family.kind, dict(family.values)) for family in figures.families()}
+    found = {family.name: (family.kind, dict(family.values)) for family in metrics.families()}
     assert found == {
         "duralab_level": (FigureKind.GAUGE, {(): 7.0}),
         "duralab_things_total": (FigureKind.COUNTER, {("a",): 3.5, ("b",): 1.0}),
@@ -49,46 +49,46 @@ def test_counters_add_up_and_gauges_are_read_when_asked():
 
 
 def test_readings_of_one_name_stand_side_by_side():
-    figures = Figures()
+    metrics = Metrics()
     for rig in ("one", "two"):
-        figures.follow("duralab_rig_level", "Level", lambda rig=rig: {(rig,): 1.0}, labels=("rig",))
-    (family,) = figures.families()
+        metrics.follow("duralab_rig_level", "Level", lambda rig=rig: {(rig,): 1.0}, labels=("rig",))
+    (family,) = metrics.families()
     assert set(family.values) == {("one",), ("two",)}
 
 
 @pytest.mark.parametrize("name", ["things_total", "duralab_Things_total", "duralab_things", "duralab_things_total "])
 def test_counter_with_another_name_is_refused(name):
     with pytest.raises(ValueError, match="must be named"):
-        Figures().count(name, "Things")
+        Metrics().count(name, "Things")
 
 
 def test_figure_that_means_two_things_is_refused():
-    figures = Figures()
-    figures.count("duralab_things_total", "Things")
+    metrics = Metrics()
+    metrics.count("duralab_things_total", "Things")
     with pytest.raises(ValueError, match="there already"):
-        figures.count("duralab_things_total", "Other things")
+        metrics.count("duralab_things_total", "Other things")
 
 
 def test_labels_of_another_number_are_refused():
     with pytest.raises(ValueError, match="1 labels; this counter has 2"):
-        Figures().count("duralab_things_total", "Things", labels=("a", "b")).add("only one")
+        Metrics().count("duralab_things_total", "Things", labels=("a", "b")).add("only one")
 
 
 def test_figure_that_cannot_be_read_hides_no_other():
-    figures = Figures()
-    figures.follow("duralab_broken", "Broken", lambda: 1 / 0)
-    figures.follow("duralab_sound", "Sound", lambda: {(): 1.0})
-    assert {family.name: dict(family.values) for family in figures.families()} == {
+    metrics = Metrics()
+    metrics.follow("duralab_broken", "Broken", lambda: 1 / 0)
+    metrics.follow("duralab_sound", "Sound", lambda: {(): 1.0})
+    assert {family.name: dict(family.values) for family in metrics.families()} == {
         "duralab_broken": {},
         "duralab_sound": {(): 1.0},
     }
 
 
 def test_prometheus_reads_what_was_counted_on_loopback():
-    figures = Figures()
-    figures.count("duralab_things_total", "Things", labels=("kind",)).add('quoted "kind"\n')
-    figures.follow("duralab_level", "Level", lambda: {(): math.nan})
-    with tell_prometheus(MetricsConfig(port=0), figures) as address:
+    metrics = Metrics()
+    metrics.count("duralab_things_total", "Things", labels=("kind",)).add('quoted "kind"\n')
+    metrics.follow("duralab_level", "Level", lambda: {(): math.nan})
+    with serve_metrics(MetricsConfig(port=0), metrics) as address:
         assert address.startswith("http://127.0.0.1:")
         read = samples(page(address))
     assert read["duralab_things_total", (("kind", 'quoted "kind"\n'),)] == 1.0
@@ -97,12 +97,12 @@ def test_prometheus_reads_what_was_counted_on_loopback():
 
 
 def test_port_in_use_is_one_sentence():
-    figures = Figures()
-    with tell_prometheus(MetricsConfig(port=0), figures) as address:
+    metrics = Metrics()
+    with serve_metrics(MetricsConfig(port=0), metrics) as address:
         port = int(address.split(":")[2].split("/")[0])
         with (
             pytest.raises(labbus.ConfigError, match=rf"127.0.0.1:{port}: .*in use; correct `metrics`"),
-            tell_prometheus(MetricsConfig(port=port), figures),
+            serve_metrics(MetricsConfig(port=port), metrics),
         ):
             pass
 
@@ -119,7 +119,7 @@ def test_health_on_the_bus_is_what_prometheus_is_told():
             script.query(script.keys.rig_state("bench"), rig_pb2.StateRequest(), rig_pb2.RigState)
         bus.publisher(bus.keys.rig_state("bench")).put(rig_pb2.RigState())
         health = script.query(script.keys.health("rig_sim", "bench"), health_pb2.HealthRequest(), health_pb2.Health)
-        with tell_prometheus(MetricsConfig(port=0), bus.figures) as address:
+        with serve_metrics(MetricsConfig(port=0), bus.metrics) as address:
             read = samples(page(address))
     answer = told(health)
     assert (health.service, health.instance) == ("rig_sim", "bench")
@@ -131,7 +131,7 @@ def test_health_on_the_bus_is_what_prometheus_is_told():
     assert {key: value for key, value in answer.items() if key[0] not in moved} == {
         key: value for key, value in read.items() if key[0].startswith("duralab_") and key[0] not in moved
     }
-    assert {family.name for family in health.figures} == {family.name for family in bus.figures.families()}
+    assert {family.name for family in health.figures} == {family.name for family in bus.metrics.families()}
 
 
 def test_received_fetched_and_missing_messages_are_counted(until):
@@ -146,7 +146,7 @@ def test_received_fetched_and_missing_messages_are_counted(until):
         got = []
         subscription = recorder.subscribe(bus.keys.rig_state("*"), rig_pb2.RigState, got.append, repair=True)
         until(lambda: len(got) == 5)
-        counted = {family.name: dict(family.values) for family in recorder.figures.families()}
+        counted = {family.name: dict(family.values) for family in recorder.metrics.families()}
         assert counted["duralab_stream_received_messages_total"] == {("RigState",): 5.0}
         assert counted["duralab_stream_fetched_messages_total"] == {("RigState",): 5.0}
         assert counted["duralab_stream_missing_messages"] == {("RigState",): 0.0}
@@ -154,5 +154,5 @@ def test_received_fetched_and_missing_messages_are_counted(until):
         # A recorder that marks is waited for: what it has not stored is told of.
         subscription.mark([item.position for item in got[:2]])
         until(
-            lambda: {f.name: f.values for f in bus.figures.families()}["duralab_stream_unstored_messages"] == {(): 3.0}
+            lambda: {f.name: f.values for f in bus.metrics.families()}["duralab_stream_unstored_messages"] == {(): 3.0}
         )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 
-from labbus.streams.delayed_executor import Later
+from labbus.streams.delayed_executor import DelayedExecutor
 
 
 def test_jobs_are_done_in_the_order_of_their_times_on_one_thread():
-    later, done, over = Later("test"), [], threading.Event()
+    later, done, over = DelayedExecutor("test"), [], threading.Event()
 
     def job(name):
         def do():
@@ -28,7 +28,7 @@ def test_jobs_are_done_in_the_order_of_their_times_on_one_thread():
 
 
 def test_nothing_is_done_after_the_end_and_its_thread_ends():
-    later, done = Later("test of the end"), []
+    later, done = DelayedExecutor("test of the end"), []
     later.put(3600.0, lambda: done.append(1))
     later.close()
     later.put(0.0, lambda: done.append(2))

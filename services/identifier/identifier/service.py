@@ -80,10 +80,10 @@ class IdentifierService:
         self._bus = bus
         self._cache = ModelCache(config.kept_models)
         self._log = structlog.get_logger(SERVICE)
-        self._identified_rigs = bus.figures.count(
+        self._identified_rigs = bus.metrics.count(
             "duralab_identifier_models_total", "Models identified, by rig", labels=("rig",)
         )
-        bus.figures.follow(
+        bus.metrics.follow(
             "duralab_identifier_kept_models", "Models that can be asked for", lambda: {(): float(len(self._cache))}
         )
         keys = bus.keys

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from duralab_proto.v1 import iterator_pb2
-from labbus import Figures
+from labbus import Metrics
 
 _CAMPAIGN: Final = ("campaign",)
 _NO_LABELS: Final[tuple[str, ...]] = ()
@@ -19,17 +19,17 @@ class CampaignFigures:
 
     Parameters
     ----------
-    figures : Figures
+    metrics : Metrics
         Of the process.
     running : callable
         Returns the status of every campaign that has not ended.
     """
 
-    def __init__(self, figures: Figures, running: Statuses) -> None:
-        self._ended = figures.count(
+    def __init__(self, metrics: Metrics, running: Statuses) -> None:
+        self._ended = metrics.count(
             "duralab_campaigns_ended_total", "Campaigns that ended, by phase", labels=("phase",)
         )
-        figures.follow(
+        metrics.follow(
             "duralab_campaigns_running", "Campaigns under way", lambda: {_NO_LABELS: float(len(list(running())))}
         )
         readings: tuple[tuple[str, str, Callable[[iterator_pb2.CampaignStatus], float | None]], ...] = (
@@ -39,7 +39,7 @@ class CampaignFigures:
             ("remaining_seconds", "Expected time to the end", _remaining),
         )
         for name, what, read in readings:
-            figures.follow(
+            metrics.follow(
                 f"duralab_campaign_{name}", what, lambda read=read: _by_campaign(running(), read), labels=_CAMPAIGN
             )
 

@@ -80,7 +80,7 @@ class IteratorService:
         self._taken_rigs: dict[str, str] = {}
         # Campaigns that a resume reads back and checks now.
         self._resumed: set[str] = set()
-        self._figures = CampaignFigures(bus.figures, self._running)
+        self._figures = CampaignFigures(bus.metrics, self._running)
         keys = bus.keys
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)

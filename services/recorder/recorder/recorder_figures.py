@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from labbus import FigureKind, Figures
+from labbus import FigureKind, Metrics
 from recorder.archive import Archive
 from recorder.intake import Intake
 from recorder.work_thread import WorkThread
@@ -16,7 +16,7 @@ _NO_LABELS: Final[tuple[str, ...]] = ()
 
 
 def follow_recorder(
-    figures: Figures,
+    metrics: Metrics,
     folder: Path,
     archive: Archive,
     intake: Intake,
@@ -28,7 +28,7 @@ def follow_recorder(
 
     Parameters
     ----------
-    figures : Figures
+    metrics : Metrics
         Of the process.
     folder : Path
         Where recordings go.
@@ -46,8 +46,8 @@ def follow_recorder(
         ("free_bytes", "Room on the disk of the recordings", lambda: shutil.disk_usage(folder).free),
     )
     for name, what, read in readings:
-        figures.follow(f"duralab_recorder_{name}", what, lambda read=read: {_NO_LABELS: float(read())})
-    figures.follow(
+        metrics.follow(f"duralab_recorder_{name}", what, lambda read=read: {_NO_LABELS: float(read())})
+    metrics.follow(
         "duralab_recorder_missing_blocks_total",
         "Signal blocks that no recording got",
         lambda: {_NO_LABELS: float(missing())},

@@ -74,7 +74,7 @@ class RecorderService:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
         told = (self._archive, self._intake, self._writer)
-        follow_recorder(bus.figures, self._folder, *told, missing=lambda: self._missing_blocks)
+        follow_recorder(bus.metrics, self._folder, *told, missing=lambda: self._missing_blocks)
         self._marking = {
             rig_pb2.SignalBlock: bus.subscribe(
                 keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._taking(self._take_block), repair=True

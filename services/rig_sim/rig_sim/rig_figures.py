@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from duralab_proto.v1 import rig_pb2
-from labbus import Figures
+from labbus import Metrics
 
 _RIG: Final = ("rig",)
 
@@ -16,7 +16,7 @@ class RigFigures:
 
     Parameters
     ----------
-    figures : Figures
+    metrics : Metrics
         Of the process.
     rig : str
         Its name.
@@ -24,13 +24,13 @@ class RigFigures:
         Returns its state now.
     """
 
-    def __init__(self, figures: Figures, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
+    def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
         self._rig = rig
         self._factor: dict[tuple[str, ...], float] = {}
-        self._playbacks = figures.count(
+        self._playbacks = metrics.count(
             "duralab_rig_playbacks_total", "Playbacks that ended, by rig and code", labels=("rig", "code")
         )
-        self._seconds = figures.count(
+        self._seconds = metrics.count(
             "duralab_rig_played_seconds_total", "Length of the drives played to their end", labels=_RIG
         )
         readings: tuple[tuple[str, str, Callable[[rig_pb2.RigState], float]], ...] = (
@@ -39,8 +39,8 @@ class RigFigures:
             ("run_fraction", "Share of the run that is played", lambda now: now.fraction),
         )
         for name, what, read in readings:
-            figures.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
-        figures.follow(
+            metrics.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
+        metrics.follow(
             "duralab_rig_real_time_factor", "Seconds of drive a second, of the last playback", self._read, labels=_RIG
         )
 

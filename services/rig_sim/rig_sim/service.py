@@ -106,7 +106,7 @@ class RigServer:
         self._name = rig.specimen.name
         self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
         self._interlock = Interlock(self._name)
-        self._figures = RigFigures(bus.figures, self._name, self._interlock.state)
+        self._figures = RigFigures(bus.metrics, self._name, self._interlock.state)
         self._publishing = threading.Lock()
         keys = bus.keys
         self._states = bus.publisher(keys.rig_state(self._name))

@@ -1,17 +1,17 @@
 """Metrics of a process: counted and read here, served to Prometheus and to health queries."""
 
-from labbus.metrics.health import HealthTeller
-from labbus.metrics.prometheus import MetricsConfig, tell_prometheus
-from labbus.metrics.registry import NO_LABELS, FigureFamily, FigureKind, Figures, Labels, Tally
+from labbus.metrics.health import HealthService
+from labbus.metrics.prometheus import MetricsConfig, serve_metrics
+from labbus.metrics.registry import NO_LABELS, Counter, FigureFamily, FigureKind, Labels, Metrics
 
 __all__ = [
     "NO_LABELS",
+    "Counter",
     "FigureFamily",
     "FigureKind",
-    "Figures",
-    "HealthTeller",
+    "HealthService",
     "Labels",
+    "Metrics",
     "MetricsConfig",
-    "Tally",
-    "tell_prometheus",
+    "serve_metrics",
 ]

@@ -1,4 +1,4 @@
-"""The health of a process as it goes over the bus: all its figures, in one answer."""
+"""Answer to a health query: all metrics of the process in one message."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from duralab_proto.v1 import health_pb2
-from labbus.metrics.registry import NO_LABELS, FigureKind, Figures, Labels
+from labbus.metrics.registry import NO_LABELS, FigureKind, Labels, Metrics
 
 _KINDS: Final = {
     FigureKind.GAUGE: health_pb2.FIGURE_KIND_GAUGE,
@@ -15,21 +15,21 @@ _KINDS: Final = {
 }
 
 
-class HealthTeller:
-    """Tells how a process is; counts its time from its making.
+class HealthService:
+    """Health of a process; its uptime counts from the construction of this object.
 
     Parameters
     ----------
-    figures : Figures
-        Of the process.
+    metrics : Metrics
+        Metrics of the process.
     """
 
-    def __init__(self, figures: Figures) -> None:
-        self._figures = figures
+    def __init__(self, metrics: Metrics) -> None:
+        self._metrics = metrics
         self._began = time.monotonic()
-        figures.follow("duralab_up_seconds", "Time since the process joined the bus", self._read_up)
+        metrics.follow("duralab_up_seconds", "Time since the process joined the bus", self._read_up)
 
-    def tell(self, service: str, instance: str) -> health_pb2.Health:
+    def report(self, service: str, instance: str) -> health_pb2.Health:
         """Return the health of an instance."""
         return health_pb2.Health(
             service=service,
@@ -46,7 +46,7 @@ class HealthTeller:
                         for labels, value in sorted(family.values.items())
                     ],
                 )
-                for family in self._figures.families()
+                for family in self._metrics.families()
             ],
         )
 

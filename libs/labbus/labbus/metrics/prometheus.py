@@ -1,4 +1,4 @@
-"""The figures of a process for Prometheus: one page over HTTP, where the configuration asks for it."""
+"""The metrics of a process for Prometheus: one page over HTTP, if the configuration asks for it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from labbus.metrics.registry import FigureKind, Figures
+from labbus.metrics.registry import FigureKind, Metrics
 from labbus.yaml_config import ConfigError
 
 if TYPE_CHECKING:
@@ -18,26 +18,26 @@ PAGE: Final = "/metrics"
 
 
 class MetricsConfig(BaseModel):
-    """Where the figures are told to Prometheus."""
+    """Address at which the metrics are served to Prometheus."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # The page asks nobody who he is: loopback, or an address that only the scraper reaches.
+    # The page has no access control: loopback, or an address that only the scraper reaches.
     host: str = "127.0.0.1"
     # 0 takes a free one; the log says which.
     port: int = Field(ge=0, le=2**16 - 1)
 
 
 class _Collector:
-    """Hands the figures over in Prometheus' own classes, whenever the page is asked for."""
+    """Converter of the metrics to Prometheus' classes, each time the page is requested."""
 
-    def __init__(self, figures: Figures) -> None:
-        self._figures = figures
+    def __init__(self, metrics: Metrics) -> None:
+        self._metrics = metrics
 
     def collect(self) -> Iterator[Metric]:
         from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily
 
-        for family in self._figures.families():
+        for family in self._metrics.families():
             kind = CounterMetricFamily if family.kind is FigureKind.COUNTER else GaugeMetricFamily
             metric = kind(family.name, family.what, labels=family.labels)
             for labels, value in sorted(family.values.items()):
@@ -46,15 +46,15 @@ class _Collector:
 
 
 @contextmanager
-def tell_prometheus(config: MetricsConfig, figures: Figures) -> Iterator[str]:
-    """Serve the figures to Prometheus until the `with` block ends.
+def serve_metrics(config: MetricsConfig, metrics: Metrics) -> Iterator[str]:
+    """Serve the metrics to Prometheus until the `with` block ends.
 
     Parameters
     ----------
     config : MetricsConfig
         Host and port of the page.
-    figures : Figures
-        Figures of the process.
+    metrics : Metrics
+        Metrics of the process.
 
     Yields
     ------
@@ -72,7 +72,7 @@ def tell_prometheus(config: MetricsConfig, figures: Figures) -> Iterator[str]:
     from prometheus_client.registry import CollectorRegistry
 
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Collector(figures))
+    registry.register(_Collector(metrics))
     ProcessCollector(registry=registry)
     try:
         server, thread = start_http_server(config.port, addr=config.host, registry=registry)

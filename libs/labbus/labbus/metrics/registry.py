@@ -1,4 +1,4 @@
-"""The figures of a process: what it has counted, and what can be read off it now. Nothing here knows who asks."""
+"""Registry of the metrics of a process: counters, and values that are read on request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _COUNTER_ENDING: Final = "_total"
 
 
 class FigureKind(StrEnum):
-    """How a figure behaves."""
+    """Behaviour of a metric over time; named as in the contract."""
 
     GAUGE = "gauge"
     """Goes up and down."""
@@ -33,20 +33,20 @@ class FigureKind(StrEnum):
 
 @dataclass(frozen=True)
 class FigureFamily:
-    """All values of one figure.
+    """All values of one metric; named as in the contract.
 
     Parameters
     ----------
     name : str
         `duralab_…`, with its unit; ends in `_total` where it is a counter.
     kind : FigureKind
-        How it behaves.
+        Gauge or counter.
     what : str
-        In words.
+        Description.
     labels : tuple of str
         Names of its labels.
     values : mapping
-        By the labels' values; empty where there is nothing to tell now.
+        Values by the labels' values; empty if there are none now.
     """
 
     name: str
@@ -56,8 +56,8 @@ class FigureFamily:
     values: Mapping[Labels, float]
 
 
-class Tally:
-    """A counter; made by `Figures.count`. Safe for threads."""
+class Counter:
+    """Counter with a value for each combination of labels; made by `Metrics.count`. Safe for threads."""
 
     def __init__(self, labels: Labels) -> None:
         self._labels = labels
@@ -85,7 +85,7 @@ class Tally:
             self._values[labels] = amount
 
     def read(self) -> Mapping[Labels, float]:
-        """Return what was counted."""
+        """Return the counts by the labels' values."""
         with self._lock:
             return dict(self._values)
 
@@ -98,15 +98,15 @@ class _Family:
     readings: list[Reading] = field(default_factory=list)
 
 
-class Figures:
-    """The figures of one process. Safe for threads."""
+class Metrics:
+    """Registry of the metrics of one process. Safe for threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._families: dict[str, _Family] = {}
         self._log = structlog.get_logger("labbus")
 
-    def count(self, name: str, what: str, *, labels: Labels = NO_LABELS) -> Tally:
+    def count(self, name: str, what: str, *, labels: Labels = NO_LABELS) -> Counter:
         """Return a new counter.
 
         Parameters
@@ -118,9 +118,9 @@ class Figures:
         labels : tuple of str
             Names of its labels.
         """
-        tally = Tally(labels)
-        self.follow(name, what, tally.read, labels=labels, kind=FigureKind.COUNTER)
-        return tally
+        counter = Counter(labels)
+        self.follow(name, what, counter.read, labels=labels, kind=FigureKind.COUNTER)
+        return counter
 
     def follow(
         self,
@@ -131,7 +131,7 @@ class Figures:
         labels: Labels = NO_LABELS,
         kind: FigureKind = FigureKind.GAUGE,
     ) -> None:
-        """Read a figure whenever somebody asks.
+        """Register a function that is called whenever the metrics are read.
 
         Parameters
         ----------
@@ -155,7 +155,7 @@ class Figures:
             family.readings.append(read)
 
     def families(self) -> list[FigureFamily]:
-        """Return all figures as they are now, by name."""
+        """Return the present values of all metrics, ordered by name."""
         with self._lock:
             known = [(name, family, list(family.readings)) for name, family in sorted(self._families.items())]
         found = []

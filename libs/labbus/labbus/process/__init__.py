@@ -5,7 +5,7 @@ from labbus.process.hosting import HostedService, host_services, installed_servi
 from labbus.process.logs import configure_logs
 from labbus.process.service import ServiceConfig, run_service, service_main
 from labbus.process.settings import configured
-from labbus.process.stacks import tell_stacks_on_signal
+from labbus.process.stacks import log_stacks_on_signal
 
 __all__ = [
     "HostedService",
@@ -15,7 +15,7 @@ __all__ = [
     "host_services",
     "installed_services",
     "keep_few_arenas",
+    "log_stacks_on_signal",
     "run_service",
     "service_main",
-    "tell_stacks_on_signal",
 ]

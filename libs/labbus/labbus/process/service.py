@@ -20,10 +20,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from duralab_proto.keys import MAIN_INSTANCE
 from labbus.bus import Bus, open_bus
 from labbus.faults import BusError, FaultError
-from labbus.metrics import MetricsConfig, tell_prometheus
+from labbus.metrics import MetricsConfig, serve_metrics
 from labbus.process.logs import configure_logs
 from labbus.process.settings import configured
-from labbus.process.stacks import tell_stacks
+from labbus.process.stacks import log_stacks
 from labbus.session import BusConfig
 from labbus.yaml_config import ConfigError
 
@@ -83,7 +83,7 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
             context = build(bus)
             if context is not None:
                 stack.enter_context(context)
-            metrics = stack.enter_context(tell_prometheus(config.metrics, bus.figures)) if config.metrics else None
+            metrics = stack.enter_context(serve_metrics(config.metrics, bus.metrics)) if config.metrics else None
         except (BusError, ConfigError, FaultError) as error:
             _refuse(error)
         # Who sees the token may ask, and a handler may run from then on: a signal must not cut in any more.
@@ -191,7 +191,7 @@ class _StopSignal:
     def _watch(self) -> None:
         """Tell where the threads are when asked; end the process when it does not by itself, whatever is stuck."""
         while os.read(self._signal_reads, 1)[0] == signal.SIGUSR1:
-            tell_stacks()
+            log_stacks()
         # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
         # Python's handler runs on the main one alone, and that would go on waiting.
         os.write(self._main_writes, b"!")

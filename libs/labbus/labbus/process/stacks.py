@@ -32,12 +32,12 @@ def stacks() -> dict[str, list[str]]:
     }
 
 
-def tell_stacks() -> None:
+def log_stacks() -> None:
     """Log where every thread is."""
     structlog.get_logger("labbus").warning("asked where the threads are", threads=stacks())
 
 
-def tell_stacks_on_signal() -> None:
+def log_stacks_on_signal() -> None:
     """Have SIGUSR1 log where every thread is, in a process that is no service of its own; those do it anyway.
 
     Raises
@@ -46,4 +46,4 @@ def tell_stacks_on_signal() -> None:
         Called on another thread than the main one.
     """
     # On a thread of its own: the main one may be in the middle of a line of the log.
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=tell_stacks, daemon=True).start())
+    signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=log_stacks, daemon=True).start())

@@ -145,7 +145,7 @@ class QueryJob(Generic[MessageT]):
         message = fault.to_message()
         message.service = message.service or self._service
         payload = message.SerializeToString()
-        self._refusals.tell(self.key, fault, session=self._session, asker=self.asker)
+        self._refusals.report(self.key, fault, session=self._session, asker=self.asker)
         self._answer(lambda query: query.reply_err(payload, encoding=encoding_of(message)), code=fault.code_name)
 
     def keep_alive(self) -> None:

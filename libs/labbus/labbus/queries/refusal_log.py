@@ -38,7 +38,7 @@ class RefusalLog:
         self._left_out = 0
         self._log = structlog.get_logger("labbus")
 
-    def tell(self, key: str, fault: FaultError, *, session: str, asker: str) -> None:
+    def report(self, key: str, fault: FaultError, *, session: str, asker: str) -> None:
         """Log a refusal: what, why, and who as far as the query says."""
         if fault.code in _NOT_REFUSED:
             return

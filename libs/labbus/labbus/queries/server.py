@@ -18,7 +18,7 @@ from duralab_proto.keys import ANY, Keys
 from duralab_proto.v1 import query_pb2
 from labbus.encoding import MessageT
 from labbus.faults import FaultError
-from labbus.metrics import NO_LABELS, Figures, Labels
+from labbus.metrics import NO_LABELS, Labels, Metrics
 from labbus.queries.call import Handler, QueryJob
 from labbus.queries.refusal_log import RefusalLog
 from labbus.queries.workers import PATIENCE_SECONDS, WorkerPool
@@ -78,8 +78,8 @@ class QueryServer:
         Threads of a key that asks for no other number, 1 or more.
     largest_bytes : int
         Largest request that is accepted and largest answer that is sent, in bytes.
-    figures : Figures
-        Figures of the process; the server adds its own.
+    metrics : Metrics
+        Metrics of the process; the server adds its own.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class QueryServer:
         service: str,
         workers: int,
         largest_bytes: int,
-        figures: Figures,
+        metrics: Metrics,
     ) -> None:
         self._session = session
         self._keys = keys
@@ -108,16 +108,16 @@ class QueryServer:
         self._closed = False
         self._refusals = RefusalLog()
         self._log = structlog.get_logger("labbus")
-        self._answered = figures.count(
+        self._answered = metrics.count(
             "duralab_queries_total", "Queries answered, by key and code", labels=("key", "code")
         )
-        figures.follow(
+        metrics.follow(
             "duralab_queries_running",
             "Queries whose handler runs or waits for a worker",
             self._running,
             labels=("key",),
         )
-        figures.follow("duralab_queries_waiting", "Queries that wait for a worker", self._waiting)
+        metrics.follow("duralab_queries_waiting", "Queries that wait for a worker", self._waiting)
 
     def serve(
         self, key_expression: str, request_type: type[MessageT], handler: Handler[MessageT], *, workers: int | None

@@ -1,6 +1,6 @@
 """A session on the bus: configuration, opening, identity, rejoining after a loss, and liveliness."""
 
-from labbus.session.callback_thread import Delivery
+from labbus.session.callback_thread import CallbackThread
 from labbus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
 from labbus.session.identity import Identity, check_identity
 from labbus.session.liveliness import DEBOUNCE_SECONDS, Instance, LiveCallback, LivelinessTracker, LiveWatch
@@ -15,8 +15,8 @@ __all__ = [
     "BusConfig",
     "BusMode",
     "BusSession",
+    "CallbackThread",
     "Declaration",
-    "Delivery",
     "Identity",
     "Inbox",
     "Instance",

@@ -1,4 +1,4 @@
-"""A thread of its own for code that must not run on Zenoh's threads: a slow callback there blocks the session."""
+"""Thread for callbacks that must not run on Zenoh's threads: a slow callback there blocks the session."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class _End:
     """Last item of a queue."""
 
 
-class Delivery(Generic[T]):
-    """Calls one function for each item put, in order, on one thread; the queue has no bound.
+class CallbackThread(Generic[T]):
+    """Thread that calls one function for each item put, in order; the queue has no bound.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from typing import Final
 import zenoh
 
 from duralab_proto.keys import ANY, Keys, parse_live
-from labbus.session.callback_thread import Delivery
+from labbus.session.callback_thread import CallbackThread
 from labbus.session.rejoining import BusSession
 
 DEBOUNCE_SECONDS: Final = 0.3
@@ -33,18 +33,18 @@ class LiveWatch:
         self._tracker = tracker
         self._on_close = on_close
         self._closed = False
-        self._delivery = Delivery[tuple[str, str, bool]](lambda event: callback(*event), name="labbus-watch-live")
+        self._thread = CallbackThread[tuple[str, str, bool]](lambda event: callback(*event), name="labbus-watch-live")
         tracker.subscribe(self._put)
 
     def _put(self, service: str, instance: str, alive: bool) -> None:
-        self._delivery.put((service, instance, alive))
+        self._thread.put((service, instance, alive))
 
     def close(self) -> None:
         """Call the callback no more."""
         if not self._closed:
             self._closed = True
             self._tracker.unsubscribe(self._put)
-            self._delivery.close()
+            self._thread.close()
             self._on_close(self)
 
 

@@ -253,14 +253,14 @@ class BusSession:
         self._log.warning("The router is back.", declarations=len(self._declarations))
 
     def _opened_again(self) -> zenoh.Session | None:
-        told = ""
+        logged = ""
         while not self._closed.wait(_AGAIN_SECONDS):
             try:
                 return open_session(self._config)[0]
             except BusError as error:
-                if str(error) != told:
-                    told = str(error)
-                    self._log.warning("The router is still away.", reason=told)
+                if str(error) != logged:
+                    logged = str(error)
+                    self._log.warning("The router is still away.", reason=logged)
         return None
 
     def _renew(self, declaration: Declaration[Any]) -> None:

@@ -2,7 +2,7 @@
 
 from labbus.streams.continuity import Continuity
 from labbus.streams.item import StreamItem
-from labbus.streams.metrics import StreamFigures
+from labbus.streams.metrics import StreamMetrics
 from labbus.streams.order import StreamProof
 from labbus.streams.publisher import StreamPublisher
 from labbus.streams.replay import ReplayServer
@@ -13,8 +13,8 @@ __all__ = [
     "Continuity",
     "ReplayClient",
     "ReplayServer",
-    "StreamFigures",
     "StreamItem",
+    "StreamMetrics",
     "StreamProof",
     "StreamPublisher",
     "Subscription",

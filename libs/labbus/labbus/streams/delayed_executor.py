@@ -1,4 +1,4 @@
-"""Things to be done later, on one thread for all of them."""
+"""Jobs that run after a delay, on one thread for all of them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import time
 from collections.abc import Callable
 
 
-class Later:
-    """Does jobs when their time has come; the thread begins with the first one.
+class DelayedExecutor:
+    """Executor that runs each job after its delay; the thread starts with the first job.
 
     Parameters
     ----------
     name : str
-        Of the thread.
+        Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -27,7 +27,7 @@ class Later:
         self._closed = False
 
     def put(self, seconds: float, job: Callable[[], None]) -> None:
-        """Have a job done after so many seconds; it must not block. Nothing is done after `close`."""
+        """Run a job after `seconds`; it must not block. No job runs after `close`."""
         with self._changed:
             if self._closed:
                 return
@@ -38,7 +38,7 @@ class Later:
             self._changed.notify()
 
     def close(self) -> None:
-        """Forget what is not done yet; return at once."""
+        """Discard the jobs that have not run yet; return at once."""
         with self._changed:
             self._closed = True
             self._jobs.clear()

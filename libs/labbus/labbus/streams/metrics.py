@@ -1,4 +1,4 @@
-"""The figures of a bus's streams: what was published, received, fetched again and lost, and what is not stored yet."""
+"""Metrics of the streams of a bus: messages published, received, fetched again, lost and not stored yet."""
 
 from __future__ import annotations
 
@@ -6,53 +6,53 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from labbus.metrics import NO_LABELS, FigureKind, Figures, Labels
+from labbus.metrics import NO_LABELS, FigureKind, Labels, Metrics
 from labbus.spool import SpoolSpace
 from labbus.streams.subscription import Subscription
 
 _BY_MESSAGE = ("message",)
 
 
-class StreamFigures:
-    """Figures of the streams of one bus.
+class StreamMetrics:
+    """Metrics of the streams of one bus.
 
     Parameters
     ----------
-    figures : Figures
-        Of its process.
+    metrics : Metrics
+        Metrics of its process.
     """
 
-    def __init__(self, figures: Figures) -> None:
-        self.published = figures.count(
+    def __init__(self, metrics: Metrics) -> None:
+        self.published = metrics.count(
             "duralab_stream_published_messages_total", "Messages published, by type", labels=_BY_MESSAGE
         )
-        self._figures = figures
+        self._metrics = metrics
 
     def follow_spools(self, spaces: Iterable[SpoolSpace], unstored: Callable[[], int]) -> None:
-        """Tell of what publishers keep; `spaces` may grow."""
+        """Register the metrics of what publishers keep; `spaces` may grow."""
         for name, what, read in (
             ("duralab_stream_unstored_messages", "Messages published that the recorder has not stored yet", unstored),
             ("duralab_spool_bytes", "What spools take", lambda: sum(space.used_bytes for space in spaces)),
             ("duralab_spool_limit_bytes", "What spools may take", lambda: sum(space.largest_bytes for space in spaces)),
         ):
-            self._figures.follow(name, what, lambda read=read: {NO_LABELS: float(read())})
+            self._metrics.follow(name, what, lambda read=read: {NO_LABELS: float(read())})
 
     def follow_subscriptions(self, subscriptions: Iterable[Subscription[Any]]) -> None:
-        """Tell of what is received; `subscriptions` may grow, those that are closed are forgotten."""
+        """Register the metrics of what is received; `subscriptions` may grow, and closed ones leave it."""
         counters: tuple[tuple[str, str, Callable[[Subscription[Any]], int]], ...] = (
             ("received", "Messages handed to their receivers", lambda each: each.received),
             ("fetched", "Messages that were lost on the way and fetched again", lambda each: each.fetched),
             ("lost", "Messages that nobody has any more or that were refused", lambda each: each.lost),
         )
         for name, what, read in counters:
-            self._figures.follow(
+            self._metrics.follow(
                 f"duralab_stream_{name}_messages_total",
                 f"{what}, by type",
                 lambda read=read: _by_message(subscriptions, read),
                 labels=_BY_MESSAGE,
                 kind=FigureKind.COUNTER,
             )
-        self._figures.follow(
+        self._metrics.follow(
             "duralab_stream_missing_messages",
             "Messages published that are not here yet, by type",
             lambda: _by_message(subscriptions, lambda each: each.missing),

@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 
 from labbus.encoding import encode, encoding_of, zenoh_encoding_of
 from labbus.faults import BusError
-from labbus.metrics import Tally
+from labbus.metrics import Counter
 from labbus.session import BusSession
 from labbus.spool import SPOOL_BYTES, Spool, SpoolSpace
 from labbus.streams.item import POSITION
@@ -50,7 +50,7 @@ class StreamPublisher:
         spools: SpoolSpace,
         held: bool,
         largest_bytes: int,
-        published: Tally,
+        published: Counter,
     ) -> None:
         self.key = key
         self._published = published

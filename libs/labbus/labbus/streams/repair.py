@@ -36,7 +36,7 @@ Polls, not seconds: a receiver that was frozen has not asked anybody meanwhile."
 STUCK_POLLS: Final = 100
 """The same where a publisher says that it has it, and nothing comes of asking."""
 
-MOST_TOLD: Final = 1000
+MOST_REPORTED: Final = 1000
 """Numbers of refused messages that are remembered for each stream, so that they are told once; later ones twice."""
 
 Stream = tuple[str, int]
@@ -53,7 +53,7 @@ class _Followed(Generic[MessageT]):
         self.progress = self.order.progress
         self.cursor = 0
         self.replayed = 0
-        self.told: set[int] = set()
+        self.reported: set[int] = set()
 
 
 class StreamRepair(Generic[MessageT]):
@@ -118,12 +118,12 @@ class StreamRepair(Generic[MessageT]):
     def _refused(self, followed: _Followed[MessageT], item: RefusedItem, *, replayed: bool) -> list[Received[MessageT]]:
         if replayed:
             new, behind = followed.order.refuse(item.seq)
-            return [item, *behind] if new and item.seq not in followed.told else list(behind)
+            return [item, *behind] if new and item.seq not in followed.reported else list(behind)
         # Spoilt on its way, or a stranger's: its publisher may have it whole, and is asked.
         self._wake.set()
-        known = item.seq in followed.told
-        if len(followed.told) < MOST_TOLD:
-            followed.told.add(item.seq)
+        known = item.seq in followed.reported
+        if len(followed.reported) < MOST_REPORTED:
+            followed.reported.add(item.seq)
         return [] if known else [item]
 
     def release(self) -> list[StreamItem[MessageT]]:
@@ -149,7 +149,7 @@ class StreamRepair(Generic[MessageT]):
                     moved[key, epoch] = 0
             for stream in moved:
                 moved[stream] = self._streams[stream].order.mark
-        self._tell(moved)
+        self._send_marks(moved)
 
     def expect(self, key: str, epoch: int, count: int) -> None:
         """Note how many messages there are; see `Subscription.expect`."""
@@ -231,9 +231,9 @@ class StreamRepair(Generic[MessageT]):
             behind = self._marks and head.marked < followed.order.mark
             mark = followed.order.mark
         if behind:
-            self._tell({(key, head.epoch): mark})
+            self._send_marks({(key, head.epoch): mark})
 
-    def _tell(self, marks: dict[Stream, int]) -> None:
+    def _send_marks(self, marks: dict[Stream, int]) -> None:
         try:
             for (key, epoch), stored in marks.items():
                 self._client.mark(key, epoch=epoch, stored=stored)

@@ -21,9 +21,9 @@ from duralab_proto.keys import stream_family
 from duralab_proto.v1 import query_pb2, stream_pb2
 from labbus.encoding import decode, encoding_of
 from labbus.faults import BusError, FaultError
-from labbus.session import BusSession, Declaration, Delivery
+from labbus.session import BusSession, CallbackThread, Declaration
 from labbus.spool import Spool
-from labbus.streams.delayed_executor import Later
+from labbus.streams.delayed_executor import DelayedExecutor
 from labbus.streams.item import POSITION
 
 MOST_REPLAYED: Final = 1000
@@ -88,7 +88,7 @@ class SpoolOffer:
                 attachment=POSITION.pack(self.epoch, spooled.seq),
             )
 
-    def tell_head(self, query: zenoh.Query) -> None:
+    def answer_head(self, query: zenoh.Query) -> None:
         """Say how far it reaches."""
         # Before the extent: what is done grows no more.
         done, extent = self.done, self.spool.extent
@@ -152,8 +152,8 @@ class ReplayServer:
         self._declaring = threading.Lock()
         self._families: dict[str, tuple[Declaration[Any], ...]] = {}
         self._retired: deque[SpoolOffer] = deque()
-        self._threads: dict[bool, Delivery[Callable[[], None]]] = {}
-        self._later = Later("labbus-expiry")
+        self._threads: dict[bool, CallbackThread[Callable[[], None]]] = {}
+        self._delayed = DelayedExecutor("labbus-expiry")
         self._closed = False
 
     @property
@@ -170,7 +170,7 @@ class ReplayServer:
                 raise BusError(f"The bus is closed; nothing can be published on {key}.")
             if not self._threads:
                 for bulk, name in ((True, "labbus-replay"), (False, "labbus-heads")):
-                    self._threads[bulk] = Delivery(lambda job: job(), name=name)
+                    self._threads[bulk] = CallbackThread(lambda job: job(), name=name)
         offer = SpoolOffer(self, key=key, epoch=epoch, spool=spool)
         with self._lock:
             self._offers.add(offer)
@@ -185,7 +185,7 @@ class ReplayServer:
         with self._declaring:
             if family in self._families:
                 return
-            replays, heads = self._callback(self._replay, bulk=True), self._callback(self._tell_heads, bulk=False)
+            replays, heads = self._callback(self._replay, bulk=True), self._callback(self._answer_heads, bulk=False)
             marks = zenoh.handlers.Callback(self._take_mark, indirect=False)
             self._families[family] = (
                 self._session.declare(lambda joined: joined.declare_queryable(replay_key(family), replays)),
@@ -211,9 +211,9 @@ class ReplayServer:
             if offer.epoch == epoch:
                 offer.replay(query, first=first, stop=stop)
 
-    def _tell_heads(self, query: zenoh.Query) -> None:
+    def _answer_heads(self, query: zenoh.Query) -> None:
         for offer in self._offered(query.key_expr):
-            offer.tell_head(query)
+            offer.answer_head(query)
 
     def _take_mark(self, sample: zenoh.Sample) -> None:
         try:
@@ -247,12 +247,12 @@ class ReplayServer:
             surplus = self._retired.popleft() if len(self._retired) > KEPT_SPOOLS else None
         if surplus is not None:
             self._expire(surplus)
-        self._later.put(KEPT_SECONDS, lambda: self._expire(offer))
+        self._delayed.put(KEPT_SECONDS, lambda: self._expire(offer))
 
     def settle(self, offer: SpoolOffer) -> None:
         """Let go of a spool that nobody needs any more; its end is still told for a moment."""
         offer.spool.close(delete=True)
-        self._later.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
+        self._delayed.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 
     def close(self) -> None:
         """Offer nothing more, after a moment for the last marks; what is on disk and not marked stays there."""
@@ -262,7 +262,7 @@ class ReplayServer:
         with self._lock:
             self._closed = True
             offers = list(self._offers)
-        self._later.close()
+        self._delayed.close()
         for offer in offers:
             self.withdraw(offer)
         with self._declaring:

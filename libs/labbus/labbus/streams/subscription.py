@@ -159,7 +159,7 @@ class Subscription(Generic[MessageT]):
 
     def _call(self, item: Received[MessageT]) -> None:
         if isinstance(item, RefusedItem):
-            self._tell(item.fault)
+            self._report(item.fault)
             return
         self.received += 1
         try:
@@ -176,10 +176,10 @@ class Subscription(Generic[MessageT]):
                 sample, key=str(sample.key_expr), message_type=self._type, largest_bytes=self._largest_bytes
             )
         except FaultError as fault:
-            self._tell(fault)
+            self._report(fault)
             return None
 
-    def _tell(self, fault: FaultError) -> None:
+    def _report(self, fault: FaultError) -> None:
         try:
             self._on_problem(fault)
         except Exception:  # noqa: BLE001 - nor may what it raises here
