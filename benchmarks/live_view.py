@@ -13,7 +13,7 @@ import numpy as np
 
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
-from recorder.live_view import LiveView
+from recorder.live import LiveView
 
 CHANNELS = 8
 SAMPLE_RATE = 2000.0

@@ -17,12 +17,10 @@ from duralab_proto.arrays import to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import verify
-from recorder.file_index import forget_indexes
-from recorder.recording_files import files_of
-from recorder.signal_windows import read_window
-from recorder.step_types import Step, decode_step
+from recorder.format import Step, decode_step, files_of
+from recorder.log import Archive
+from recorder.mcap import forget_indexes
+from recorder.reading import read_window, verify
 
 CHANNELS, SAMPLE_RATE, BLOCK = 8, 2000.0, 100
 """Drives, and as many responses: blocks of 12.8 KB."""

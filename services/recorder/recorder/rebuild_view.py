@@ -7,8 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from recorder.live_rebuild import Shown, UnreadableFileError, recording_of, show_log
-from recorder.live_view import LiveView
+from recorder.live import LiveView, Shown, UnreadableFileError, recording_of, show_log
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

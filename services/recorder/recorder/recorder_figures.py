@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from labbus import FigureKind, Metrics
-from recorder.archive import Archive
-from recorder.intake import Intake
+from recorder.log import Archive, Intake
 from recorder.work_thread import WorkThread
 
 _NO_LABELS: Final[tuple[str, ...]] = ()

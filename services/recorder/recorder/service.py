@@ -14,20 +14,13 @@ import structlog
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import Bus, Call, ConfigError, FaultError, StreamItem, Subscription
-from recorder.archive import Archive
-from recorder.catalogue import describe, fits, read_part, verify
 from recorder.config import RecorderConfig
-from recorder.free_room import MEBIBYTE
-from recorder.intake import Intake
-from recorder.live_views import LiveViews
-from recorder.own_folder import own_folder
+from recorder.format import Step, checked_name, decode_step, existing_file, files_of, recordings_in
+from recorder.live import LiveViews
+from recorder.log import MEBIBYTE, Archive, Intake, Placement, exclusive_folder
+from recorder.reading import describe, fits, read_part, read_steps, read_window, verify
 from recorder.recorder_figures import follow_recorder
-from recorder.recording_files import checked_name, existing_file, files_of, recordings_in
 from recorder.refused import RefusedError
-from recorder.signal_windows import read_window
-from recorder.step_order import Placement
-from recorder.step_reading import read_steps
-from recorder.step_types import Step, decode_step
 from recorder.work_thread import WorkThread
 
 NAME: Final = "recorder"
@@ -337,7 +330,7 @@ def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[obje
         # A second one would tell publishers to forget what only the first one knows to be of a recording.
         if bus.discover(NAME):
             raise ConfigError(f"Another recorder is on the bus of lab {bus.config.lab!r}; end it first.")
-        with own_folder(config.folder):
+        with exclusive_folder(config.folder):
             service = RecorderService(config)
             try:
                 service.attach(bus)

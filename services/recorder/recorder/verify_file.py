@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
-from recorder.mcap_audit import audit
+from recorder.reading import audit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from recorder.archive import Archive
-from recorder.step_types import decode_step
+from recorder.format import decode_step
+from recorder.log import Archive
 
 
 def main() -> None:

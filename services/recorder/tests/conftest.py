@@ -12,7 +12,7 @@ from google.protobuf.message import Message
 
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
-from recorder.step_types import Step, decode_step
+from recorder.format import Step, decode_step
 
 # What tests of this folder share lies beside them.
 sys.path.insert(0, str(Path(__file__).parent))

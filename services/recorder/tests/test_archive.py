@@ -9,12 +9,10 @@ from duralab_proto.arrays import to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import describe
-from recorder.mcap_audit import audit
-from recorder.recording_files import files_of
+from recorder.format import files_of
+from recorder.log import Archive, Placement
+from recorder.reading import audit, describe
 from recorder.refused import RefusedError
-from recorder.step_order import Placement
 
 EPOCH = 11
 

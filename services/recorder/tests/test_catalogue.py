@@ -5,9 +5,9 @@ import hashlib
 import pytest
 
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from recorder.archive import Archive
-from recorder.catalogue import describe, read_part, verify
-from recorder.recording_files import existing_file, recordings_in
+from recorder.format import existing_file, recordings_in
+from recorder.log import Archive
+from recorder.reading import describe, read_part, verify
 from recorder.refused import RefusedError
 
 

@@ -10,11 +10,10 @@ import pytest
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import verify
-from recorder.mcap_log import McapLog
+from recorder.log import Archive, Placement
+from recorder.mcap import McapLog
+from recorder.reading import verify
 from recorder.refused import RefusedError
-from recorder.step_order import Placement
 
 EPOCH = 11
 RETRY_SECONDS = 0.05
@@ -22,7 +21,7 @@ RETRY_SECONDS = 0.05
 
 @pytest.fixture
 def archive(tmp_path, campaign, step_of, monkeypatch):
-    monkeypatch.setattr("recorder.interruptions.RETRY_SECONDS", RETRY_SECONDS)
+    monkeypatch.setattr("recorder.log.interruptions.RETRY_SECONDS", RETRY_SECONDS)
     archive = Archive(tmp_path, least_free_bytes=0)
     for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned("demo.i01")]):
         archive.commit("demo", step_of(number, message))

@@ -8,10 +8,9 @@ import random
 import pytest
 from mcap.opcode import Opcode
 
-from recorder.archive import Archive
-from recorder.mcap_damage import DAMAGE
-from recorder.mcap_scan import MAGIC, scan
-from recorder.recording_content import Content
+from recorder.format import Content
+from recorder.log import Archive
+from recorder.mcap import DAMAGE, MAGIC, scan
 from recorder.refused import RefusedError
 
 

@@ -11,12 +11,11 @@ import pytest
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import describe, verify
-from recorder.recording_summary import read_summary
-from recorder.recovery import KILLED
+from recorder.format import read_summary
+from recorder.log import Archive, Placement
+from recorder.log.recovery import KILLED
+from recorder.reading import describe, verify
 from recorder.refused import RefusedError
-from recorder.step_order import Placement
 
 EPOCH = 11
 SIZE = 2 * 1024 * 1024
@@ -50,7 +49,7 @@ def remount(folder, how):
 
 @pytest.fixture
 def archive(small_disk, campaign, step_of, monkeypatch):
-    monkeypatch.setattr("recorder.interruptions.RETRY_SECONDS", 0.0)
+    monkeypatch.setattr("recorder.log.interruptions.RETRY_SECONDS", 0.0)
     archive = Archive(small_disk, least_free_bytes=64 * 1024)
     for number, message in enumerate([campaign.specification(), campaign.description(), campaign.planned("demo.i01")]):
         archive.commit("demo", step_of(number, message))

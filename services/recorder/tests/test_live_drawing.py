@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from recorder.live_charts import CANVAS, Axes, frequency_ticks
-from recorder.live_frf import draw_frf
-from recorder.live_series import colour_of
-from recorder.live_tables import COLUMNS_SHOWN, error_table, status_document
-from recorder.live_thinning import bucket_samples, keep_extremes
+from recorder.live.charts import CANVAS, Axes, frequency_ticks
+from recorder.live.frf import draw_frf
+from recorder.live.series import colour_of
+from recorder.live.tables import COLUMNS_SHOWN, error_table, status_document
+from recorder.live.thinning import bucket_samples, keep_extremes
 
 signals = hnp.arrays(np.float64, st.integers(1, 300), elements=st.floats(-1e6, 1e6))
 

@@ -8,9 +8,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from headless_viewer import START_SECONDS, picture_of, pixels, viewer_of
 
-from recorder.live_playbacks import iteration
-from recorder.live_series import LATEST_COLOUR, RUN_TIME, Curve, Group, Look
-from recorder.live_stream import close_stream, open_stream, send_blueprint
+from recorder.live.playbacks import iteration
+from recorder.live.series import LATEST_COLOUR, RUN_TIME, Curve, Group, Look
+from recorder.live.stream import close_stream, open_stream, send_blueprint
 
 SAMPLES = 60_000
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from recorder.live_pieces import PIECE_SECONDS, Piece
+from recorder.live.pieces import PIECE_SECONDS, Piece
 
 
 def test_a_piece_is_due_when_its_first_item_has_waited_long_enough():

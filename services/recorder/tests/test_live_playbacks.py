@@ -9,9 +9,9 @@ from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
 from labbus import StreamItem
 from recorder import rebuild_view
-from recorder.archive import Archive
-from recorder.live_playbacks import playback_of
-from recorder.live_view import LiveView
+from recorder.live import LiveView
+from recorder.live.playbacks import playback_of
+from recorder.log import Archive
 
 SHOWN = ("/response", "/measured", "/drive", "/rig")
 

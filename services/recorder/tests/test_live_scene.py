@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import rig_pb2
-from recorder.live_scene import chained, line_ends, outline_of, read_scene, solid_poses, turned, with_world
+from recorder.live.scene import chained, line_ends, outline_of, read_scene, solid_poses, turned, with_world
 
 
 def some_quaternions(seed, count=50):

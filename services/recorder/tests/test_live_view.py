@@ -14,12 +14,11 @@ from printed_view import run_rerun
 
 from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
 from recorder import rebuild_view
-from recorder.live_limits import DriveLimits
-from recorder.live_rig import LINE_COLOURS, ROLE_COLOURS
-from recorder.live_series import CHANNEL_COLOURS, LATEST_COLOUR
-from recorder.live_stream import close_stream, open_stream
-from recorder.live_view import LiveView
-from recorder.live_views import LiveViews
+from recorder.live import LiveView, LiveViews
+from recorder.live.limits import DriveLimits
+from recorder.live.rig import LINE_COLOURS, ROLE_COLOURS
+from recorder.live.series import CHANNEL_COLOURS, LATEST_COLOUR
+from recorder.live.stream import close_stream, open_stream
 
 
 def show_campaign(view: LiveView, campaign) -> None:
@@ -205,7 +204,7 @@ def test_a_file_that_was_cut_off_is_made_again_when_its_recording_is_closed(
     views = LiveViews(tmp_path, files=True, viewer=None)
     views.show_step("demo", campaign.specification())
     refused = iter([False])
-    monkeypatch.setattr("recorder.live_view.close_stream", lambda stream: close_stream(stream) and next(refused, True))
+    monkeypatch.setattr("recorder.live.view.close_stream", lambda stream: close_stream(stream) and next(refused, True))
     views.finish("demo")
     views.close(10.0)
     printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", tmp_path / "demo.rrd")

@@ -9,8 +9,8 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile
 from zstandard import ZstdError
 
-from recorder.catalogue import verify
-from recorder.mcap_damage import DAMAGE, reason_of
+from recorder.mcap import DAMAGE, reason_of
+from recorder.reading import verify
 
 
 @pytest.mark.parametrize("share", ["empty", "short text", "long text", "only begun"])

@@ -8,9 +8,9 @@ from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
 from labbus import StreamItem
 from recorder import rebuild_view
-from recorder.archive import Archive
-from recorder.live_views import LiveViews
-from recorder.mcap_scan import scan
+from recorder.live import LiveViews
+from recorder.log import Archive
+from recorder.mcap import scan
 
 RUN = "demo.i01"
 

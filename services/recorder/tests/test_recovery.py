@@ -17,13 +17,11 @@ from mcap.reader import make_reader
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import Continuity, StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import describe, verify
-from recorder.mcap_scan import MAGIC, is_finished
-from recorder.recording_files import DAMAGED_FOLDER, files_of, recordings_in
-from recorder.recording_summary import Summary, read_summary
+from recorder.format import DAMAGED_FOLDER, Summary, files_of, read_summary, recordings_in
+from recorder.log import Archive, Placement
+from recorder.mcap import MAGIC, is_finished
+from recorder.reading import describe, verify
 from recorder.refused import RefusedError
-from recorder.step_order import Placement
 
 EPOCH = 11
 

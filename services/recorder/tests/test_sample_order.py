@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import verify
-from recorder.sample_order import SampleOrder
+from recorder.format.sample_order import SampleOrder
+from recorder.log import Archive
+from recorder.reading import verify
 
 RUN = "demo.i01"
 

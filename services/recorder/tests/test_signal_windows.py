@@ -9,10 +9,9 @@ from duralab_proto.arrays import from_record
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import StreamItem
-from recorder import signal_windows
-from recorder.archive import Archive
+from recorder.log import Archive
+from recorder.reading import read_window, signal_windows
 from recorder.refused import RefusedError
-from recorder.signal_windows import read_window
 
 RUN = "demo.i01"
 ORDER = {"in order": [0, 1, 2, 3], "one late": [0, 2, 3, 1], "the first last": [1, 2, 3, 0]}
@@ -114,7 +113,7 @@ def test_a_block_that_cannot_be_decoded_is_damage_and_no_wrong_request(tmp_path,
     blocks = campaign.blocks(RUN)
     # Its checksum is right: it was stored like that.
     blocks[1].response.data = blocks[1].response.data[:-3]
-    monkeypatch.setattr("recorder.archive.check_block", lambda *_, **__: None)
+    monkeypatch.setattr("recorder.log.archive.check_block", lambda *_, **__: None)
     for seq, block in enumerate(blocks):
         archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, block))
     archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="done")))

@@ -11,11 +11,10 @@ from mcap_protobuf.decoder import DecoderFactory
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, identifier_pb2, recorder_pb2
 from labbus import StreamItem
-from recorder.archive import Archive
-from recorder.catalogue import describe, read_part, verify
-from recorder.recording_files import files_of, recording_path
+from recorder.format import files_of, recording_path
+from recorder.log import Archive
+from recorder.reading import describe, read_part, read_steps, verify
 from recorder.refused import RefusedError
-from recorder.step_reading import read_steps
 
 EPOCH = 11
 RUNS = 5

@@ -5,10 +5,10 @@ import shutil
 import pytest
 
 from duralab_proto.v1 import recorder_pb2
-from recorder import file_index, mcap_scan
-from recorder.archive import Archive
+from recorder.log import Archive
+from recorder.mcap import file_scan, index
+from recorder.reading import read_steps
 from recorder.refused import RefusedError
-from recorder.step_reading import read_steps
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ def test_a_long_recording_comes_in_parts(archive, campaign, step_of, tmp_path, m
         campaign.iteration(2, 0.3),
     ]
     commit(archive, step_of, messages)
-    monkeypatch.setattr("recorder.step_reading.LARGEST_ANSWER", messages[0].ByteSize() + messages[1].ByteSize())
+    monkeypatch.setattr("recorder.reading.step_reading.LARGEST_ANSWER", messages[0].ByteSize() + messages[1].ByteSize())
     assert [step.step for step in read(tmp_path / "demo.mcap").steps] == [0, 1]
     assert [step.step for step in read(tmp_path / "demo.mcap", 2).steps] == [2]
     assert read(tmp_path / "demo.mcap", 2).total == 4
@@ -90,11 +90,12 @@ def test_each_part_reads_its_own_chunks_and_no_others(archive, campaign, step_of
     if state == "closed":
         archive.close()
     read_chunks, scanned = [], []
-    monkeypatch.setattr("recorder.step_reading.LARGEST_ANSWER", 1)
+    monkeypatch.setattr("recorder.reading.step_reading.LARGEST_ANSWER", 1)
     monkeypatch.setattr(
-        "recorder.step_reading.messages_of", lambda *place: read_chunks.append(place) or file_index.messages_of(*place)
+        "recorder.reading.step_reading.messages_of",
+        lambda *place: read_chunks.append(place) or index.messages_of(*place),
     )
-    monkeypatch.setattr(file_index, "scan", lambda *file: scanned.append(file) or mcap_scan.scan(*file))
+    monkeypatch.setattr(index, "scan", lambda *file: scanned.append(file) or file_scan.scan(*file))
     for number, message in enumerate(messages):
         answer = read(tmp_path / "demo.mcap", number, written=len(messages) if state == "open" else None)
         assert [step.payload for step in answer.steps] == [message.SerializeToString()]
@@ -108,7 +109,7 @@ def test_a_message_index_that_is_none_is_damage(archive, campaign, step_of, tmp_
     commit(archive, step_of, [campaign.specification()])
     archive.close()
     path = tmp_path / "demo.mcap"
-    (offset,) = file_index.index_of(path).chunk_indexes[0].message_index_offsets.values()
+    (offset,) = index.index_of(path).chunk_indexes[0].message_index_offsets.values()
     content = bytearray(path.read_bytes())
     content[offset] ^= 0xFF
     path.write_bytes(content)

@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from recorder.format import decode_step
+from recorder.format.steps import STEP_TYPES
+from recorder.log import Placement
+from recorder.log.step_order import StepOrder
 from recorder.refused import RefusedError
-from recorder.step_order import Placement, StepOrder
-from recorder.step_types import STEP_TYPES, decode_step
 
 
 def status_step(step_of, number, activity="playing"):

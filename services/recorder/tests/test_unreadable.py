@@ -12,12 +12,10 @@ import pytest
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from labbus import Call, StreamItem
-from recorder import recovery
-from recorder.archive import Archive
 from recorder.config import RecorderConfig
+from recorder.log import Archive, Placement, recovery
 from recorder.refused import RefusedError
 from recorder.service import RecorderService
-from recorder.step_order import Placement
 
 
 @pytest.fixture
@@ -60,7 +58,7 @@ def test_a_file_that_cannot_be_read_holds_up_the_lab_for_a_bounded_time(unreadab
         archive.take_block(item)
     archive.sync()
     assert archive.take_settled() == []
-    monkeypatch.setattr("recorder.interruptions.time.monotonic", lambda: 1e9)
+    monkeypatch.setattr("recorder.log.interruptions.time.monotonic", lambda: 1e9)
     archive.sync()
     assert [item.seq for item in archive.take_settled()] == [0, 1, 2, 3]
     archive.take_block(blocks_by_hand(campaign)[0])
@@ -126,7 +124,7 @@ def test_a_view_ends_also_where_the_disk_refused_the_ending_the_first_time(tmp_p
         ending = request_of(1, recorder_pb2.RecordingClosed(reason="done"))
         with monkeypatch.context() as patched:
             patched.setattr(
-                "recorder.mcap_log.McapLog.close", mock.Mock(side_effect=OSError(errno.ENOSPC, "No space left"))
+                "recorder.mcap.writer.McapLog.close", mock.Mock(side_effect=OSError(errno.ENOSPC, "No space left"))
             )
             with pytest.raises(RefusedError, match="cannot be written now"):
                 service.commit(bus, ending, call)

@@ -11,7 +11,7 @@ import pytest
 
 from duralab_proto.v1 import recorder_pb2
 from recorder import rebuild_view, verify_file
-from recorder.archive import Archive
+from recorder.log import Archive
 
 
 @pytest.fixture

@@ -1,0 +1,180 @@
+"""What the files of a recording hold, gathered from their records in order: steps, playbacks, blocks, attachments."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
+
+from duralab_proto.keys import rig_of, run_of
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from labbus import Continuity
+from recorder.format.runs import PlannedRun
+from recorder.format.sample_order import SampleOrder
+from recorder.format.steps import type_name_of
+from recorder.format.summary import SUMMARY_METADATA, Runs, Story, Streams, Summary
+
+STEP_TOPIC: Final = "step/"
+"""Committed steps are on `step/<short name of the message>`, numbered by their sequence."""
+
+EPOCH: Final = "epoch"
+"""Entry of a stream channel's metadata: the epoch of its publisher."""
+
+STORED_ONCE: Final = (rig_pb2.RigState, iterator_pb2.CampaignEvent)
+"""Messages of streams that are replayed after a kill, besides signal blocks."""
+
+PART_METADATA: Final = "part"
+SCENARIO_METADATA: Final = "scenario"
+SOFTWARE_METADATA: Final = "software"
+
+_TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
+
+
+@dataclass
+class Content:
+    """What was found so far; `take` adds to it, file by file.
+
+    Parameters
+    ----------
+    steps : dict of int to (str, str)
+        Full name of the message and SHA-256 of the payload of each step.
+    last_step_type : str
+        Full name of the message of the step read last.
+    blocks : dict of (str, str, int) to Continuity
+        The signal blocks of each rig, run and epoch.
+    samples : dict of (str, str, int) to SampleOrder
+        Whether their samples follow each other.
+    streams : dict of (str, int) to Continuity
+        The states and events of each key and epoch.
+    planned, played : list
+        The playbacks announced, and the proofs of what they consist of.
+    summary : Summary or None
+        The last one.
+    part : dict of str to str
+        What the file read last says about its place.
+    descriptions : dict of str to RigDescription
+        The rigs, by name.
+    attachments : dict of str to str
+        SHA-256 of each attachment, by name.
+    scenario : dict of str to str
+        Metadata of the campaign's YAML.
+    story : Story
+        Rig, target, phase and outcome, as the steps tell them.
+    messages : int
+        Number of messages found so far.
+    """
+
+    steps: dict[int, tuple[str, str]] = field(default_factory=dict)
+    last_step_type: str = ""
+    blocks: dict[tuple[str, str, int], Continuity] = field(default_factory=dict)
+    samples: dict[tuple[str, str, int], SampleOrder] = field(default_factory=dict)
+    streams: Streams = field(default_factory=dict)
+    planned: list[recorder_pb2.RunPlanned] = field(default_factory=list)
+    played: list[recorder_pb2.RunPlayed] = field(default_factory=list)
+    descriptions: dict[str, rig_pb2.RigDescription] = field(default_factory=dict)
+    attachments: dict[str, str] = field(default_factory=dict)
+    scenario: dict[str, str] = field(default_factory=dict)
+    story: Story = field(default_factory=Story)
+    summary: Summary | None = None
+    part: dict[str, str] = field(default_factory=dict)
+    messages: int = 0
+    _schemas: dict[int, str] = field(default_factory=dict)
+    """Full names of the messages of the file read now, by the schema's number."""
+
+    _channels: dict[int, Channel] = field(default_factory=dict)
+    """Channels of the file read now, by number."""
+
+    def begin_file(self) -> None:
+        """Forget what holds for one file only."""
+        self.part = {}
+        self.summary = None
+        self._schemas, self._channels = {}, {}
+
+    def take(self, record: McapRecord) -> None:
+        """Add a record; raises one of DAMAGE where it is not what a recorder writes."""
+        match record:
+            case Schema():
+                self._schemas[record.id] = record.name
+            case Channel():
+                self._channels[record.id] = record
+            case Message():
+                self.messages += 1
+                self._take_message(record)
+            case Attachment():
+                self.attachments[record.name] = hashlib.sha256(record.data).hexdigest()
+            case Metadata():
+                self._take_metadata(record)
+
+    def _take_metadata(self, record: Metadata) -> None:
+        match record.name:
+            case name if name == SUMMARY_METADATA:
+                self.summary = Summary.from_metadata(record.metadata)
+            case name if name == PART_METADATA:
+                self.part = dict(record.metadata)
+            case name if name == SCENARIO_METADATA:
+                self.scenario = dict(record.metadata)
+
+    def _take_message(self, message: Message) -> None:
+        channel = self._channels[message.channel_id]
+        schema = self._schemas[channel.schema_id]
+        if channel.topic.startswith(STEP_TOPIC):
+            self._take_step(message, schema)
+        elif schema == type_name_of(rig_pb2.SignalBlock):
+            place = (rig_of(channel.topic), run_of(channel.topic), int(channel.metadata[EPOCH]))
+            self.blocks.setdefault(place, Continuity()).accept(message.sequence)
+            block = rig_pb2.SignalBlock.FromString(message.data)
+            count = block.response.shape[-1] if block.response.shape else 0
+            self.samples.setdefault(place, SampleOrder()).take(message.sequence, first=block.first_sample, count=count)
+        elif schema in _TYPES_STORED_ONCE:
+            place = (channel.topic, int(channel.metadata[EPOCH]))
+            self.streams.setdefault(place, Continuity()).accept(message.sequence)
+
+    def _take_step(self, message: Message, schema: str) -> None:
+        self.steps[message.sequence] = (schema, hashlib.sha256(message.data).hexdigest())
+        self.last_step_type = schema
+        if message.sequence == 0:
+            self.story = Story(begun=message.log_time)
+        if schema == type_name_of(recorder_pb2.RunPlanned):
+            self.planned.append(recorder_pb2.RunPlanned.FromString(message.data))
+        elif schema == type_name_of(recorder_pb2.RunPlayed):
+            self.played.append(recorder_pb2.RunPlayed.FromString(message.data))
+        elif schema == type_name_of(rig_pb2.RigDescription):
+            description = rig_pb2.RigDescription.FromString(message.data)
+            self.descriptions[description.rig] = description
+        elif schema == type_name_of(iterator_pb2.CampaignSpec):
+            spec = iterator_pb2.CampaignSpec.FromString(message.data)
+            self.story = replace(self.story, rig=spec.rig, target=spec.target_source)
+        elif schema == type_name_of(iterator_pb2.CampaignStatus):
+            status = iterator_pb2.CampaignStatus.FromString(message.data)
+            self.story = replace(self.story, phase=status.phase, outcome=status.outcome)
+
+    @property
+    def step_numbers(self) -> list[int]:
+        """Numbers of the steps, ascending."""
+        return sorted(self.steps)
+
+    def runs(self, recording: str) -> Runs:
+        """Return the playbacks that were announced, with the blocks that are here."""
+        runs: Runs = {(planned.rig, planned.run): PlannedRun(recording) for planned in self.planned}
+        for played in self.played:
+            runs.setdefault((played.rig, played.run), PlannedRun(recording)).played = played
+        for (rig, name, epoch), continuity in self.blocks.items():
+            if (rig, name) in runs:
+                runs[rig, name].epochs[epoch] = continuity
+        return runs
+
+    def summary_now(self, recording: str, *, reason: str) -> Summary:
+        """Return what is to be said at the end of what was read."""
+        steps = [self.steps[number] for number in self.step_numbers]
+        return Summary(
+            recording=recording,
+            reason=reason,
+            step_types=tuple(kind for kind, _ in steps),
+            step_hashes=tuple(payload_hash for _, payload_hash in steps),
+            runs=self.runs(recording),
+            attachments=dict(self.attachments),
+            story=self.story,
+            streams=self.streams,
+        )

@@ -1,0 +1,204 @@
+"""Which files belong to a recording: `<id>.mcap`, `<id>.part02.mcap`, …, and how they are named."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from duralab_proto.keys import check_id
+from duralab_proto.v1 import query_pb2
+from recorder.refused import RefusedError, invalid
+
+DAMAGED_FOLDER: Final = "damaged"
+"""Beside the recordings: the files as a killed recorder left them, kept when they are repaired."""
+
+# An id holds no dot, so no id's first file can be taken for another's second.
+_FILE = re.compile(r"(?P<id>[^.]+)(\.part(?P<number>\d{2,}))?\.mcap")
+
+
+class Part(StrEnum):
+    """What is kept of a recording."""
+
+    RECORDING = "recording"
+    LIVE = "live"
+
+
+_SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
+
+
+def checked_name(name: str, *, field: str) -> str:
+    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it.
+
+    Parameters
+    ----------
+    name : str
+        As it was received.
+    field : str
+        Path of the request's field that holds it.
+
+    Returns
+    -------
+    str
+        The name itself.
+
+    Raises
+    ------
+    RefusedError
+        It is not a valid id.
+    """
+    try:
+        return check_id(name)
+    except ValueError as error:
+        raise invalid(str(error), field=field) from error
+
+
+def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
+    """Return where a file of a recording lies; the id is checked again here, where it becomes a path.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+    part : Part
+        Log or live view.
+    number : int
+        Number of the file within the recording, from 1.
+
+    Returns
+    -------
+    Path
+        The file need not exist.
+    """
+    place = f".part{number:02d}" if number > 1 else ""
+    return folder / (checked_name(name, field="recording") + place + _SUFFIX[part])
+
+
+def files_of(folder: Path, name: str) -> list[Path]:
+    """Return the MCAP files of a recording in their order; empty where there is none.
+
+    A number that is missing ends the list: what follows it is not known to belong to what lies before.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    list of Path
+        The first one carries no number.
+    """
+    files: list[Path] = []
+    # A link could lead out of the folder.
+    while (path := recording_path(folder, name, number=len(files) + 1)).is_file() and not path.is_symlink():
+        files.append(path)
+    return files
+
+
+def files_after_a_gap(folder: Path, name: str) -> list[Path]:
+    """Return the MCAP files of a recording that lie behind a missing one, in their order.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    list of Path
+        Empty where no number is missing.
+    """
+    known = len(files_of(folder, name))
+    found: dict[int, Path] = {}
+    for path in folder.glob(f"{checked_name(name, field='recording')}.part*{_SUFFIX[Part.RECORDING]}"):
+        match = _FILE.fullmatch(path.name)
+        if match is not None and match["id"] == name and int(match["number"]) > known:
+            found[int(match["number"])] = path
+    return [found[number] for number in sorted(found)]
+
+
+def recordings_in(folder: Path) -> list[str]:
+    """Return the ids of the recordings in a folder, sorted; other files are passed over.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+
+    Returns
+    -------
+    list of str
+        Ids.
+    """
+    names = []
+    for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
+        match = _FILE.fullmatch(path.name)
+        # A link could lead out of the folder.
+        if match is None or match["number"] is not None or path.is_symlink() or not path.is_file():
+            continue
+        try:
+            names.append(check_id(match["id"]))
+        except ValueError:
+            continue
+    return sorted(names)
+
+
+def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
+    """Return a file of a recording, or refuse with NOT_FOUND.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+    part : Part
+        Log or live view.
+    number : int
+        Number of the file within the recording, from 1.
+
+    Returns
+    -------
+    Path
+        A regular file in the folder.
+
+    Raises
+    ------
+    RefusedError
+        NOT_FOUND: there is no such file, or it is a link.
+    """
+    path = recording_path(folder, name, part, number=number)
+    # A link could lead out of the folder.
+    if path.is_symlink() or not path.is_file():
+        raise RefusedError(
+            query_pb2.FAULT_CODE_NOT_FOUND,
+            f"There is no file {path.name}; recorder/recording/list (`duralab catalogue`) names the recordings.",
+            field="recording",
+        )
+    return path
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 (hexadecimal) of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Returns
+    -------
+    str
+        64 digits.
+    """
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

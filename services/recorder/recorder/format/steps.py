@@ -1,0 +1,181 @@
+"""The messages that may be committed as steps of a recording: decoded and checked before they reach the log."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from google.protobuf.message import DecodeError, Message
+
+from duralab_proto.arrays import ArrayError, from_array, from_record
+from duralab_proto.keys import check_rig, check_run
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from recorder.format.runs import MOST_BLOCKS
+from recorder.refused import invalid
+
+LONGEST_TYPE_NAME: Final = 200
+
+
+@dataclass(frozen=True)
+class Step:
+    """A committed step whose content was checked.
+
+    Parameters
+    ----------
+    number : int
+        Place within its recording, from 0.
+    message : Message
+        The decoded payload.
+    payload : bytes
+        Exactly what was sent; the log keeps these bytes.
+    payload_hash : str
+        SHA-256 of `payload`, hexadecimal.
+    """
+
+    number: int
+    message: Message
+    payload: bytes
+    payload_hash: str
+
+    @property
+    def type_name(self) -> str:
+        """Full name of the message, e.g. "duralab.v1.Model"."""
+        return self.message.DESCRIPTOR.full_name
+
+
+def type_name_of(kind: type[Message]) -> str:
+    """Return the full name of a message, e.g. "duralab.v1.Model".
+
+    Parameters
+    ----------
+    kind : type of Message
+        Of the contract.
+
+    Returns
+    -------
+    str
+        With its package.
+    """
+    return kind.DESCRIPTOR.full_name
+
+
+def _check_names(message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed) -> None:
+    for check, name, field in ((check_run, message.run, "run"), (check_rig, message.rig, "rig")):
+        try:
+            check(name)
+        except ValueError as error:
+            raise ArrayError(str(error), field=field) from error
+
+
+def _check_played(message: recorder_pb2.RunPlayed) -> None:
+    _check_names(message)
+    if message.blocks == 0:
+        raise ArrayError("blocks is 0; a run that was played has 1 block or more.", field="blocks")
+    if message.blocks > MOST_BLOCKS:
+        raise ArrayError(f"blocks is {message.blocks}; at most {MOST_BLOCKS} are allowed.", field="blocks")
+
+
+def _check_specification(message: iterator_pb2.CampaignSpec) -> None:
+    from_record(message.target, field="target")
+
+
+def _check_description(message: rig_pb2.RigDescription) -> None:
+    for field, channels in (("drives", message.drives), ("responses", message.responses)):
+        names = [channel.name for channel in channels]
+        if not names or "" in names or len(set(names)) != len(names):
+            raise ArrayError(f"{field} has the names {names}; each channel needs a name of its own.", field=field)
+    from_array(message.static_response, field="static_response", shape=(len(message.responses),), dtype=np.float64)
+
+
+def _check_target(message: iterator_pb2.TargetInBand) -> None:
+    from_array(message.samples, field="samples", shape=(None, None), dtype=np.float64)
+
+
+def _check_model(message: identifier_pb2.Model) -> None:
+    lines = from_array(message.frequency, field="frequency", shape=(None,), dtype=np.float64).size
+    responses, drives = len(message.responses), len(message.drives)
+    # Lines without excitation hold no estimate, so NaN may stand there.
+    from_array(message.frf, field="frf", shape=(lines, responses, drives), dtype=np.complex128, finite=False)
+    from_array(message.coherence, field="coherence", shape=(lines, responses), dtype=np.float64, finite=False)
+
+
+def _check_iteration(message: iterator_pb2.IterationStep) -> None:
+    if message.iteration == 0:
+        raise ArrayError("iteration is 0; playbacks are numbered from 1.", field="iteration")
+    from_record(message.drive, field="drive")
+    _, _, response = from_record(message.response, field="response")
+    from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
+
+
+def _check_confirmation(message: iterator_pb2.ConfirmationStep) -> None:
+    if message.number == 0:
+        raise ArrayError("number is 0; playbacks that confirm a result are numbered from 1.", field="number")
+    _, _, response = from_record(message.response, field="response")
+    from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
+
+
+def _nothing_to_check(message: Message) -> None:
+    del message
+
+
+_CHECKS: Final[dict[type[Message], Callable[[Any], None]]] = {
+    iterator_pb2.CampaignSpec: _check_specification,
+    rig_pb2.RigDescription: _check_description,
+    iterator_pb2.TargetInBand: _check_target,
+    recorder_pb2.RunPlanned: _check_names,
+    recorder_pb2.RunPlayed: _check_played,
+    identifier_pb2.Model: _check_model,
+    iterator_pb2.IterationStep: _check_iteration,
+    iterator_pb2.ConfirmationStep: _check_confirmation,
+    iterator_pb2.CampaignStatus: _nothing_to_check,
+    recorder_pb2.RecordingClosed: _nothing_to_check,
+}
+
+STEP_TYPES: Final[dict[str, type[Message]]] = {kind.DESCRIPTOR.full_name: kind for kind in _CHECKS}
+"""Full name to message class, for every message that may be committed."""
+
+
+def decode_step(request: recorder_pb2.CommitRequest) -> Step:
+    """Decode the payload of a commit and check it.
+
+    Parameters
+    ----------
+    request : recorder_pb2.CommitRequest
+        What was received; nothing in it is trusted.
+
+    Returns
+    -------
+    Step
+
+    Raises
+    ------
+    RefusedError
+        INVALID_ARGUMENT: an unknown type, bytes that are no such message, or arrays that do not fit together.
+    """
+    kind = STEP_TYPES.get(request.message_type)
+    if kind is None:
+        raise invalid(
+            f"The message type {request.message_type[:LONGEST_TYPE_NAME]!r} is not a step; "
+            f"allowed are {', '.join(sorted(STEP_TYPES))}.",
+            field="message_type",
+        )
+    message = kind()
+    try:
+        message.ParseFromString(request.payload)
+    except DecodeError as error:
+        raise invalid(
+            f"The payload of {len(request.payload)} bytes is not a {request.message_type}: {error}.", field="payload"
+        ) from error
+    try:
+        _CHECKS[kind](message)
+    except ArrayError as error:
+        raise invalid(f"{kind.DESCRIPTOR.name}: {error}", field=f"payload.{error.field}") from error
+    return Step(
+        number=request.step,
+        message=message,
+        payload=request.payload,
+        payload_hash=hashlib.sha256(request.payload).hexdigest(),
+    )

@@ -1,0 +1,201 @@
+"""What each file of a recording says at its end about everything stored so far: the metadata `summary`.
+
+It lets a recorder go on with a recording without reading what lies before, and a reader judge what it has read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from labbus import Continuity
+from recorder.format.runs import MOST_BLOCKS, PlannedRun, ranges_of
+from recorder.mcap import DAMAGE, index_reader, is_finished
+
+SUMMARY_METADATA: Final = "summary"
+
+# Anybody may publish a state under any number of 64 bits, and it is written.
+_MOST_NUMBERS: Final = 2**64
+
+Runs = dict[tuple[str, str], PlannedRun]
+"""Playbacks by rig and run."""
+
+Streams = dict[tuple[str, int], Continuity]
+"""Which messages of streams other than a playback's are stored, by key and epoch."""
+
+
+@dataclass(frozen=True)
+class Story:
+    """What a recording was about, for who looks for it; empty or 0 where it is not known.
+
+    Parameters
+    ----------
+    rig, target : str
+        From the campaign's specification: the rig, and where the target comes from.
+    begun : int
+        When the first step was stored, in nanoseconds since 1970 UTC.
+    phase, outcome : CampaignPhase, Outcome
+        How the campaign ended.
+    """
+
+    rig: str = ""
+    target: str = ""
+    begun: int = 0
+    phase: iterator_pb2.CampaignPhase = iterator_pb2.CAMPAIGN_PHASE_UNSPECIFIED
+    outcome: iterator_pb2.Outcome = iterator_pb2.OUTCOME_UNSPECIFIED
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a recording says about itself at the end of a file.
+
+    Parameters
+    ----------
+    recording : str
+        Its id.
+    reason : str
+        Why the file ends.
+    step_types, step_hashes : tuple of str
+        Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
+    runs : dict
+        The playbacks announced so far and their blocks that are stored.
+    attachments : dict of str to str
+        Name and SHA-256 of the attachments of all files.
+    story : Story
+        What it was about.
+    streams : dict
+        Which states and events are stored.
+    next_file : str
+        Name of the file that goes on; empty in the last one.
+    """
+
+    recording: str
+    reason: str
+    step_types: tuple[str, ...] = ()
+    step_hashes: tuple[str, ...] = ()
+    runs: Runs = field(default_factory=dict)
+    attachments: dict[str, str] = field(default_factory=dict)
+    story: Story = field(default_factory=Story)
+    streams: Streams = field(default_factory=dict)
+    next_file: str = ""
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.step_hashes)
+
+    @property
+    def signal_blocks(self) -> int:
+        """Number of different blocks stored."""
+        return sum(run.stored for run in self.runs.values())
+
+    @property
+    def missing_blocks(self) -> int:
+        """Number of blocks known to be missing."""
+        return sum(run.missing for run in self.runs.values())
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last step is RecordingClosed."""
+        return bool(self.step_types) and self.step_types[-1] == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return it as the texts of a metadata record."""
+        return {
+            "recording": self.recording,
+            "reason": self.reason,
+            "steps": str(self.steps),
+            "step_types": json.dumps(self.step_types),
+            "step_hashes": json.dumps(self.step_hashes),
+            "signal_blocks": str(self.signal_blocks),
+            "missing_blocks": str(self.missing_blocks),
+            "runs": json.dumps([_run_entry(rig, name, run) for (rig, name), run in self.runs.items()]),
+            "attachments": json.dumps(self.attachments),
+            "story": json.dumps(vars(self.story)),
+            "streams": json.dumps(
+                [[key, epoch, _pairs(ranges_of(stored))] for (key, epoch), stored in self.streams.items()]
+            ),
+            "next_file": self.next_file,
+        }
+
+    @staticmethod
+    def from_metadata(entries: Mapping[str, str]) -> Summary:
+        """Return what the texts of a metadata record say; raises one of DAMAGE where they say nothing of the kind."""
+        try:
+            return Summary(
+                recording=entries["recording"],
+                reason=entries["reason"],
+                step_types=tuple(json.loads(entries.get("step_types", "[]"))),
+                step_hashes=tuple(json.loads(entries["step_hashes"])),
+                runs=dict(_run_of(entry, entries["recording"]) for entry in json.loads(entries.get("runs", "[]"))),
+                attachments=dict(json.loads(entries.get("attachments", "{}"))),
+                story=Story(**json.loads(entries.get("story", "{}"))),
+                streams={
+                    (str(key), int(epoch)): _continuity_of(pairs, f"messages on {key}", most=_MOST_NUMBERS)
+                    for key, epoch, pairs in json.loads(entries.get("streams", "[]"))
+                },
+                next_file=entries.get("next_file", ""),
+            )
+        except (TypeError, AttributeError) as error:
+            raise ValueError(f"The summary is not one of this recorder: {error}.") from error
+
+
+def _run_entry(rig: str, name: str, run: PlannedRun) -> dict[str, object]:
+    played = None if run.played is None else [run.played.epoch, run.played.blocks]
+    stored = {str(epoch): _pairs(ranges) for epoch, ranges in run.stored_ranges().items()}
+    return {"rig": rig, "run": name, "played": played, "stored": stored}
+
+
+def _run_of(entry: Mapping[str, object], recording: str) -> tuple[tuple[str, str], PlannedRun]:
+    match entry:
+        case {"rig": str(rig), "run": str(name), "played": played, "stored": dict(stored)}:
+            run = PlannedRun(recording)
+        case _:
+            raise ValueError(f"The summary's run {str(entry)[:80]!r} is none.")
+    if isinstance(played, list):
+        epoch, blocks = played
+        run.played = recorder_pb2.RunPlayed(run=name, rig=rig, epoch=epoch, blocks=blocks)
+    for epoch, ranges in stored.items():
+        run.epochs[int(epoch)] = _continuity_of(ranges, f"blocks of run {name!r}", most=MOST_BLOCKS)
+    return (rig, name), run
+
+
+def _pairs(ranges: Iterable[range]) -> list[list[int]]:
+    return [[part.start, part.stop] for part in ranges]
+
+
+def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) -> Continuity:
+    continuity = Continuity()
+    for first, stop in pairs:
+        if not 0 <= first <= stop <= most:
+            raise ValueError(f"The summary's {what} from {first} to {stop} are none.")
+        continuity.fill(range(first, stop))
+    return continuity
+
+
+def read_summary(path: Path) -> Summary | None:
+    """Read what a file says about its recording, through its index; None where it says nothing.
+
+    Parameters
+    ----------
+    path : Path
+        An MCAP file of a recording.
+
+    Returns
+    -------
+    Summary or None
+        None also where the file is not finished or its index is damaged.
+    """
+    if not is_finished(path):
+        return None
+    try:
+        with path.open("rb") as stream:
+            # The last one: a file that was repaired may hold one that its recorder did not live to end with.
+            found = [entry for entry in index_reader(stream).iter_metadata() if entry.name == SUMMARY_METADATA]
+            return Summary.from_metadata(found[-1].metadata) if found else None
+    except DAMAGE:
+        return None

@@ -1,0 +1,194 @@
+"""What the viewer shows without a click: tabs with a plot for each channel, titled with its unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.components import AbsoluteTimeRange
+
+from duralab_proto.v1 import array_pb2
+from recorder.live.charts import CANVAS
+from recorder.live.rig import RIG, RIG_NOW
+from recorder.live.scene import Outline
+from recorder.live.series import RUN_TIME, Group, channel_path, with_unit
+
+STATUS: Final = "campaign/status"
+"""Document: the phase and the error table."""
+
+LOG: Final = "campaign/log"
+"""Document: every change of phase and activity with its time, the newest first."""
+
+ERROR: Final = "error"
+"""Bars per channel and iteration, and the same figures on the timeline `iteration`."""
+
+RMS_RESPONSE: Final = "rms_response"
+"""Likewise for the ratio of the response's RMS to the target's."""
+
+FRF: Final = "frf"
+"""Drawing: the identified FRF and its coherence."""
+
+_EYE: Final = np.array([-1.15, -0.95, 0.8])
+"""From behind, the right and above, in radii of what is looked at."""
+
+_NEARER: Final = 0.7
+"""In a panel that is three times as wide as high: rigs are wide."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a campaign is about, as far as the layout needs it.
+
+    Parameters
+    ----------
+    campaign : str
+        Its name.
+    drives, responses : sequence of array_pb2.Channel
+        In the rig's order.
+    detail : tuple of float
+        Start and end of the stretch that the first tab shows magnified, in seconds.
+    duration : float
+        Length of the target, in seconds.
+    outline : Outline, optional
+        Where the rig is; None where it has no looks.
+    watched : bool
+        Whether somebody watches while it happens.
+    """
+
+    campaign: str
+    drives: Sequence[array_pb2.Channel]
+    responses: Sequence[array_pb2.Channel]
+    detail: tuple[float, float]
+    duration: float
+    outline: Outline | None = None
+    watched: bool = False
+
+
+def _rig_view(origin: str, outline: Outline, *, name: str, distance: float = 1.0) -> rrb.Spatial3DView:
+    eye = outline.centre + distance * _EYE * outline.radius
+    return rrb.Spatial3DView(
+        origin=origin,
+        name=name,
+        eye_controls=rrb.EyeControls3D(position=eye, look_target=outline.centre, eye_up=(0.0, 0.0, 1.0)),
+        line_grid=rrb.LineGrid3D(visible=False),
+    )
+
+
+def _rig_tab(outline: Outline, *, watched: bool) -> rrb.Horizontal:
+    replay = _rig_view(RIG, outline, name="Rig in the newest playback, at the time below")
+    views = [_rig_view(RIG_NOW, outline, name="Rig now"), replay] if watched else [replay]
+    status = rrb.TextDocumentView(origin=STATUS, name="Campaign")
+    return rrb.Horizontal(rrb.Vertical(*views), status, column_shares=[5, 2], name="Rig")
+
+
+def _shown(start: rrb.TimeRangeBoundary, end: rrb.TimeRangeBoundary) -> rrb.TimeAxis:
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
+
+
+def _from_to(start: float, end: float) -> rrb.TimeAxis:
+    """Return a stretch in seconds: what is not told to stay would run along with the time that is shown."""
+    return _shown(rrb.TimeRangeBoundary.absolute(seconds=start), rrb.TimeRangeBoundary.absolute(seconds=end))
+
+
+def _plots(
+    group: Group,
+    channels: Sequence[array_pb2.Channel],
+    *,
+    name: str,
+    axis: rrb.TimeAxis,
+    legend: bool = True,
+) -> rrb.Grid:
+    return rrb.Grid(
+        *(
+            rrb.TimeSeriesView(
+                origin=channel_path(group, channel.name),
+                name=with_unit(channel),
+                axis_x=axis,
+                # One is enough for the colours; a legend lists every playback and hides a quarter of its plot.
+                plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend and place == 0),
+            )
+            for place, channel in enumerate(channels)
+        ),
+        grid_columns=max(1, math.ceil(math.sqrt(len(channels)))),
+        name=name,
+    )
+
+
+def _bars(origin: str, *, name: str, legend: bool) -> rrb.BarChartView:
+    return rrb.BarChartView(
+        origin=origin,
+        name=name,
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
+    )
+
+
+def make_blueprint(stage: Stage) -> rrb.Blueprint:
+    """Lay out the live view of a campaign.
+
+    Parameters
+    ----------
+    stage : Stage
+        The campaign's channels.
+
+    Returns
+    -------
+    rrb.Blueprint
+        Tabs: the target against the response at the target's peak with the rig, the error of each iteration and the
+        state beside it; the rig; the whole run; drives with their limits; signals as measured while they play; the FRF;
+        the log. The panels for experts are folded.
+    """
+    start, end = stage.detail
+    whole = _from_to(0.0, stage.duration)
+    everything = _shown(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
+    rig, rig_tab = [], []
+    if stage.outline is not None:
+        rig = [_rig_view(RIG_NOW if stage.watched else RIG, stage.outline, name="Rig", distance=_NEARER)]
+        rig_tab = [_rig_tab(stage.outline, watched=stage.watched)]
+    on_target = rrb.Horizontal(
+        # The text beside it says which colour is what.
+        _plots(Group.RESPONSE, stage.responses, name="Response on target", axis=_from_to(start, end), legend=False),
+        rrb.Vertical(
+            *rig,
+            _bars(ERROR, name="Relative RMS error [%], one group for each iteration", legend=True),
+            _bars(RMS_RESPONSE, name="RMS response / target [%], one group for each iteration", legend=False),
+            rrb.TextDocumentView(origin=STATUS, name="Campaign"),
+            row_shares=[*([5] * len(rig)), 7, 3, 10],
+        ),
+        column_shares=[5, 2],
+        name=f"On target? (in band, {start:.1f} to {end:.1f} s)",
+    )
+    return rrb.Blueprint(
+        rrb.Tabs(
+            on_target,
+            *rig_tab,
+            _plots(Group.RESPONSE, stage.responses, name="Whole run (in band)", axis=whole),
+            _plots(Group.DRIVE, stage.drives, name="Drives and their limits", axis=whole),
+            # An identification takes longer than the target.
+            _plots(Group.MEASURED, stage.responses, name="As measured (while it plays)", axis=everything),
+            rrb.Spatial2DView(
+                origin=FRF,
+                name="FRF and coherence",
+                visual_bounds=rrb.VisualBounds2D(x_range=(0.0, CANVAS[0]), y_range=(0.0, CANVAS[1])),
+            ),
+            rrb.TextDocumentView(origin=LOG, name="Log"),
+            active_tab=0,
+            name=stage.campaign,
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        # The newest playback again and again, at its own pace: the rig moves without a click.
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=RUN_TIME,
+            play_state="playing",
+            loop_mode="selection",
+            time_selection=AbsoluteTimeRange(0, round(stage.duration * 1e9)),
+        ),
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -1,0 +1,66 @@
+"""The limits of the drives in the live view: two lines around each drive, as long as what is drawn between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import rerun as rr
+
+from duralab_proto.v1 import array_pb2
+from recorder.live.series import LIMIT_COLOUR, RUN_TIME, Group, channel_path
+
+_NAMES: Final = ("lower limit", "upper limit")
+# A viewer draws no line to a point outside of the stretch that it shows.
+_SPACING_SECONDS: Final = 1.0
+_MOST_POINTS: Final = 100_000
+
+
+class DriveLimits:
+    """Draws the limits of a rig's drives.
+
+    Parameters
+    ----------
+    stream : rr.RecordingStream
+        Where they are drawn.
+    drives : sequence of array_pb2.Channel
+        A drive without two finite limits, the lower one below the upper one, has no lines.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, drives: Sequence[array_pb2.Channel]) -> None:
+        self._stream = stream
+        self._drives = [drive for drive in drives if _is_limited(drive)]
+        self._end = 0.0
+        for drive in self._drives:
+            style = rr.SeriesLines(names=_NAMES, colors=[LIMIT_COLOUR] * 2, widths=[1.5, 1.5])
+            stream.log(_path(drive), style, static=True)
+            self._send(drive, [0.0])
+
+    def reach(self, end: float) -> None:
+        """Lengthen the lines to a time of the run, in seconds; they are never shortened."""
+        if end > self._end:
+            # Whatever time a block claims to be of: a point a second of what is shown, but no more than can be.
+            spacing = max(_SPACING_SECONDS, (end - self._end) / _MOST_POINTS)
+            between = np.arange(self._end + spacing, end, spacing)
+            self._end = end
+            for drive in self._drives:
+                self._send(drive, [*between, end])
+
+    def _send(self, drive: array_pb2.Channel, times: Sequence[float]) -> None:
+        limits = [drive.minimum, drive.maximum] * len(times)
+        self._stream.send_columns(
+            _path(drive),
+            indexes=[rr.TimeColumn(RUN_TIME, duration=times)],
+            columns=rr.Scalars.columns(scalars=limits).partition([2] * len(times)),
+        )
+
+
+def _is_limited(drive: array_pb2.Channel) -> bool:
+    return math.isfinite(drive.minimum) and math.isfinite(drive.maximum) and drive.minimum < drive.maximum
+
+
+def _path(drive: array_pb2.Channel) -> str:
+    # Curves are drawn in the order of their paths: the digit puts the limits beneath the drive.
+    return f"{channel_path(Group.DRIVE, drive.name)}/" + rr.escape_entity_path_part("0 limits")

@@ -1,0 +1,15 @@
+"""The log: the recordings that are written, what they accept, and their recovery."""
+
+from recorder.log.archive import Archive
+from recorder.log.folder_lock import exclusive_folder
+from recorder.log.free_room import MEBIBYTE
+from recorder.log.intake import Intake
+from recorder.log.step_order import Placement
+
+__all__ = [
+    "MEBIBYTE",
+    "Archive",
+    "Intake",
+    "Placement",
+    "exclusive_folder",
+]

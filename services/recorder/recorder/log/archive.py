@@ -1,0 +1,346 @@
+"""All open recordings of a folder: commits, streams and closing. Used by one thread, which is the log's only writer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+
+from duralab_proto.keys import id_of, rig_of, run_of
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from labbus import StreamItem
+from recorder.format import Step, recordings_in
+from recorder.log.ended_lately import EndedLately
+from recorder.log.free_room import LEAST_FREE_BYTES, MEBIBYTE, FreeRoom
+from recorder.log.interruptions import Interruptions
+from recorder.log.recording import DiskError, Recording, as_disk_error
+from recorder.log.recovery import is_ended, reopen
+from recorder.log.run_registry import RunRegistry
+from recorder.log.signal_check import check_block
+from recorder.log.step_order import Placement, StepOrder
+from recorder.mcap import holds_doubles_only
+from recorder.refused import RefusedError
+
+STOPPED: Final = "the recorder was stopped"
+SPLIT_BYTES: Final = 512 * MEBIBYTE
+
+
+class Archive:
+    """The recordings that are written now, and those that may be gone on with.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go; it exists.
+    split_bytes : int
+        A file that is as large is finished, and the recording goes on in the next.
+    least_free_bytes : int
+        No playback is begun, and no interrupted recording taken up, while less is free on the disk.
+    """
+
+    def __init__(
+        self, folder: Path, *, split_bytes: int = SPLIT_BYTES, least_free_bytes: int = LEAST_FREE_BYTES
+    ) -> None:
+        self._folder = folder
+        self._split_bytes = split_bytes
+        self._room = FreeRoom(folder, least_free_bytes)
+        self._open: dict[str, Recording] = {}
+        self._ended = EndedLately(folder)
+        self._runs = RunRegistry()
+        self._descriptions: dict[tuple[str, str], rig_pb2.RigDescription] = {}
+        self._interruptions = Interruptions()
+        # Stream messages that are written and not yet synced, and those that nothing more is to be done about.
+        self._unsynced: dict[str, list[StreamItem[Any]]] = {}
+        self._settled: list[StreamItem[Any]] = []
+        self._log = structlog.get_logger("recorder")
+
+    def recover(self) -> None:
+        """Take up every recording of the folder that is not ended; what cannot be is told of and left as it is."""
+        for name in recordings_in(self._folder):
+            try:
+                if not is_ended(self._folder, name):
+                    self._take_up(name)
+            except (OSError, DiskError) as error:
+                self._interruptions.begin_unread(name, error)
+                self._log.error("a recording waits for its repair", recording=name, why=str(error))
+            except RefusedError as refusal:
+                self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
+
+    def _take_up(self, name: str, *, reason: str = "") -> Recording | None:
+        how = {"keep_original": False, "reason": f"The disk refused it: {reason}."} if reason else {}
+        found = reopen(self._folder, name, least_free_bytes=self._room.least_bytes, **how)
+        if found is None:
+            return None
+        if found.ended:
+            self._ended.remember(name, found.recording.order)
+            return None
+        self._open[name] = found.recording
+        self._runs.forget(name)
+        self._runs.restore(found.runs)
+        for rig, description in found.descriptions.items():
+            self._descriptions[name, rig] = description
+        self._log.info("recording taken up", recording=name, steps=found.recording.order.count)
+        return found.recording
+
+    def commit(self, name: str, step: Step) -> Placement:
+        """Store a step and return when it is on the disk, or find that it is there already.
+
+        Parameters
+        ----------
+        name : str
+            Id of the recording, checked; its first step makes it.
+        step : Step
+            Decoded and checked.
+
+        Raises
+        ------
+        RefusedError
+            The step does not follow, or the disk refuses it: RESOURCE_EXHAUSTED, and it may be sent again.
+        """
+        if name in self._interruptions:
+            self._take_up_interrupted(name)
+        if name in self._interruptions:
+            # The disk refused again what had been held back.
+            raise DiskError(name, self._interruptions.why(name))
+        recording = self._open.get(name)
+        with as_disk_error(name):
+            if recording is None and self._ended.find(name) is None:
+                recording = self._take_up(name)
+            ended = self._ended.find(name)
+        if ended is not None:
+            return ended.place(step)
+        placement = StepOrder(name).place(step) if recording is None else recording.place(step)
+        if placement is Placement.STORED:
+            return placement
+        if isinstance(step.message, recorder_pb2.RunPlanned | recorder_pb2.RunPlayed):
+            self._runs.check(step.message, name)
+        if recording is None or isinstance(step.message, recorder_pb2.RunPlanned):
+            self._room.expect(name)
+        if recording is None:
+            # Only now, when nothing but the disk can refuse it: a refused first step leaves no file.
+            recording = self._open[name] = Recording(name, self._folder)
+            self._log.info("recording opened", recording=name)
+        with self._interrupted_by_disk(recording):
+            recording.store(step)
+            self._note(recording, step)
+        return placement
+
+    @contextmanager
+    def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
+        """Let go of a recording whose disk refuses a write; what was acknowledged stays, the rest is written again."""
+        try:
+            yield
+        except DiskError as error:
+            name = recording.name
+            self._log.error("a recording is interrupted", recording=name, why=error.why)
+            del self._open[name]
+            if recording.order.count == 0:
+                recording.abandon()
+                self._runs.forget(name)
+            else:
+                self._interruptions.begin(name, why=error.why, file=recording.let_go())
+                self._interruptions.hold(name, self._unsynced.pop(name, []))
+            raise
+
+    def _take_up_interrupted(self, name: str) -> None:
+        """Go on with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
+        why = "" if self._interruptions.unread(name) else self._interruptions.why(name)
+        self._room.expect(name)
+        try:
+            with as_disk_error(name):
+                self._interruptions.cut(name)
+                self._take_up(name, reason=why)
+        except DiskError:
+            raise
+        except RefusedError:
+            self._take_held(name)
+            raise
+        self._take_held(name)
+
+    def _take_held(self, name: str) -> None:
+        """Take what came for a recording while it waited."""
+        held = self._interruptions.end(name)
+        if name not in self._open:
+            # Its last step was on the disk, and with it all that came before it; or it is no recording to go on with.
+            self._forget(name)
+            held, self._settled = [], self._settled + held
+        for item in held:
+            if isinstance(item.message, rig_pb2.SignalBlock):
+                self.take_block(item)
+            else:
+                self._add_stream(name, item)
+        for item in self._interruptions.take_unclaimed():
+            if isinstance(item.message, rig_pb2.SignalBlock):
+                self.take_block(item)
+            else:
+                self.take_state(item)
+
+    def _note(self, recording: Recording, step: Step) -> None:
+        """Do what follows from a step that is on the disk."""
+        name, message = recording.name, step.message
+        match message:
+            case recorder_pb2.RunPlanned() | recorder_pb2.RunPlayed():
+                self._runs.note(message, name)
+            case rig_pb2.RigDescription():
+                self._descriptions[name, message.rig] = message
+            case recorder_pb2.RecordingClosed():
+                self._close(recording, reason=message.reason)
+
+    def _forget(self, name: str) -> None:
+        """Let go of the playbacks and rigs of a recording."""
+        self._runs.forget(name)
+        self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
+
+    def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
+        """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
+        run = self._runs.find(played.rig, played.run)
+        return [] if run is None or run.recording != name else run.gaps_of(played.epoch, played.blocks)
+
+    def take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> str | None:
+        """Write a signal block; return the recording it went to, or None where it belongs to none."""
+        rig, name = rig_of(item.key), run_of(item.key)
+        run = self._runs.find(rig, name)
+        if run is None:
+            self._take_unclaimed(item)
+        elif run.recording in self._interruptions:
+            self._interruptions.hold(run.recording, [item])
+        elif not self._runs.is_new(run, item.epoch, item.seq):
+            # Not settled at once: the first of the two may not be on the disk yet.
+            self._unsynced.setdefault(run.recording, []).append(item)
+        elif fault := check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig))):
+            self._log.warning("a signal block is refused", run=name, rig=rig, seq=item.seq, why=fault)
+            self._settled.append(item)
+        elif self._add_stream(run.recording, item):
+            self._runs.accept(run, item.epoch, item.seq)
+            return run.recording
+        return None
+
+    def _take_unclaimed(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
+        """Let go of a block of no recording, unless one whose files could not be read yet may claim it."""
+        if self._interruptions.hold_unclaimed(item):
+            return
+        if self._runs.is_new_stranger(run_of(item.key)):
+            self._log.info("a run of no recording is not kept", run=run_of(item.key), rig=rig_of(item.key))
+        self._settled.append(item)
+
+    def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
+        """Write a rig's state to the recordings that have a playback on it and go on; return them."""
+        named = self._runs.recordings_of_rig(rig_of(item.key))
+        run = self._runs.find(rig_of(item.key), item.message.run)
+        playing = "" if run is None or run.played is not None else run.recording
+        # Not to one that was broken off long ago and is only ready to be gone on with.
+        names = {name for name in named if name == playing or name not in self._open or self._open[name].written}
+        if not names and not self._interruptions.hold_unclaimed(item):
+            self._settled.append(item)
+        return {name for name in names if self._add_stream(name, item)}
+
+    def take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> str | None:
+        """Write body poses to the recording of their run; return it, or None where they belong to none."""
+        run = self._runs.find(rig_of(item.key), item.message.run)
+        # Poses are for the eye and may have gaps: while the disk takes nothing they are let go.
+        if run is None or run.recording in self._interruptions or not holds_doubles_only(item.message):
+            return None
+        return run.recording if self._add_stream(run.recording, item) else None
+
+    def take_event(self, item: StreamItem[iterator_pb2.CampaignEvent]) -> str | None:
+        """Write a campaign's event to its recording; return its id, or None where it is not open."""
+        name = id_of(item.key)
+        known = name in self._open or name in self._interruptions
+        if not known or item.message.status.id != name:
+            self._settled.append(item)
+            return None
+        return name if self._add_stream(name, item) else None
+
+    def _add_stream(self, name: str, item: StreamItem[Any]) -> bool:
+        """Write a stream message; where the disk refuses it, it is held until the disk takes it."""
+        recording = self._open.get(name)
+        if recording is None:
+            self._interruptions.hold(name, [item])
+            return False
+        self._unsynced.setdefault(name, []).append(item)
+        try:
+            with self._interrupted_by_disk(recording):
+                recording.add_stream(item)
+        except DiskError:
+            return False
+        return True
+
+    def sync(self) -> None:
+        """Bring everything to the disk, split what has grown large, and take up what was interrupted."""
+        for name, recording in list(self._open.items()):
+            try:
+                with self._interrupted_by_disk(recording):
+                    recording.sync()
+                    self._settled += self._unsynced.pop(name, [])
+                    if recording.bytes_written >= self._split_bytes:
+                        recording.split(self._runs.of_recording(name))
+            except DiskError:
+                continue
+        if given_up := self._interruptions.take_given_up():
+            self._log.error("what may be of a recording that cannot be read is not kept", messages=len(given_up))
+            self._settled += given_up
+        for name in self._interruptions.due():
+            try:
+                self._take_up_interrupted(name)
+            except DiskError as refusal:
+                self._interruptions.postpone(name)
+                self._log.debug("a recording waits", recording=name, why=refusal.message)
+            except RefusedError as refusal:
+                self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
+
+    def settle(self, item: StreamItem[Any]) -> None:
+        """Take note of a stream message that nothing more is to be done about."""
+        self._settled.append(item)
+
+    def take_settled(self) -> list[StreamItem[Any]]:
+        """Return the stream messages that are on the disk or belong to nothing, since the last time."""
+        settled, self._settled = self._settled, []
+        return settled
+
+    def information(self, name: str) -> recorder_pb2.RecordingInfo | None:
+        """Return the description of a recording that is written now or interrupted, or None; without its files."""
+        recording = self._open.get(name)
+        return recording.information(self._runs.of_recording(name)) if recording and recording.written else None
+
+    def waiting(self, name: str) -> str:
+        """Return why a recording cannot be written now; empty where it can."""
+        return self._interruptions.why(name) if name in self._interruptions else ""
+
+    def counts(self) -> tuple[int, int]:
+        """Return how many recordings are open, and how many wait for their disk; on any thread."""
+        return len(self._open), len(self._interruptions)
+
+    def open_names(self) -> list[str]:
+        """Return the ids of the recordings that are written now."""
+        return sorted(name for name, recording in self._open.items() if recording.written)
+
+    def close(self) -> None:
+        """Close all recordings, so that each file is complete as far as it goes."""
+        for recording in list(self._open.values()):
+            try:
+                with self._interrupted_by_disk(recording):
+                    recording.sync()
+                    self._settled += self._unsynced.pop(recording.name, [])
+                    self._close(recording, reason=STOPPED)
+            except RefusedError as refusal:
+                self._log.error("cannot close", recording=recording.name, why=refusal.message)
+
+    def _close(self, recording: Recording, *, reason: str) -> None:
+        name = recording.name
+        runs = self._runs.of_recording(name)
+        for (rig, run), planned in runs.items():
+            if planned.missing:
+                self._log.warning(
+                    "signal blocks are missing", recording=name, rig=rig, run=run, missing=planned.missing
+                )
+        recording.close(runs, reason=reason)
+        # Not where closing failed: what is on the disk is then read again first.
+        self._settled += self._unsynced.pop(name, [])
+        del self._open[name]
+        self._forget(name)
+        if recording.order.ended:
+            self._ended.remember(name, recording.order)
+        self._log.info("recording closed", recording=name, steps=recording.order.count, reason=reason)

@@ -1,0 +1,67 @@
+"""The folder of the recordings: writable, and of one recorder alone while it lives."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from labbus import ConfigError
+
+LOCK: Final = ".recorder"
+"""Locked, not its content: the lock goes with the process, however that ends."""
+
+
+@contextmanager
+def exclusive_folder(folder: Path) -> Iterator[None]:
+    """Make the folder, prove that files can be made in it, and keep every other recorder out of it.
+
+    A second one would take the files that the first writes for those of a dead one, and cut them off.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the recordings.
+
+    Yields
+    ------
+    None
+        The folder belongs to this process until the context ends.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written, or another recorder has it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.touch()
+        probe.unlink()
+        lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise ConfigError(
+            f"The recorder cannot write in folder {str(folder)!r}: {error.strerror or error}; correct `folder`."
+        ) from error
+    try:
+        _lock(lock, folder)
+        yield
+    finally:
+        os.close(lock)
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ConfigError(
+            f"Another recorder writes in folder {str(folder)!r}; end it first or give another `folder`."
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"The folder {str(folder)!r} cannot be locked: {error.strerror or error}; give a `folder` on a disk "
+            "of this machine."
+        ) from error

@@ -1,0 +1,138 @@
+"""Recordings whose disk refused a write: what is safe of their files, and what waits to be written again."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import math
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from labbus import StreamItem
+from recorder.log.recording import DiskError
+
+RETRY_SECONDS: Final = 1.0
+
+CLAIM_SECONDS: Final = 30.0
+"""For so long what no known playback claims is kept for a recording that cannot be read; the lab would stand still."""
+
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
+
+@dataclass
+class _Interruption:
+    why: str
+    file: tuple[Path, int] | None
+    unread: bool = False
+    claims_until: float = -math.inf
+    held: list[StreamItem[Any]] = field(default_factory=list)
+    retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
+
+
+class Interruptions:
+    """The recordings that wait for their disk, by name."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, _Interruption] = {}
+        self._unclaimed: list[StreamItem[Any]] = []
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._waiting
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
+        """Note that a recording waits.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+        why : str
+            What the disk said.
+        file : tuple of Path and int, optional
+            The file that could not be written, and how many of its bytes are on the disk for certain. What follows
+            them may be in memory only, though it reads well: it is cut off, now or when the disk allows.
+        """
+        self._waiting[name] = _Interruption(why, file)
+        with contextlib.suppress(OSError):
+            self.cut(name)
+
+    def begin_unread(self, name: str, error: OSError | DiskError) -> None:
+        """Note that the files of a recording that a recorder left could not be taken up: its playbacks are not known.
+
+        Where the disk has no room, that is soon mended, and all that may be of it is kept until then. A file that
+        cannot be read, perhaps of years ago, must not hold up the lab.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+        error : OSError or DiskError
+            What the disk said.
+        """
+        said = error.__cause__ if isinstance(error, DiskError) else error
+        no_room = not isinstance(said, OSError) or said.errno in _NO_ROOM
+        why = error.why if isinstance(error, DiskError) else error.strerror or str(error)
+        claims_until = math.inf if no_room else time.monotonic() + CLAIM_SECONDS
+        self._waiting[name] = _Interruption(why, None, unread=True, claims_until=claims_until)
+
+    def cut(self, name: str) -> None:
+        """Cut off what is not certain to be on the disk; raises OSError where the disk refuses even that."""
+        file = self._waiting[name].file
+        if file is not None:
+            path, safe = file
+            os.truncate(path, min(safe, path.stat().st_size))
+            # Once: what is there afterwards was written when the disk took it again.
+            self._waiting[name].file = None
+
+    def hold(self, name: str, items: Iterable[StreamItem[Any]]) -> None:
+        """Keep stream messages until the recording is taken up."""
+        self._waiting[name].held += items
+
+    def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
+        """Keep a message that no known playback claims, where one of a recording that is not read may; tell whether."""
+        claiming = self._claiming
+        if claiming:
+            self._unclaimed.append(item)
+        return claiming
+
+    @property
+    def _claiming(self) -> bool:
+        now = time.monotonic()
+        return any(now < waiting.claims_until for waiting in self._waiting.values())
+
+    def take_given_up(self) -> list[StreamItem[Any]]:
+        """Return what nobody has claimed and is kept for no recording any longer."""
+        return [] if self._claiming else self.take_unclaimed()
+
+    def unread(self, name: str) -> bool:
+        """Whether the playbacks of a recording are not known."""
+        return self._waiting[name].unread
+
+    def why(self, name: str) -> str:
+        """Return what the disk said."""
+        return self._waiting[name].why
+
+    def due(self) -> list[str]:
+        """Return the recordings that may be tried again."""
+        now = time.monotonic()
+        return [name for name, waiting in self._waiting.items() if now >= waiting.retry_at]
+
+    def postpone(self, name: str) -> None:
+        """Try it again a little later."""
+        self._waiting[name].retry_at = time.monotonic() + RETRY_SECONDS
+
+    def end(self, name: str) -> list[StreamItem[Any]]:
+        """Return what was held; the recording waits no more."""
+        return self._waiting.pop(name).held
+
+    def take_unclaimed(self) -> list[StreamItem[Any]]:
+        """Return what no known playback claimed, to be looked at once more."""
+        unclaimed, self._unclaimed = self._unclaimed, []
+        return unclaimed

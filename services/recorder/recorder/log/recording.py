@@ -1,0 +1,297 @@
+"""One recording that is written: its files one after the other, the order of its steps, what is said at each end."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from labbus import Continuity, StreamItem
+from recorder.format import (
+    EPOCH,
+    PART_METADATA,
+    SCENARIO_METADATA,
+    SOFTWARE_METADATA,
+    STEP_TOPIC,
+    STORED_ONCE,
+    SUMMARY_METADATA,
+    Runs,
+    Step,
+    Story,
+    Streams,
+    Summary,
+    recording_path,
+    sha256_of,
+)
+from recorder.log.step_order import Placement, StepOrder
+from recorder.mcap import McapLog, holds_doubles_only
+from recorder.refused import RefusedError
+
+
+def software_versions() -> dict[str, str]:
+    """Return what wrote the recording."""
+    packages = ("duralab-recorder", "duralab-proto", "mcap", "protobuf")
+    return {"python": platform.python_version()} | {package: version(package) for package in packages}
+
+
+class DiskError(RefusedError):
+    """The disk refuses a write: what was not synced before is not stored."""
+
+    def __init__(self, recording: str, why: str) -> None:
+        super().__init__(
+            query_pb2.FAULT_CODE_RESOURCE_EXHAUSTED,
+            f"Recording {recording!r} cannot be written now ({why}); make room for it on the recorder's disk, it then "
+            "goes on by itself.",
+            field="recording",
+        )
+        self.why = why
+
+
+@contextmanager
+def as_disk_error(recording: str) -> Iterator[None]:
+    """Raise what the system says against a file as a DiskError."""
+    try:
+        yield
+    except OSError as error:
+        raise DiskError(recording, error.strerror or str(error)) from error
+
+
+@dataclass
+class Stored:
+    """What the finished files of a recording hold.
+
+    Parameters
+    ----------
+    files : int
+        How many there are.
+    previous_sha256 : str
+        Of the last; worked out when it is needed where empty.
+    streams : dict of (str, int) to Continuity
+        The states and events of each key and epoch, also those that are only written.
+    """
+
+    files: int = 0
+    previous_sha256: str = ""
+    attachments: dict[str, str] = field(default_factory=dict)
+    scenario: dict[str, str] = field(default_factory=dict)
+    story: Story = field(default_factory=Story)
+    streams: Streams = field(default_factory=dict)
+
+
+class Recording:
+    """A recording that is written. Used by one thread.
+
+    Parameters
+    ----------
+    name : str
+        Its id.
+    folder : Path
+        Where its files go; the next one is made when there is something to write.
+    order : StepOrder, optional
+        The steps stored before.
+    stored : Stored, optional
+        The files there are.
+    """
+
+    def __init__(
+        self, name: str, folder: Path, *, order: StepOrder | None = None, stored: Stored | None = None
+    ) -> None:
+        self.name = name
+        self.order = order or StepOrder(name)
+        self._folder = folder
+        self._stored = stored or Stored()
+        self._log: McapLog | None = None
+
+    @property
+    def written(self) -> bool:
+        """Whether a file is open."""
+        return self._log is not None
+
+    @property
+    def bytes_written(self) -> int:
+        """Size of the open file so far."""
+        return 0 if self._log is None else self._log.bytes_written
+
+    def place(self, step: Step) -> Placement:
+        """Decide what is to be done with a step; see `StepOrder.place`."""
+        return self.order.place(step)
+
+    def store(self, step: Step) -> None:
+        """Write a step that was found new, and return when it is on the disk.
+
+        Raises
+        ------
+        DiskError
+            It is not.
+        """
+
+        def write() -> None:
+            log = self._writing()
+            if isinstance(step.message, iterator_pb2.CampaignSpec):
+                self._stored.scenario = {"campaign": step.message.id, "yaml": step.message.scenario}
+                log.add_metadata(SCENARIO_METADATA, self._stored.scenario)
+            self._attach(log, step)
+            kind = type(step.message)
+            log.add_message(
+                STEP_TOPIC + kind.DESCRIPTOR.name,
+                step.payload,
+                kind=kind,
+                sequence=step.number,
+                doubles=holds_doubles_only(step.message),
+            )
+            log.sync()
+
+        self._write(write)
+        self.order.store(step)
+        self._tell(step)
+
+    def _attach(self, log: McapLog, step: Step) -> None:
+        """Put drives and models into files of their own within the file, for tools that take them out again."""
+        match step.message:
+            case iterator_pb2.IterationStep() as iteration:
+                name, message = f"drive/iteration_{iteration.iteration:02d}.binpb", iteration.drive
+            case identifier_pb2.Model() as model:
+                name, message = f"model/{model.id or step.payload_hash}.binpb", model
+            case _:
+                return
+        data = message.SerializeToString(deterministic=True)
+        log.add_attachment(name, data, media_type=f"application/protobuf;{message.DESCRIPTOR.full_name}")
+        self._stored.attachments[name] = hashlib.sha256(data).hexdigest()
+
+    def _tell(self, step: Step) -> None:
+        if step.number == 0:
+            self._stored.story = Story(begun=time.time_ns())
+        match step.message:
+            case iterator_pb2.CampaignSpec() as spec:
+                self._stored.story = replace(self._stored.story, rig=spec.rig, target=spec.target_source)
+            case iterator_pb2.CampaignStatus() as status:
+                self._stored.story = replace(self._stored.story, phase=status.phase, outcome=status.outcome)
+
+    def add_stream(self, item: StreamItem[Any]) -> None:
+        """Write a message of a stream under its key; it is on the disk after the next `sync`.
+
+        A state or an event that is here is passed over: after a kill its publisher replays what was not yet marked.
+        """
+        stored: Continuity | None = None
+        if isinstance(item.message, STORED_ONCE):
+            stored = self._stored.streams.setdefault((item.key, item.epoch), Continuity())
+            if item.seq in stored:
+                return
+        self._write(
+            lambda: self._writing().add_message(
+                item.key,
+                item.payload or item.message.SerializeToString(),
+                kind=type(item.message),
+                sequence=item.seq,
+                metadata={EPOCH: str(item.epoch)},
+                # Checked before: they are of float64.
+                doubles=isinstance(item.message, rig_pb2.SignalBlock | rig_pb2.PoseBlock),
+            )
+        )
+        if stored is not None:
+            stored.accept(item.seq)
+
+    def sync(self) -> None:
+        """Return when all that was added is on the disk."""
+        log = self._log
+        if log is not None:
+            self._write(log.sync)
+
+    def close(self, runs: Runs, *, reason: str, next_file: str = "") -> None:
+        """Write what is known about the whole and finish the open file, if there is one."""
+        log = self._log
+        if log is None:
+            return
+        summary = Summary(
+            recording=self.name,
+            reason=reason,
+            step_types=self.order.types,
+            step_hashes=self.order.hashes,
+            runs=runs,
+            attachments=self._stored.attachments,
+            story=self._stored.story,
+            streams=self._stored.streams,
+            next_file=next_file,
+        )
+
+        def write() -> None:
+            log.add_metadata(SUMMARY_METADATA, summary.to_metadata())
+            log.close()
+
+        self._write(write)
+        self._stored.previous_sha256 = log.sha256
+        self._stored.files += 1
+        self._log = None
+
+    def split(self, runs: Runs) -> None:
+        """Finish the open file; the recording goes on in the next without a gap."""
+        following = recording_path(self._folder, self.name, number=self._stored.files + 2).name
+        self.close(runs, reason=f"It goes on in {following}.", next_file=following)
+        self._write(lambda: self._writing().sync())
+
+    def write_empty_file(self, runs: Runs, *, reason: str) -> None:
+        """Write the next file with nothing in it but its place, where the one before names it and it is not there."""
+        self._write(lambda: self._writing().sync())
+        self.close(runs, reason=reason)
+
+    def let_go(self) -> tuple[Path, int] | None:
+        """Let go of a file that the disk refuses, without an end; return it and how much of it is safe."""
+        log, self._log = self._log, None
+        if log is None:
+            return None
+        log.release()
+        return log.path, log.synced_bytes
+
+    def abandon(self) -> None:
+        """Remove the file: nothing in it was promised to anyone."""
+        if self._log is not None:
+            self._log.abandon()
+            self._log = None
+
+    def information(self, runs: Runs) -> recorder_pb2.RecordingInfo:
+        """Return the contract's description of it as it stands."""
+        story = self._stored.story
+        return recorder_pb2.RecordingInfo(
+            recording=self.name,
+            steps=self.order.count,
+            signal_blocks=sum(run.stored for run in runs.values()),
+            missing_blocks=sum(run.missing for run in runs.values()),
+            rig=story.rig,
+            target=story.target,
+            begun=story.begun,
+            phase=story.phase,
+            outcome=story.outcome,
+        )
+
+    def _writing(self) -> McapLog:
+        """Return the open file; the next one is made where none is."""
+        if self._log is None:
+            number = self._stored.files + 1
+            previous = recording_path(self._folder, self.name, number=number - 1) if number > 1 else None
+            if previous is not None and not self._stored.previous_sha256:
+                self._stored.previous_sha256 = sha256_of(previous)
+            self._log = McapLog(recording_path(self._folder, self.name, number=number))
+            self._log.add_metadata(SOFTWARE_METADATA, software_versions())
+            self._log.add_metadata(
+                PART_METADATA,
+                {
+                    "recording": self.name,
+                    "number": str(number),
+                    "previous_file": "" if previous is None else previous.name,
+                    "previous_sha256": self._stored.previous_sha256,
+                },
+            )
+            if self._stored.scenario:
+                self._log.add_metadata(SCENARIO_METADATA, self._stored.scenario)
+        return self._log
+
+    def _write(self, write: Callable[[], None]) -> None:
+        with as_disk_error(self.name):
+            write()

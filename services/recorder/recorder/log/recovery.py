@@ -1,0 +1,278 @@
+"""Recordings that are not ended, taken up again from their files, also after a kill or where a disk failed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import structlog
+
+from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from recorder.format import (
+    DAMAGED_FOLDER,
+    SCENARIO_METADATA,
+    STEP_TOPIC,
+    SUMMARY_METADATA,
+    Content,
+    Runs,
+    Summary,
+    files_after_a_gap,
+    files_of,
+    read_summary,
+    recording_path,
+)
+from recorder.log.free_room import MEBIBYTE
+from recorder.log.recording import Recording, Stored
+from recorder.log.step_order import StepOrder
+from recorder.mcap import (
+    DAMAGE,
+    check_begin,
+    chunks_of,
+    expect_chunk,
+    finish,
+    index_reader,
+    is_finished,
+    reason_of,
+    scan,
+    sync_folder,
+)
+from recorder.refused import RefusedError
+
+KILLED: Final = "Its recorder was killed."
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """A recording as its files hold it.
+
+    Parameters
+    ----------
+    recording : Recording
+        Goes on with the next file.
+    runs : dict
+        Its playbacks.
+    descriptions : dict of str to RigDescription
+        Its rigs.
+    """
+
+    recording: Recording
+    runs: Runs
+    descriptions: dict[str, rig_pb2.RigDescription]
+
+    @property
+    def ended(self) -> bool:
+        """Whether its last step is stored."""
+        return self.recording.order.ended
+
+
+def is_ended(folder: Path, name: str) -> bool:
+    """Tell quickly whether a recording is complete: its last file is finished and says so."""
+    summary = read_summary(files_of(folder, name)[-1])
+    return summary is not None and summary.ended
+
+
+def reopen(
+    folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED, least_free_bytes: int = 0
+) -> Reopened | None:
+    """Take a recording up again; a file without an end is given one.
+
+    Parameters
+    ----------
+    folder : Path
+        Where its files are.
+    name : str
+        Its id.
+    keep_original : bool
+        Whether a file that is repaired is copied as it is before.
+    reason : str
+        Why the file has no end.
+    least_free_bytes : int
+        How much has to be free on the disk beside the copy.
+
+    Returns
+    -------
+    Reopened or None
+        None where there is nothing to take up: no file, or one that was begun and holds no step, which is put aside.
+
+    Raises
+    ------
+    RefusedError
+        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with, a copy of another one, or one
+        of its files is gone.
+    OSError
+        The disk refuses the repair; nothing is lost by that.
+    """
+    files = files_of(folder, name)
+    if stranded := files_after_a_gap(folder, name):
+        missing = recording_path(folder, name, number=len(files) + 1)
+        raise _unreadable(name, stranded[0], f"the file {missing.name} is missing before it")
+    if not files:
+        return None
+    content, unfinished = Content(), not is_finished(files[-1])
+    try:
+        known = _seed(content, files[:-1] if unfinished else files, name)
+        for path in files[known : -1 if unfinished else None]:
+            content.begin_file()
+            scan(path, content.take)
+            _expect_own(content.part, name, path)
+        if unfinished:
+            content.begin_file()
+            if keep_original:
+                _expect_room_for_copy(files[-1], least_free_bytes)
+            if not _repair(files[-1], content, name=name, keep_original=keep_original, reason=reason):
+                _put_aside(files.pop())
+    except DAMAGE as error:
+        raise _unreadable(name, files[-1], reason_of(error)) from error
+    if not files:
+        return None
+    if not content.steps:
+        raise _unreadable(name, files[-1], "it holds no step")
+    if content.step_numbers != list(range(len(content.steps))):
+        raise _unreadable(name, files[-1], "a step is missing in it")
+    summary = content.summary_now(name, reason=reason)
+    order = StepOrder(name)
+    order.restore(summary.step_types, summary.step_hashes)
+    stored = Stored(
+        files=len(files),
+        attachments=summary.attachments,
+        scenario=content.scenario,
+        story=summary.story,
+        streams=summary.streams,
+    )
+    recording = Recording(name, folder, order=order, stored=stored)
+    if (last := read_summary(files[-1])) is not None and last.next_file:
+        # It says that the recording goes on there, and whoever reads it looks for that file.
+        recording.write_empty_file(summary.runs, reason=reason)
+    return Reopened(recording, summary.runs, content.descriptions)
+
+
+def _expect_own(part: Mapping[str, str], name: str, path: Path) -> None:
+    """Refuse a copy: it would take the playbacks of the recording that it was copied from for its own."""
+    if (own := part.get("recording", name)) != name:
+        raise _unreadable(name, path, f"it is a copy of recording {own!r}")
+
+
+def _seed(content: Content, files: Sequence[Path], name: str) -> int:
+    """Take over what the last finished file says about all before it; return how many files that spares reading."""
+    for number in range(len(files), 0, -1):
+        summary = read_summary(files[number - 1])
+        if summary is None or len(summary.step_types) != len(summary.step_hashes) or not summary.step_types:
+            continue
+        _expect_own({"recording": summary.recording}, name, files[number - 1])
+        _take_over(content, summary)
+        for path in files[:number]:
+            with path.open("rb") as stream:
+                reader = index_reader(stream)
+                for metadata in reader.iter_metadata():
+                    if metadata.name == SCENARIO_METADATA:
+                        content.scenario = dict(metadata.metadata)
+                topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
+                for chunk in chunks_of(reader, topic):
+                    expect_chunk(stream, chunk)
+                for _, _, message in reader.iter_messages(topics=[topic]):
+                    description = rig_pb2.RigDescription.FromString(message.data)
+                    content.descriptions[description.rig] = description
+        return number
+    return 0
+
+
+def _take_over(content: Content, summary: Summary) -> None:
+    steps = zip(summary.step_types, summary.step_hashes, strict=True)
+    content.steps = dict(enumerate(steps))
+    content.attachments = dict(summary.attachments)
+    content.story = summary.story
+    content.streams = dict(summary.streams)
+    for (rig, name), run in summary.runs.items():
+        content.planned.append(recorder_pb2.RunPlanned(run=name, rig=rig))
+        if run.played is not None:
+            content.played.append(run.played)
+        for epoch, continuity in run.epochs.items():
+            content.blocks[rig, name, epoch] = continuity
+
+
+def _repair(path: Path, content: Content, *, name: str, keep_original: bool, reason: str) -> bool:
+    """Give a file an ending; return False where it was only begun and there is nothing in it to end."""
+    check_begin(path)
+    found = scan(path, content.take)
+    _expect_own(content.part, name, path)
+    if not content.messages:
+        return False
+    size = path.stat().st_size
+    if keep_original:
+        _keep(path)
+    finish(path, found, metadata={SUMMARY_METADATA: content.summary_now(name, reason=reason).to_metadata()})
+    structlog.get_logger("recorder").warning(
+        "a file without an end was repaired",
+        recording=name,
+        file=path.name,
+        steps=len(content.steps),
+        cut_off_bytes=size - found.end,
+        why=reason,
+    )
+    return True
+
+
+def _expect_room_for_copy(path: Path, least_free_bytes: int) -> None:
+    """Raise OSError where a copy would take what has to stay free, before the file is read for it in vain."""
+    free, size = shutil.disk_usage(path.parent).free, path.stat().st_size
+    if free < size + least_free_bytes:
+        raise OSError(
+            errno.ENOSPC,
+            f"{free // MEBIBYTE} MiB are free, a copy of {path.name} takes {size // MEBIBYTE} MiB and "
+            f"{least_free_bytes // MEBIBYTE} MiB are kept free",
+        )
+
+
+def _free_place(path: Path) -> Path:
+    """Return a name in the folder of damaged files that nothing has."""
+    folder = path.parent / DAMAGED_FOLDER
+    folder.mkdir(exist_ok=True)
+    sync_folder(path.parent)
+    place, number = folder / path.name, 1
+    while place.exists():
+        number += 1
+        place = folder / f"{path.name}.{number}"
+    return place
+
+
+def _keep(path: Path) -> None:
+    place = _free_place(path)
+    temporary = place.with_name(place.name + ".copying")
+    try:
+        with path.open("rb") as source, temporary.open("wb") as copy:
+            while block := source.read(MEBIBYTE):
+                # Zeros that a power cut left take no room in the copy either.
+                if block.strip(b"\0"):
+                    copy.write(block)
+                else:
+                    copy.seek(len(block), os.SEEK_CUR)
+            copy.truncate(source.tell())
+            copy.flush()
+            os.fsync(copy.fileno())
+        temporary.replace(place)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(place.parent)
+
+
+def _put_aside(path: Path) -> None:
+    """Nothing in it was acknowledged, so its name is free again; the bytes are kept all the same."""
+    place = _free_place(path)
+    structlog.get_logger("recorder").warning("a file without any step is put aside", file=path.name, kept_as=place.name)
+    path.replace(place)
+    sync_folder(path.parent)
+
+
+def _unreadable(name: str, path: Path, why: str) -> RefusedError:
+    return RefusedError(
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        f"There is a recording {name!r} from before ({path.name}) that cannot be gone on with: {why}; choose another "
+        "id.",
+        field="recording",
+    )

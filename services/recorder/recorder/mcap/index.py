@@ -1,0 +1,248 @@
+"""The index of a recording's file, and its chunks read through it: nothing else of a file is read than what counts."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Collection
+from functools import lru_cache
+from pathlib import Path
+from typing import IO, Final
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Chunk, ChunkIndex, Message, Metadata
+from mcap.stream_reader import breakup_chunk
+from mcap.summary import Summary
+
+from recorder.mcap.file_scan import FOOTER_BYTES, LARGEST_RECORD, MAGIC, is_finished, scan
+
+_RECORD_HEAD: Final = struct.Struct("<BQ")
+# Of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.
+_INDEX_HEAD: Final = struct.Struct("<BQHI")
+_INDEX_ENTRY_BYTES: Final = 16
+# In a footer, after its head.
+_SUMMARY_START: Final = struct.Struct("<Q")
+# Of a chunk: its head, first and last time, and size.
+_CHUNK: Final = struct.Struct("<BQQQQ")
+_LARGEST_IN_INDEX: Final = 64 * 1024 * 1024
+"""Bytes of a record of the index: those of a schema and of a chunk with thousands of channels are far smaller."""
+
+
+def index_of(path: Path) -> Summary:
+    """Return the index of a file; one without an end is read from its start for it, once as long as nothing is added.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Returns
+    -------
+    Summary
+        Its schemas, channels and chunks, as far as it is whole; empty where it says that it has none.
+
+    Raises
+    ------
+    McapError
+        It is damaged; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    status = path.stat()
+    return _index(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _index(path: Path, size: int, changed: int) -> Summary:
+    del size, changed  # They are the cache's key: another file of that name has others.
+    if is_finished(path):
+        with path.open("rb") as stream:
+            return index_reader(stream).get_summary() or Summary()
+    found = scan(path, lambda _: None)
+    summary = Summary()
+    summary.schemas, summary.channels, summary.chunk_indexes = found.schemas, found.channels, found.chunks
+    return summary
+
+
+def index_reader(stream: IO[bytes]) -> SeekingReader:
+    """Return a reader of a finished file whose index is record after record and leads to its metadata.
+
+    Where a disk lost them there are zeros, through which the reader would step nine bytes at a time.
+
+    Parameters
+    ----------
+    stream : file
+        A finished file, open for reading.
+
+    Returns
+    -------
+    SeekingReader
+        At the beginning of the file.
+
+    Raises
+    ------
+    McapError
+        It has no index, or one that is not so; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    footer = stream.seek(-len(MAGIC) - FOOTER_BYTES - _RECORD_HEAD.size, os.SEEK_END)
+    (start,) = _SUMMARY_START.unpack_from(stream.read(_RECORD_HEAD.size + FOOTER_BYTES), _RECORD_HEAD.size)
+    position = start or footer
+    while position < footer:
+        kind, length = _head(stream, position)
+        if kind == 0 or length > min(_LARGEST_IN_INDEX, footer - position - _RECORD_HEAD.size):
+            raise McapError(f"no record of its index begins at byte {position}")
+        position += _RECORD_HEAD.size + length
+    stream.seek(0)
+    reader = SeekingReader(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+    summary = reader.get_summary()
+    if summary is None:
+        # The reader would look for messages and metadata from the start of the file.
+        raise McapError("it has no index")
+    for place in summary.metadata_indexes:
+        if _head(stream, place.offset)[0] != Opcode.METADATA:
+            raise McapError(f"at byte {place.offset} is not the metadata {place.name!r} that its index names")
+    return reader
+
+
+def chunks_of(reader: SeekingReader, topic: str) -> list[ChunkIndex]:
+    """Return where the chunks are that hold messages of a topic.
+
+    Parameters
+    ----------
+    reader : SeekingReader
+        Of a finished file.
+    topic : str
+        Of the messages.
+
+    Returns
+    -------
+    list of ChunkIndex
+        In the order of the file's index.
+    """
+    summary = reader.get_summary() or Summary()
+    wanted = {channel.id for channel in summary.channels.values() if channel.topic == topic}
+    return [chunk for chunk in summary.chunk_indexes if chunk.message_index_offsets.keys() & wanted]
+
+
+def expect_chunk(stream: IO[bytes], chunk: ChunkIndex) -> None:
+    """Check that a chunk begins where its file's index says, and as it says.
+
+    Zeros, as a failing disk leaves them, read as a chunk without messages.
+
+    Parameters
+    ----------
+    stream : file
+        A finished file, open for reading.
+    chunk : ChunkIndex
+        Entry of its index.
+
+    Raises
+    ------
+    McapError
+        Another record begins there, or none.
+    """
+    stream.seek(chunk.chunk_start_offset)
+    content = stream.read(_CHUNK.size)
+    said = (Opcode.CHUNK, chunk.chunk_length - _RECORD_HEAD.size, chunk.message_start_time, chunk.message_end_time)
+    if len(content) < _CHUNK.size or _CHUNK.unpack(content) != (*said, chunk.uncompressed_size):
+        raise McapError(f"at byte {chunk.chunk_start_offset} is not the chunk that its index names")
+
+
+def _head(stream: IO[bytes], position: int) -> tuple[int, int]:
+    """Return kind and length of a record."""
+    stream.seek(position)
+    return _RECORD_HEAD.unpack(stream.read(_RECORD_HEAD.size))
+
+
+def forget_indexes() -> None:
+    """Read every index again, as a process that has just begun does."""
+    _index.cache_clear()
+
+
+def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
+    """Return how many messages of a channel a chunk holds; the chunk itself is not read.
+
+    Parameters
+    ----------
+    stream : file
+        The chunk's file, open for reading.
+    chunk : ChunkIndex
+        Where the chunk is.
+    channel : int
+        One of its channels.
+
+    Returns
+    -------
+    int
+        As many as the chunk's message index has entries.
+
+    Raises
+    ------
+    McapError
+        There is no such message index where the file's index says.
+    """
+    offset = chunk.message_index_offsets[channel]
+    stream.seek(offset)
+    kind, length, found, entries = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
+    rest = _INDEX_HEAD.size - _RECORD_HEAD.size
+    if (kind, length, found) != (Opcode.MESSAGE_INDEX, rest + entries, channel):
+        raise McapError(f"at byte {offset} is no message index of channel {channel}, though the file's index says so")
+    return entries // _INDEX_ENTRY_BYTES
+
+
+def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> list[Message]:
+    """Read the messages of some channels from a chunk, its checksum checked, in the order they were written.
+
+    Parameters
+    ----------
+    path : Path
+        The chunk's file.
+    chunk : ChunkIndex
+        Where the chunk is.
+    channels : collection of int
+        The channels wanted.
+
+    Returns
+    -------
+    list of Message
+        Theirs.
+
+    Raises
+    ------
+    McapError
+        The chunk is damaged; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    with path.open("rb") as stream:
+        expect_chunk(stream, chunk)
+        stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
+        records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+    return [record for record in records if isinstance(record, Message) and record.channel_id in channels]
+
+
+def last_metadata(path: Path, name: str) -> dict[str, str] | None:
+    """Read the last metadata record of a name from a finished file; None where it has none.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    name : str
+        Of the record.
+
+    Returns
+    -------
+    dict of str to str, or None
+        The content of the record.
+
+    Raises
+    ------
+    McapError
+        The file is damaged; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    places = [place for place in index_of(path).metadata_indexes if place.name == name]
+    if not places:
+        return None
+    with path.open("rb") as stream:
+        stream.seek(places[-1].offset + _RECORD_HEAD.size)
+        return dict(Metadata.read(ReadDataStream(stream)).metadata)

@@ -1,0 +1,16 @@
+"""Recordings of a folder or on their own, read back: list, steps, signals, audit."""
+
+from recorder.reading.catalogue import describe, fits, read_part, verify
+from recorder.reading.file_audit import audit
+from recorder.reading.signal_windows import read_window
+from recorder.reading.step_reading import read_steps
+
+__all__ = [
+    "audit",
+    "describe",
+    "fits",
+    "read_part",
+    "read_steps",
+    "read_window",
+    "verify",
+]

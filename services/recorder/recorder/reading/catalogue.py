@@ -1,0 +1,202 @@
+"""The recordings in a folder: what they are, which fit a search, pieces of their files, whether they are whole."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from duralab_proto.v1 import recorder_pb2
+from recorder.format import Part, Summary, existing_file, files_of, read_summary, sha256_of
+from recorder.reading.file_audit import audit
+from recorder.refused import invalid
+
+LARGEST_PART: Final = 8 * 1024 * 1024
+"""Bytes of a file in one answer."""
+
+# More than a lab records in years, at a few hundred bytes each: who lists them often reads each file's end once.
+_REMEMBERED: Final = 65_536
+
+
+def describe(
+    folder: Path,
+    name: str,
+    *,
+    written: recorder_pb2.RecordingInfo | None = None,
+    waiting: str = "",
+    hashed: bool = True,
+) -> recorder_pb2.RecordingInfo:
+    """Describe a recording by its files.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are.
+    name : str
+        Its id; its first file is there.
+    written : RecordingInfo, optional
+        What is known of it by who writes it now; its last file is then not closed.
+    waiting : str
+        Why nothing can be written to it now; empty where it can, and where nobody writes it.
+    hashed : bool
+        Whether closed files are read for their SHA-256; else it stays empty.
+
+    Returns
+    -------
+    recorder_pb2.RecordingInfo
+        `closed` is false while it is written, and where its file waits for an end. A file without an end that nobody
+        writes is closed, for nothing comes any more; `ended` tells whether its last step is there.
+    """
+    files = files_of(folder, name)
+    information = recorder_pb2.RecordingInfo(recording=name)
+    closing = None if written is not None else _closing(files[-1])
+    if written is not None:
+        information.MergeFrom(written)
+    elif closing is not None:
+        information.MergeFrom(closing)
+    else:
+        found = audit(files)
+        information.MergeFrom(_told(found.content.summary_now(name, reason="")))
+        information.closed = not waiting
+        information.missing_blocks = found.missing_blocks
+    for path in files:
+        closed = information.closed or path != files[-1]
+        information.files.append(_file(path, hashed=hashed and closed))
+    information.waiting = waiting
+    information.bytes = sum(file.bytes for file in information.files)
+    information.file = files[0].name
+    if len(files) > 1 or information.closed:
+        information.file_hash = information.files[0].file_hash
+    return information
+
+
+def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
+    return recorder_pb2.RecordingInfo(
+        steps=summary.steps,
+        ended=summary.ended,
+        signal_blocks=summary.signal_blocks,
+        missing_blocks=summary.missing_blocks,
+        rig=summary.story.rig,
+        target=summary.story.target,
+        begun=summary.story.begun,
+        phase=summary.story.phase,
+        outcome=summary.story.outcome,
+    )
+
+
+def _file(path: Path, *, hashed: bool) -> recorder_pb2.RecordingFile:
+    status = path.stat()
+    file_hash = _file_hash(path, status.st_size, status.st_mtime_ns) if hashed else ""
+    return recorder_pb2.RecordingFile(file=path.name, bytes=status.st_size, file_hash=file_hash)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _file_hash(path: Path, size: int, changed: int) -> str:
+    del size, changed  # They are the cache's key: another file of that name has others.
+    return sha256_of(path)
+
+
+def _closing(path: Path) -> recorder_pb2.RecordingInfo | None:
+    status = path.stat()
+    return _cached_closing(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo | None:
+    """Return what a closed file says of its recording; it is not changed by who asks."""
+    del size, changed
+    summary = read_summary(path)
+    if summary is None:
+        return None
+    information = _told(summary)
+    information.closed = True
+    return information
+
+
+def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:
+    """Tell whether a recording is one of those that are looked for.
+
+    Parameters
+    ----------
+    information : recorder_pb2.RecordingInfo
+        The description of the recording.
+    request : recorder_pb2.ListRecordingsRequest
+        What is looked for; an empty field allows everything.
+
+    Returns
+    -------
+    bool
+        Whether every condition holds.
+    """
+    return (
+        (not request.rig or information.rig == request.rig)
+        and request.target.casefold() in information.target.casefold()
+        and information.begun >= request.begun_from
+        and (not request.begun_before or 0 < information.begun < request.begun_before)
+        and (not request.phase or information.phase == request.phase)
+        and (not request.outcome or information.outcome == request.outcome)
+    )
+
+
+def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingRequest) -> recorder_pb2.RecordingPart:
+    """Read a piece of a recording's file.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+    request : recorder_pb2.ReadRecordingRequest
+        Which file, from which byte, and how many bytes.
+
+    Returns
+    -------
+    recorder_pb2.RecordingPart
+        The bytes, fewer at the end of the file, and the file's size.
+
+    Raises
+    ------
+    RefusedError
+        No such file, or a piece that is not in it.
+    """
+    try:
+        part = Part(request.part)
+    except ValueError as error:
+        allowed = " or ".join(repr(part.value) for part in Part)
+        raise invalid(f"part is {request.part[:40]!r}; allowed are {allowed}.", field="part") from error
+    if not 1 <= request.length <= LARGEST_PART:
+        raise invalid(f"length is {request.length}; allowed are 1 to {LARGEST_PART} bytes.", field="length")
+    path = existing_file(folder, name, part, number=max(1, request.number) if part is Part.RECORDING else 1)
+    total = path.stat().st_size
+    if request.offset > total:
+        raise invalid(f"offset is {request.offset}; the file has {total} bytes.", field="offset")
+    with path.open("rb") as stream:
+        stream.seek(request.offset)
+        data = stream.read(request.length)
+    return recorder_pb2.RecordingPart(offset=request.offset, data=data, total=total)
+
+
+def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
+    """Read a whole recording and say what is wrong with it.
+
+    Parameters
+    ----------
+    folder : Path
+        The recorder's.
+    name : str
+        Id of the recording.
+
+    Returns
+    -------
+    recorder_pb2.VerifyResult
+        What was read, and what is wrong with it.
+
+    Raises
+    ------
+    RefusedError
+        There is no such recording.
+    """
+    existing_file(folder, name)
+    findings = audit(files_of(folder, name), name=name).findings
+    return recorder_pb2.VerifyResult(recording=name, whole=not findings, findings=findings)
