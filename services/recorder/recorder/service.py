@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -13,13 +14,12 @@ import structlog
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, StreamItem, Subscription
+from labbus import Bus, Call, ConfigError, FaultError, FigureKind, Metrics, StreamItem, Subscription
 from recorder.config import RecorderConfig
 from recorder.format import Step, checked_name, decode_step, existing_file, files_of, recordings_in
 from recorder.live import LiveViews
 from recorder.log import MEBIBYTE, Archive, Intake, Placement, exclusive_folder
 from recorder.reading import describe, fits, read_part, read_steps, read_window, verify
-from recorder.recorder_figures import follow_recorder
 from recorder.refused import RefusedError
 from recorder.work_thread import WorkThread
 
@@ -33,6 +33,7 @@ MOST_WAITING_FOR_POSES: Final = 5000
 _POLL_SECONDS: Final = 0.01
 _SLOW_SECONDS: Final = 1.0  # What takes longer is told to who waits for it.
 _END_SECONDS: Final = 1.0  # A service is given about 3 s to end.
+_NO_LABELS: Final[tuple[str, ...]] = ()
 
 ResultT = TypeVar("ResultT")
 
@@ -66,8 +67,7 @@ class RecorderService:
     def attach(self, bus: Bus) -> None:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
-        told = (self._archive, self._intake, self._writer)
-        follow_recorder(bus.metrics, self._folder, *told, missing=lambda: self._missing_blocks)
+        self._register_figures(bus.metrics)
         self._marking = {
             rig_pb2.SignalBlock: bus.subscribe(
                 keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._taking(self._take_block), repair=True
@@ -89,6 +89,25 @@ class RecorderService:
         bus.serve(keys.recording_steps(ANY), recorder_pb2.ReadStepsRequest, _granting(self.steps))
         bus.serve(keys.recording_signals(ANY), recorder_pb2.SignalWindowRequest, _granting(self.signals))
         bus.serve(keys.recording_verify(ANY), recorder_pb2.VerifyRecordingRequest, _granting(self.verify))
+
+    def _register_figures(self, figures: Metrics) -> None:
+        """Register the recorder's figures; all of them may be read on any thread."""
+        readings: tuple[tuple[str, str, Callable[[], float]], ...] = (
+            ("waiting_jobs", "What waits for the writer's thread", lambda: self._writer.waiting),
+            ("intake_bytes", "What was received and is not on the disk yet", lambda: self._intake.bytes),
+            ("lag_seconds", "For how long the oldest of it has waited", lambda: self._intake.lag_seconds),
+            ("open_recordings", "Recordings that are written", lambda: self._archive.counts()[0]),
+            ("interrupted_recordings", "Recordings whose disk takes nothing", lambda: self._archive.counts()[1]),
+            ("free_bytes", "Room on the disk of the recordings", lambda: shutil.disk_usage(self._folder).free),
+        )
+        for name, what, read in readings:
+            figures.follow(f"duralab_recorder_{name}", what, lambda read=read: {_NO_LABELS: float(read())})
+        figures.follow(
+            "duralab_recorder_missing_blocks_total",
+            "Signal blocks that no recording got",
+            lambda: {_NO_LABELS: float(self._missing_blocks)},
+            kind=FigureKind.COUNTER,
+        )
 
     def close(self) -> None:
         """Close all recordings and views."""

@@ -113,7 +113,7 @@ def test_a_block_that_cannot_be_decoded_is_damage_and_no_wrong_request(tmp_path,
     blocks = campaign.blocks(RUN)
     # Its checksum is right: it was stored like that.
     blocks[1].response.data = blocks[1].response.data[:-3]
-    monkeypatch.setattr("recorder.log.archive.check_block", lambda *_, **__: None)
+    monkeypatch.setattr("recorder.log.archive._check_block", lambda *_, **__: None)
     for seq, block in enumerate(blocks):
         archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, RUN), 7, seq, block))
     archive.commit("demo", step_of(3, recorder_pb2.RecordingClosed(reason="done")))

@@ -2,8 +2,8 @@
 
 from recorder.log.archive import Archive
 from recorder.log.folder_lock import exclusive_folder
-from recorder.log.free_room import MEBIBYTE
 from recorder.log.intake import Intake
+from recorder.log.recovery import MEBIBYTE
 from recorder.log.step_order import Placement
 
 __all__ = [

@@ -2,30 +2,65 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import structlog
 
+from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from labbus import StreamItem
-from recorder.format import Step, recordings_in
-from recorder.log.ended_lately import EndedLately
-from recorder.log.free_room import LEAST_FREE_BYTES, MEBIBYTE, FreeRoom
+from recorder.format import Step, files_of, recordings_in
 from recorder.log.interruptions import Interruptions
 from recorder.log.recording import DiskError, Recording, as_disk_error
-from recorder.log.recovery import is_ended, reopen
+from recorder.log.recovery import LEAST_FREE_BYTES, MEBIBYTE, FreeSpaceGuard, is_ended, reopen
 from recorder.log.run_registry import RunRegistry
-from recorder.log.signal_check import check_block
 from recorder.log.step_order import Placement, StepOrder
 from recorder.mcap import holds_doubles_only
 from recorder.refused import RefusedError
 
 STOPPED: Final = "the recorder was stopped"
 SPLIT_BYTES: Final = 512 * MEBIBYTE
+REMEMBERED: Final = 50
+
+_Files = tuple[tuple[str, int, int, int], ...]
+
+
+class RecentlyClosed:
+    """The steps of the recordings that ended last, so that one that is sent again is acknowledged without their files.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files are; who deletes, moves or changes one there takes away what was acknowledged of it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[str, tuple[StepOrder, _Files]] = {}
+
+    def remember(self, name: str, order: StepOrder) -> None:
+        """Note the steps of a recording whose last file is closed; the oldest is forgotten where there are many."""
+        self._known[name] = (order, self._files(name))
+        if len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+
+    def find(self, name: str) -> StepOrder | None:
+        """Return the steps of a recording, or None where it is not known or its files are others now."""
+        order, files = self._known.get(name, (None, ()))
+        if order is not None and files != self._files(name):
+            del self._known[name]
+            return None
+        return order
+
+    def _files(self, name: str) -> _Files:
+        found = [(path.name, path.stat()) for path in files_of(self._folder, name)]
+        return tuple((file, status.st_ino, status.st_size, status.st_mtime_ns) for file, status in found)
 
 
 class Archive:
@@ -46,9 +81,9 @@ class Archive:
     ) -> None:
         self._folder = folder
         self._split_bytes = split_bytes
-        self._room = FreeRoom(folder, least_free_bytes)
+        self._free_space = FreeSpaceGuard(folder, least_free_bytes)
         self._open: dict[str, Recording] = {}
-        self._ended = EndedLately(folder)
+        self._recently_closed = RecentlyClosed(folder)
         self._runs = RunRegistry()
         self._descriptions: dict[tuple[str, str], rig_pb2.RigDescription] = {}
         self._interruptions = Interruptions()
@@ -71,11 +106,11 @@ class Archive:
 
     def _take_up(self, name: str, *, reason: str = "") -> Recording | None:
         how = {"keep_original": False, "reason": f"The disk refused it: {reason}."} if reason else {}
-        found = reopen(self._folder, name, least_free_bytes=self._room.least_bytes, **how)
+        found = reopen(self._folder, name, least_free_bytes=self._free_space.least_bytes, **how)
         if found is None:
             return None
         if found.ended:
-            self._ended.remember(name, found.recording.order)
+            self._recently_closed.remember(name, found.recording.order)
             return None
         self._open[name] = found.recording
         self._runs.forget(name)
@@ -107,9 +142,9 @@ class Archive:
             raise DiskError(name, self._interruptions.why(name))
         recording = self._open.get(name)
         with as_disk_error(name):
-            if recording is None and self._ended.find(name) is None:
+            if recording is None and self._recently_closed.find(name) is None:
                 recording = self._take_up(name)
-            ended = self._ended.find(name)
+            ended = self._recently_closed.find(name)
         if ended is not None:
             return ended.place(step)
         placement = StepOrder(name).place(step) if recording is None else recording.place(step)
@@ -118,7 +153,7 @@ class Archive:
         if isinstance(step.message, recorder_pb2.RunPlanned | recorder_pb2.RunPlayed):
             self._runs.check(step.message, name)
         if recording is None or isinstance(step.message, recorder_pb2.RunPlanned):
-            self._room.expect(name)
+            self._free_space.expect(name)
         if recording is None:
             # Only now, when nothing but the disk can refuse it: a refused first step leaves no file.
             recording = self._open[name] = Recording(name, self._folder)
@@ -148,7 +183,7 @@ class Archive:
     def _take_up_interrupted(self, name: str) -> None:
         """Go on with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
         why = "" if self._interruptions.unread(name) else self._interruptions.why(name)
-        self._room.expect(name)
+        self._free_space.expect(name)
         try:
             with as_disk_error(name):
                 self._interruptions.cut(name)
@@ -210,7 +245,7 @@ class Archive:
         elif not self._runs.is_new(run, item.epoch, item.seq):
             # Not settled at once: the first of the two may not be on the disk yet.
             self._unsynced.setdefault(run.recording, []).append(item)
-        elif fault := check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig))):
+        elif fault := _check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig))):
             self._log.warning("a signal block is refused", run=name, rig=rig, seq=item.seq, why=fault)
             self._settled.append(item)
         elif self._add_stream(run.recording, item):
@@ -342,5 +377,33 @@ class Archive:
         del self._open[name]
         self._forget(name)
         if recording.order.ended:
-            self._ended.remember(name, recording.order)
+            self._recently_closed.remember(name, recording.order)
         self._log.info("recording closed", recording=name, steps=recording.order.count, reason=reason)
+
+
+def _check_block(block: rig_pb2.SignalBlock, *, run: str, description: rig_pb2.RigDescription | None) -> str:
+    """Return what is wrong with a block in a sentence, or an empty string.
+
+    Parameters
+    ----------
+    block : rig_pb2.SignalBlock
+        What was received; nothing in it is trusted.
+    run : str
+        The run that its key names.
+    description : rig_pb2.RigDescription or None
+        The rig's, where it was committed: the block must have its channels and its rate.
+    """
+    if block.run != run:
+        return f"The block of run {block.run!r} came on the key of run {run!r}."
+    if not (math.isfinite(block.sample_rate) and block.sample_rate > 0):
+        return f"The sample rate is {block.sample_rate} Hz; it must be greater than 0."
+    drives = None if description is None else len(description.drives)
+    responses = None if description is None else len(description.responses)
+    if description is not None and block.sample_rate != description.sample_rate:
+        return f"The sample rate is {block.sample_rate} Hz; the rig's is {description.sample_rate} Hz."
+    try:
+        drive = from_array(block.drive, field="drive", shape=(drives, None), dtype=np.float64)
+        from_array(block.response, field="response", shape=(responses, drive.shape[1]), dtype=np.float64)
+    except ArrayError as error:
+        return str(error)
+    return ""

@@ -26,8 +26,7 @@ from recorder.format import (
     read_summary,
     recording_path,
 )
-from recorder.log.free_room import MEBIBYTE
-from recorder.log.recording import Recording, Stored
+from recorder.log.recording import DiskError, Recording, Stored, as_disk_error
 from recorder.log.step_order import StepOrder
 from recorder.mcap import (
     DAMAGE,
@@ -44,6 +43,33 @@ from recorder.mcap import (
 from recorder.refused import RefusedError
 
 KILLED: Final = "Its recorder was killed."
+MEBIBYTE: Final = 1024 * 1024
+LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
+
+
+@dataclass(frozen=True)
+class FreeSpaceGuard:
+    """Space on the recordings' disk that must be free before something is begun.
+
+    Parameters
+    ----------
+    folder : Path
+        On the disk in question.
+    least_bytes : int
+        0 or more.
+    """
+
+    folder: Path
+    least_bytes: int
+
+    def expect(self, recording: str) -> None:
+        """Raise a DiskError while too little is free: a playback that has begun should find its place."""
+        with as_disk_error(recording):
+            free = shutil.disk_usage(self.folder).free
+        if free < self.least_bytes:
+            raise DiskError(
+                recording, f"{free // MEBIBYTE} MiB are free, {self.least_bytes // MEBIBYTE} MiB are kept free"
+            )
 
 
 @dataclass(frozen=True)
