@@ -28,9 +28,7 @@ from identifier.bus import settings_of
 from identifier.excitation import design_experiment
 from identifier.experiment import estimate_experiment
 from iterator import iterate
-from iterator.campaign_messages import checked_model
-from iterator.campaign_plan import plan_campaign
-from iterator.identification import identification_request
+from iterator.campaign import checked_model, identification_request, plan_campaign
 from rig_sim import shipped_specimens
 from rig_sim.loading import load_any_rig
 

@@ -111,7 +111,7 @@ def test_equations_are_drawn_by_the_browser_itself(site: Path, pages: dict[Path,
         ("reference/commands.html", ["duralab-run", "duralab-doctor", "duralab-check-rig"]),
         ("reference/campaign-file.html", ["target", "stopsection", "algorithm"]),
         ("reference/messages.html", ["RigDescription", "SignalBlock", "RigMode"]),
-        ("source/services/iterator/iterator/basic_twr.py.html", ["next_drive"]),
+        ("source/services/iterator/iterator/updates/basic_twr.py.html", ["next_drive"]),
     ],
 )
 def test_the_reference_is_made_from_the_code(site: Path, pages: dict[Path, Page], page: str, expected: list[str]):

@@ -65,17 +65,17 @@ AREAS = {
         tuple(
             f"iterator/{name}.py"
             for name in (
-                "basic_twr",
-                "banded_transform",
-                "adaptive_modelling",
-                "model_correction",
-                "anchored_fit",
-                "drive_squares",
-                "secant_fit",
-                "secant_update",
-                "step_spectra",
-                "segment_acceptance",
-                "inversion",
+                "updates/basic_twr",
+                "band/banded_transform",
+                "updates/adaptive_modelling",
+                "updates/model_correction",
+                "updates/anchored_fit",
+                "updates/drive_squares",
+                "updates/secant_fit",
+                "updates/secant_update",
+                "model/step_spectra",
+                "updates/segment_acceptance",
+                "model/inversion",
             )
         ),
         (

@@ -4,35 +4,29 @@ The core takes and returns numpy arrays: `control_band` → `rig_model` → `run
 is any function from a drive to a response. The service (`python -m iterator --config FILE`) plays on a rig of the bus.
 """
 
-from iterator.adaptive_modelling import corrected, estimate_correction
-from iterator.applied_model import apply_inverse, predict
-from iterator.basic_twr import StepStart, step_start
-from iterator.control_band import ControlBand, control_band
-from iterator.convergence_prediction import ConvergencePrediction, predict_convergence
-from iterator.drive_limits import (
-    DriveLimitError,
-    DriveLimits,
-    DriveOverrunError,
-    LimitPolicy,
-    LimitQuantity,
-    LimitViolation,
-    require_within_limits,
+from iterator.assessment import (
+    NO_BOUNDS,
+    BoundedQuantity,
+    DamageBounds,
+    IterationMetrics,
+    Outcome,
+    PassedBound,
+    PlaybackBoundError,
+    PlaybackBounds,
+    Repeatability,
+    SpectrumOverlay,
+    Standstill,
+    StopCriteria,
+    best_iteration,
+    damage_spent,
+    judge_end,
+    judge_repeatability,
+    judge_response,
+    overlay_spectra,
+    standstills,
 )
-from iterator.drive_projection import DriveProjection, LimitPassing, project_drive
-from iterator.drive_update import (
-    CorrectionSettings,
-    CorrectionShape,
-    NextDrive,
-    Prediction,
-    SecantSettings,
-    Update,
-    UpdateKind,
-    UpdateSettings,
-)
-from iterator.gains import GainCurve
-from iterator.iteration_history import IterationHistory, Playback
+from iterator.band import ControlBand, OutsideBand, Segment, control_band, energy_outside_band, segments_of
 from iterator.iteration_loop import (
-    UPDATES,
     CampaignResult,
     CampaignSettings,
     Iteration,
@@ -41,17 +35,42 @@ from iterator.iteration_loop import (
     iterate,
     run_campaign,
 )
-from iterator.iteration_metrics import IterationMetrics, best_iteration, judge_response
-from iterator.outside_band import OutsideBand, energy_outside_band
-from iterator.playback_bounds import NO_BOUNDS, BoundedQuantity, PassedBound, PlaybackBoundError, PlaybackBounds
-from iterator.repeatability import Repeatability, judge_repeatability
-from iterator.rig_model import ModelUncertainty, RigModel, rig_model
-from iterator.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
-from iterator.spectrum_overlay import SpectrumOverlay, overlay_spectra
-from iterator.standstill import Standstill, standstills
-from iterator.stop_criteria import DamageBounds, Outcome, StopCriteria, damage_spent, judge_end
-from iterator.time_segments import Segment, segments_of
-from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
+from iterator.limits import (
+    DriveLimitError,
+    DriveLimits,
+    DriveOverrunError,
+    DriveProjection,
+    LimitPassing,
+    LimitPolicy,
+    LimitQuantity,
+    LimitViolation,
+    UnreachableSegment,
+    project_drive,
+    require_within_limits,
+    unreachable_segments,
+)
+from iterator.model import IterationHistory, ModelUncertainty, Playback, RigModel, apply_inverse, predict, rig_model
+from iterator.updates import (
+    UPDATES,
+    AcceptanceSettings,
+    AcceptedIterate,
+    ConvergencePrediction,
+    CorrectionSettings,
+    CorrectionShape,
+    GainCurve,
+    NextDrive,
+    Prediction,
+    SecantSettings,
+    StepStart,
+    Update,
+    UpdateKind,
+    UpdateSettings,
+    accept_segments,
+    corrected,
+    estimate_correction,
+    predict_convergence,
+    step_start,
+)
 
 __all__ = [
     "NO_BOUNDS",

@@ -2,57 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from iterator import adaptive_modelling, basic_twr, secant_update
-from iterator.applied_model import predict
-from iterator.drive_limits import (
-    DEFAULT_LARGEST_OVERRUN,
-    DriveLimits,
-    LimitPolicy,
-    held_share,
-    require_small_overrun,
-    require_within_limits,
-)
-from iterator.drive_projection import DriveProjection, project_drive
-from iterator.drive_update import NextDrive, Update, UpdateKind, UpdateSettings, own_update
-from iterator.iteration_history import IterationHistory, Playback
-from iterator.iteration_metrics import IterationMetrics, judge_response
-from iterator.playback_bounds import PassedBound, PlaybackBoundError
-from iterator.playback_levels import (
+from iterator.assessment import (
+    IterationMetrics,
+    Outcome,
+    PassedBound,
+    PlaybackBoundError,
+    Standstill,
+    StopCriteria,
     best_at_full_level,
     comparable_history,
     judge_end_at_levels,
+    judge_response,
     level_of,
     partial_playbacks,
+    passed_bound,
     require_levels,
+    standstills,
 )
-from iterator.rest import DRIVE_FADE_SECONDS, faded
-from iterator.rig_model import RigModel
-from iterator.standstill import Standstill, standstills
-from iterator.stop_criteria import Outcome, StopCriteria, passed_bound
-from iterator.unreachable_segments import UnreachableSegment, unreachable_segments
-from iterator.watched_responses import controlled_model, controlled_responses, controlled_settings, whole_model
+from iterator.band import DRIVE_FADE_SECONDS, faded
+from iterator.limits import (
+    DEFAULT_LARGEST_OVERRUN,
+    DriveLimits,
+    DriveProjection,
+    LimitPolicy,
+    UnreachableSegment,
+    held_share,
+    project_drive,
+    require_small_overrun,
+    require_within_limits,
+    unreachable_segments,
+)
+from iterator.model import IterationHistory, Playback, RigModel, predict
+from iterator.updates import (
+    UPDATES,
+    NextDrive,
+    Update,
+    UpdateSettings,
+    controlled_model,
+    controlled_responses,
+    controlled_settings,
+    own_update,
+    whole_model,
+)
 from spectra import as_record
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
-
-UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
-    {
-        UpdateKind.BASIC_TWR: basic_twr.next_drive,
-        UpdateKind.ADAPTIVE_MODELLING: adaptive_modelling.next_drive,
-        UpdateKind.SECANT: secant_update.next_drive,
-    }
-)
-"""The update of each kind."""
-
 
 # Share of the time that the last drive stood at a limit, above which its squares are not reckoned with: a drive that
 # is cut off does not do what its square foresees. With 85 % of the stroke that a target needs it is 0.6 to 1 %.

@@ -14,30 +14,30 @@ import structlog
 
 from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
-from iterator.admission import (
+from iterator.campaign import (
+    Campaign,
+    Resumption,
+    StatusBoard,
     already_exists,
     described_rig,
     expect_free_id,
+    finished_unseen,
     go_on_recording,
+    identification_request,
+    identification_run,
+    is_final,
+    lacks_copies,
+    new_campaign,
+    plan_campaign,
+    read_campaign,
     read_parent,
     require_id,
     require_name,
-    require_same_rig,
-)
-from iterator.campaign import Campaign
-from iterator.campaign_figures import CampaignFigures
-from iterator.campaign_plan import plan_campaign
-from iterator.campaign_resumption import (
-    Resumption,
-    finished_unseen,
-    lacks_copies,
-    new_campaign,
     require_no_settings,
+    require_same_rig,
     same_campaign,
 )
-from iterator.identification import identification_request, identification_run
-from iterator.recorded_campaign import read_campaign
-from iterator.status_board import StatusBoard, is_final
+from iterator.campaign_figures import CampaignFigures
 from labbus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
 
 SERVICE: Final = "iterator"

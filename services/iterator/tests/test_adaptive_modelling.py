@@ -16,10 +16,7 @@ from iterator import (
     predict,
     rig_model,
 )
-from iterator.model_correction import (
-    PredictionSpectra,
-    correction_from_spectra,
-)
+from iterator.updates.model_correction import PredictionSpectra, correction_from_spectra
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iterator.banded_transform import BandedTransform
+from iterator.band.banded_transform import BandedTransform
 
 RATE = 1000.0
 

@@ -6,12 +6,10 @@ import pytest
 
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
-from iterator import AcceptanceSettings, SecantSettings, StopCriteria, UpdateKind
-from iterator.campaign_messages import channel_metrics
-from iterator.campaign_plan import plan_campaign
-from iterator.confirmation import judge_confirmation, recorded_confirmation
-from iterator.drive_limits import LimitPolicy
-from iterator.stop_criteria import DamageBounds
+from iterator import AcceptanceSettings, DamageBounds, LimitPolicy, SecantSettings, StopCriteria, UpdateKind
+from iterator.campaign import plan_campaign
+from iterator.campaign.confirmation import judge_confirmation, recorded_confirmation
+from iterator.campaign.messages import channel_metrics
 from labbus import FaultError
 
 from .linear_plants import BLOCK

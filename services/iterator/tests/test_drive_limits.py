@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from iterator import DriveLimitError, DriveLimits, require_within_limits
-from iterator.drive_limits import held_share
+from iterator.limits import held_share
 
 LIMITS = DriveLimits(
     names=("left_vertical", "left_lateral"),

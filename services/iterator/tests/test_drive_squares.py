@@ -14,20 +14,19 @@ from iterator import (
     LimitPolicy,
     Playback,
     SecantSettings,
+    StepStart,
     StopCriteria,
     UpdateKind,
     UpdateSettings,
     control_band,
+    predict,
     rig_model,
     run_campaign,
-    secant_update,
 )
-from iterator.applied_model import drive_without, predict
-from iterator.basic_twr import StepStart
-from iterator.drive_squares import drive_for_squares
-from iterator.secant_fit import fit_secant
-from iterator.step_spectra import StepSpectra
-from iterator.watched_responses import controlled_model, whole_model
+from iterator.model import StepSpectra, drive_without
+from iterator.updates import controlled_model, secant_update, whole_model
+from iterator.updates.drive_squares import drive_for_squares
+from iterator.updates.secant_fit import fit_secant
 from spectra import rms
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play

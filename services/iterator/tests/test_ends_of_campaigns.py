@@ -6,7 +6,7 @@ import time
 from contextlib import contextmanager
 
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator.recording_log import RecordingLog
+from iterator.campaign.recording_log import RecordingLog
 from iterator.service import IteratorService
 from labbus import BusConfig, SpoolFullError, open_bus
 

@@ -20,7 +20,7 @@ from iterator import (
     predict,
     rig_model,
 )
-from iterator.model_correction import FullPredictionSpectra, full_correction_from_spectra
+from iterator.updates.model_correction import FullPredictionSpectra, full_correction_from_spectra
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target
 

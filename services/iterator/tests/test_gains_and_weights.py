@@ -14,7 +14,7 @@ from iterator import (
     rig_model,
     run_campaign,
 )
-from iterator.gains import gain_at
+from iterator.updates.gains import gain_at
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 

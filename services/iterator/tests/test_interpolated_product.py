@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from iterator.interpolated_product import interpolated_product
+from iterator.model.interpolated_product import interpolated_product
 
 
 def test_each_line_is_multiplied_with_the_matrix_that_a_spline_lays_there():

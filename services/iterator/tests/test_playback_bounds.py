@@ -25,7 +25,7 @@ from iterator import (
     rig_model,
     run_campaign,
 )
-from iterator.campaign_plan import plan_campaign
+from iterator.campaign import plan_campaign
 from labbus import FaultError
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play

@@ -7,7 +7,7 @@ import pytest
 
 from duralab_proto.v1 import array_pb2, iterator_pb2
 from iterator import DriveLimits, Outcome, Segment, Standstill, control_band, judge_response, project_drive
-from iterator.playback_remarks import remarks_of
+from iterator.campaign.remarks import remarks_of
 
 RATE = 256.0
 NAMES = ("left", "right")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1 import iterator_pb2
-from iterator import seeds
-from iterator.progress_estimate import Progress, ProgressEstimate
-from iterator.status_board import StatusBoard
+from iterator.campaign import StatusBoard, seeds
+from iterator.campaign.progress_estimate import Progress, ProgressEstimate
 
 
 class Clock:

@@ -3,7 +3,7 @@
 import pytest
 
 from duralab_proto.v1 import rig_pb2
-from iterator import rig_halt
+from iterator.campaign import rig_halt
 
 MOVING = rig_pb2.RigState(rig="rig", mode=rig_pb2.RIG_MODE_INTERLOCKED, reason="gone", run="mine")
 RESTING = rig_pb2.RigState(rig="rig", mode=rig_pb2.RIG_MODE_INTERLOCKED, reason="gone")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from iterator import IterationHistory, apply_inverse, control_band, predict, rig_model
-from iterator.basic_twr import response_scale
+from iterator.updates.basic_twr import response_scale
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 

@@ -18,11 +18,11 @@ from iterator import (
     control_band,
     rig_model,
     run_campaign,
-    secant_update,
 )
-from iterator.secant_fit import fit_secant
-from iterator.secant_update import secant_model
-from iterator.step_spectra import StepSpectra
+from iterator.model import StepSpectra
+from iterator.updates import secant_update
+from iterator.updates.secant_fit import fit_secant
+from iterator.updates.secant_update import secant_model
 from spectra import line_frequencies
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator import seeds
+from iterator.campaign import seeds
 from labbus import BusConfig, Continuity, FaultError, open_bus
 
 from .fake_lab import FINAL, Identifier, Lab, Recorder

@@ -11,7 +11,7 @@ from iterator import (
     judge_end,
     judge_response,
 )
-from iterator.playback_levels import best_at_full_level
+from iterator.assessment import best_at_full_level
 
 
 def after(*errors, damage=1.0):

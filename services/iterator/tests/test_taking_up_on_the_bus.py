@@ -7,8 +7,9 @@ import pytest
 
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
-from iterator.campaign_resumption import lacks_copies, new_campaign, run_name, same_campaign
-from iterator.recorded_campaign import RecordedCampaign
+from iterator.campaign import lacks_copies, new_campaign, same_campaign
+from iterator.campaign.recorded import RecordedCampaign
+from iterator.campaign.resumption import run_name
 from labbus import FaultError
 
 from .linear_plants import noise_target

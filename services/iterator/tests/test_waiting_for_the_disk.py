@@ -7,7 +7,7 @@ import pytest
 
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from iterator.recording_log import RecordingLog
+from iterator.campaign.recording_log import RecordingLog
 from labbus import FaultError
 
 FULL = "Recording 'demo' cannot be written now (No space left on device)."
@@ -33,7 +33,7 @@ class FullDisk:
 
 @pytest.fixture(autouse=True)
 def short_wait(monkeypatch):
-    monkeypatch.setattr("iterator.recording_log._ROOM_RETRY_SECONDS", 0.01)
+    monkeypatch.setattr("iterator.campaign.recording_log._ROOM_RETRY_SECONDS", 0.01)
 
 
 def test_a_step_is_sent_until_there_is_room_and_then_once():

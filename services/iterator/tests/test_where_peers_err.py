@@ -19,10 +19,10 @@ from iterator import (
     control_band,
     corrected,
     estimate_correction,
+    judge_response,
     rig_model,
     run_campaign,
 )
-from iterator.iteration_metrics import judge_response
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 

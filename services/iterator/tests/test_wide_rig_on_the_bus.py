@@ -5,7 +5,8 @@ import pytest
 
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from iterator import control_band, seeds
+from iterator import control_band
+from iterator.campaign import seeds
 from labbus import FaultError
 from spectra import line_frequencies, rms
 

@@ -1,0 +1,148 @@
+"""Bounds of one playback, predicted and measured: how far it may go beyond the target before the campaign ends."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from iterator.assessment.metrics import IterationMetrics
+from loads import DAMAGE_EXPONENTS
+
+
+class BoundedQuantity(enum.Enum):
+    """What of a playback is bounded; the value is the name of its bound in settings and messages."""
+
+    ERROR = "error_bound"
+    PEAK = "peak_bound"
+    DAMAGE = "damage_bound"
+
+
+_WORDS: Final = {
+    BoundedQuantity.ERROR: "relative RMS error",
+    BoundedQuantity.PEAK: "peak over the target's",
+    BoundedQuantity.DAMAGE: "damage over the target's",
+}
+
+
+@dataclass(frozen=True)
+class PassedBound:
+    """A bound that one response passed.
+
+    Parameters
+    ----------
+    response : int
+        Its row.
+    quantity : BoundedQuantity
+        Of the playback.
+    value, bound : float
+        What it is, and what is allowed, relative to the whole target.
+    """
+
+    response: int
+    quantity: BoundedQuantity
+    value: float
+    bound: float
+
+    def sentence(self, name: str) -> str:
+        """Return the value and the bound in words, without a full stop."""
+        return (
+            f"the {_WORDS[self.quantity]} of {name} is {self.value:.3g}, past stop.{self.quantity.value} of "
+            f"{self.bound:g}"
+        )
+
+
+class PlaybackBoundError(ValueError):
+    """A drive that is not played, because the response that the model predicts of it passes a bound.
+
+    Parameters
+    ----------
+    number : int
+        Of the playback, from 1.
+    passed : PassedBound
+        The worst one, relative to its bound.
+    """
+
+    def __init__(self, number: int, passed: PassedBound) -> None:
+        self.number = number
+        self.passed = passed
+        super().__init__(self.sentence(f"response {passed.response}"))
+
+    def sentence(self, name: str) -> str:
+        """Return the error in words, with the name of its response."""
+        return (
+            f"Playback {self.number} is not played: by the model's prediction {self.passed.sentence(name)}; look at "
+            "the target and the model there, begin at partial levels, or take a smaller gain."
+        )
+
+
+@dataclass(frozen=True)
+class PlaybackBounds:
+    """What no playback may pass in any controlled response, relative to the whole target whatever its level.
+
+    Parameters
+    ----------
+    error_bound : float
+        Relative RMS error, above 1; a rig at rest has 1. Infinite: no bound.
+    peak_bound : float
+        Largest magnitude over the target's, above 1. Infinite: no bound.
+    damage_bound : float
+        Pseudo-damage over the target's, above 1. Infinite: no bound.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
+    """
+
+    error_bound: float = 3.0
+    peak_bound: float = 3.0
+    damage_bound: float = 250.0
+
+    def __post_init__(self) -> None:
+        for quantity in BoundedQuantity:
+            value = getattr(self, quantity.value)
+            if not value > 1.0:
+                raise ValueError(
+                    f"The {quantity.value} is {value:g}; it must be above 1, which is the target itself, or infinite "
+                    "for no bound."
+                )
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing is bounded."""
+        return bool(np.isinf([self.error_bound, self.peak_bound, self.damage_bound]).all())
+
+    def passed(self, metrics: IterationMetrics, *, level: float, exponent: float) -> PassedBound | None:
+        """Return the bound that a playback passes furthest, relative to it, or None.
+
+        Parameters
+        ----------
+        metrics : IterationMetrics
+            Of the playback, measured or predicted.
+        level : float
+            Share of the target that it plays for, above 0 to 1.
+        exponent : float
+            Slope of the S-N line that damage is judged at, one of `DAMAGE_EXPONENTS`.
+        """
+        column = DAMAGE_EXPONENTS.index(exponent)
+        figures = {
+            BoundedQuantity.ERROR: level * metrics.relative_rms_error,
+            BoundedQuantity.PEAK: level * metrics.peak_ratio,
+            BoundedQuantity.DAMAGE: level**exponent * metrics.damage_ratio[:, column],
+        }
+        controlled = np.ones(len(metrics.peak_ratio), dtype=bool) if metrics.controlled is None else metrics.controlled
+        worst: PassedBound | None = None
+        for quantity, values in figures.items():
+            bound = getattr(self, quantity.value)
+            row = int(np.argmax(np.where(controlled, values, -np.inf)))
+            found = PassedBound(response=row, quantity=quantity, value=float(values[row]), bound=bound)
+            if found.value > bound and (worst is None or found.value / bound > worst.value / worst.bound):
+                worst = found
+        return worst
+
+
+NO_BOUNDS: Final = PlaybackBounds(error_bound=np.inf, peak_bound=np.inf, damage_bound=np.inf)
+"""For studies of what diverges, on rigs that nothing can damage."""

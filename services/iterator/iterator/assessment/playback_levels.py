@@ -1,0 +1,155 @@
+"""Partial playback levels: a target is approached at a share of its size first, to protect the specimen.
+
+A playback at level `l` plays `l` times a drive and divides the response by `l`: in these units a linear rig answers the
+same at every level, so update, acceptance and errors need not know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from iterator.assessment.metrics import IterationMetrics, best_iteration
+from iterator.assessment.stop_criteria import Outcome, StopCriteria, judge_end
+from iterator.model import IterationHistory
+
+
+def require_levels(levels: Sequence[float]) -> None:
+    """Check the levels of the first playbacks.
+
+    Parameters
+    ----------
+    levels : sequence of float
+        Share of the target, one for each of the first playbacks; empty where all are at full level.
+
+    Raises
+    ------
+    ValueError
+        A level outside (0, 1], one below the level before, or a last one that is not 1.
+    """
+    wrong = [level for level in levels if not 0.0 < level <= 1.0]
+    if wrong:
+        raise ValueError(f"A playback level is {wrong[0]:g}; each must be above 0 and at most 1.")
+    falls = [after for before, after in pairwise(levels) if after < before]
+    if falls:
+        raise ValueError(f"The playback levels fall to {falls[0]:g}; they must never fall.")
+    if levels and levels[-1] != 1.0:
+        raise ValueError(f"The last playback level is {levels[-1]:g}; it must be 1, the whole target.")
+
+
+def partial_playbacks(levels: Sequence[float]) -> int:
+    """Return the number of playbacks before the first at full level.
+
+    Parameters
+    ----------
+    levels : sequence of float
+        Share of the target in each of the first playbacks, see `require_levels`.
+
+    Returns
+    -------
+    int
+        0 or more.
+    """
+    return int(np.count_nonzero(np.asarray(levels) < 1.0))
+
+
+def level_of(number: int, levels: Sequence[float]) -> float:
+    """Return the level of a playback.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    float
+        Share of the target, above 0 to 1.
+    """
+    return float(levels[number - 1]) if number <= len(levels) else 1.0
+
+
+def comparable_history(history: IterationHistory, levels: Sequence[float]) -> IterationHistory:
+    """Return the playbacks that the next one is compared with: those at its level, or else the last one.
+
+    Where friction sticks at half level, errors of two levels say nothing about each other.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        All playbacks so far, each divided by its level.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    IterationHistory
+        With the target and one playback at least, unless there is none yet.
+    """
+    count = len(history.playbacks)
+    level = level_of(count + 1, levels)
+    same = sum(1 for number in range(1, count + 1) if level_of(number, levels) == level)
+    kept = max(same, 1)
+    if kept >= count:
+        return history
+    return IterationHistory(target=history.target, playbacks=history.playbacks[-kept:])
+
+
+def best_at_full_level(
+    metrics: tuple[IterationMetrics, ...], levels: Sequence[float], *, outcome: Outcome | None = None
+) -> int:
+    """Return the number of the best playback of the whole target: the one that is judged, exported and confirmed.
+
+    Parameters
+    ----------
+    metrics : tuple of IterationMetrics
+        From the first playback to the last.
+    levels : sequence of float
+        Of the first playbacks.
+    outcome : Outcome, optional
+        How the iteration ended after the last playback; None before its end. Where the target was reached, the last
+        playback is the best: it is the one that fulfils all criteria, whatever the overall error of another.
+
+    Returns
+    -------
+    int
+        From 1; 0 where none was at full level yet.
+    """
+    if outcome is Outcome.REACHED:
+        return len(metrics)
+    partial = partial_playbacks(levels)
+    full = metrics[partial:]
+    return partial + best_iteration(full) if full else 0
+
+
+def judge_end_at_levels(
+    metrics: tuple[IterationMetrics, ...], criteria: StopCriteria, levels: Sequence[float]
+) -> Outcome | None:
+    """Say whether the iteration ends after the last playback, which may be at partial level.
+
+    Parameters
+    ----------
+    metrics : tuple of IterationMetrics
+        From the first playback to the last, one or more.
+    criteria : StopCriteria
+        When to end.
+    levels : sequence of float
+        Of the first playbacks.
+
+    Returns
+    -------
+    Outcome or None
+        None: go on.
+    """
+    partial = partial_playbacks(levels)
+    if len(metrics) <= partial:
+        # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
+        ended = judge_end(metrics, replace(criteria, relative_rms_error=0.0, damage=None, smallest_improvement=0.0))
+        return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
+    left = replace(criteria, largest_iterations=criteria.largest_iterations - partial)
+    return judge_end(metrics[partial:], left, earlier=metrics[:partial])

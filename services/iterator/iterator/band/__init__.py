@@ -1,0 +1,17 @@
+"""Control band: the lines that are controlled and judged, and the records seen through them."""
+
+from iterator.band.control_band import ControlBand, control_band
+from iterator.band.outside_band import OutsideBand, energy_outside_band
+from iterator.band.rest import DRIVE_FADE_SECONDS, faded
+from iterator.band.time_segments import Segment, segments_of
+
+__all__ = [
+    "DRIVE_FADE_SECONDS",
+    "ControlBand",
+    "OutsideBand",
+    "Segment",
+    "control_band",
+    "energy_outside_band",
+    "faded",
+    "segments_of",
+]

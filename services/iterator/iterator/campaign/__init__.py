@@ -1,0 +1,51 @@
+"""A campaign on the bus: its checks, its steps, its recording and its status."""
+
+from iterator.campaign.admission import (
+    already_exists,
+    described_rig,
+    expect_free_id,
+    go_on_recording,
+    read_parent,
+    require_id,
+    require_name,
+    require_same_rig,
+)
+from iterator.campaign.campaign import Campaign
+from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.messages import checked_model
+from iterator.campaign.plan import plan_campaign
+from iterator.campaign.recorded import read_campaign
+from iterator.campaign.resumption import (
+    Resumption,
+    finished_unseen,
+    lacks_copies,
+    new_campaign,
+    require_no_settings,
+    same_campaign,
+)
+from iterator.campaign.status_board import StatusBoard, is_final
+
+__all__ = [
+    "Campaign",
+    "Resumption",
+    "StatusBoard",
+    "already_exists",
+    "checked_model",
+    "described_rig",
+    "expect_free_id",
+    "finished_unseen",
+    "go_on_recording",
+    "identification_request",
+    "identification_run",
+    "is_final",
+    "lacks_copies",
+    "new_campaign",
+    "plan_campaign",
+    "read_campaign",
+    "read_parent",
+    "require_id",
+    "require_name",
+    "require_no_settings",
+    "require_same_rig",
+    "same_campaign",
+]

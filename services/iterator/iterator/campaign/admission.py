@@ -1,0 +1,252 @@
+"""What must hold before a campaign begins: a free id, the services it needs, a rig that can play now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from duralab_proto.keys import LONGEST_NAME, MAIN_INSTANCE, check_id
+from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
+from iterator.campaign.recorded import RecordedCampaign, read_campaign
+from iterator.campaign.recording_log import RecordingLog
+from labbus import Bus, FaultError
+
+_DISCOVERY_SECONDS: Final = 1.5
+# A run is named after its campaign and is a name itself; this is the most that is added, in a further attempt.
+_LONGEST_ID: Final = LONGEST_NAME - len(".i4294967295-999")
+
+
+def already_exists(campaign: str, *, field: str = "id") -> FaultError:
+    """Return the fault for an id that is already used.
+
+    Parameters
+    ----------
+    campaign : str
+        The id.
+    field : str
+        Field of the request that holds it.
+
+    Returns
+    -------
+    FaultError
+        ALREADY_EXISTS; not raised here.
+    """
+    return FaultError(
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        f"A campaign {campaign!r} exists already; its recording is never overwritten, choose another id.",
+        field=field,
+    )
+
+
+def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
+    """Refuse a name that the contract does not allow.
+
+    Parameters
+    ----------
+    check : callable
+        Check of the contract, which raises ValueError.
+    name : str
+        As received.
+    field : str
+        Field of the request that holds it.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field.
+    """
+    try:
+        check(name)
+    except ValueError as error:
+        raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=field) from error
+
+
+def require_id(id: str, *, field: str = "id") -> None:
+    """Refuse an id that the contract does not allow, or that leaves no room for the names of the campaign's runs.
+
+    Parameters
+    ----------
+    id : str
+        Of a campaign, as received.
+    field : str
+        Field of the request that holds it.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field.
+    """
+    require_name(check_id, id, field=field)
+    if len(id) > _LONGEST_ID:
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            f"The id {id[:20]!r}… has {len(id)} characters; a campaign's has at most {_LONGEST_ID}, because its runs "
+            "have longer names: choose a shorter one.",
+            field=field,
+        )
+
+
+def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
+    """Refuse an id that has a recording; refuse a campaign whose services are not on the bus.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where identifier and recorder are.
+    campaign : str
+        The id.
+    field : str
+        Field of the request that holds it.
+
+    Raises
+    ------
+    FaultError
+        ALREADY_EXISTS with the field, UNAVAILABLE for a missing service.
+    """
+    bus.wait_for_live({("identifier", MAIN_INSTANCE)}, _DISCOVERY_SECONDS)
+    try:
+        bus.query(bus.keys.recording(campaign), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
+    except FaultError as fault:
+        if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
+            return
+        raise
+    raise already_exists(campaign, field=field)
+
+
+def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
+    """Return the description of a rig that can play now.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the rig is.
+    rig : str
+        Its name.
+
+    Returns
+    -------
+    RigDescription
+        As the rig answers.
+
+    Raises
+    ------
+    FaultError
+        With the field `rig`: NOT_FOUND, FAILED_PRECONDITION for an interlocked rig, BUSY for one that plays.
+    """
+    keys = bus.keys
+    try:
+        description = bus.query(keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
+    except FaultError as fault:
+        if fault.code != query_pb2.FAULT_CODE_UNAVAILABLE or bus.live("rig_sim", rig):
+            raise
+        raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, fault.message, field="rig") from fault
+    state = bus.query(keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
+    if state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Rig {rig!r} is interlocked ({state.reason}); see to the reason and reset it first.",
+            field="rig",
+        )
+    if state.mode != rig_pb2.RIG_MODE_IDLE:
+        raise FaultError(
+            query_pb2.FAULT_CODE_BUSY, f"Rig {rig!r} plays run {state.run!r}; wait for its end.", field="rig"
+        )
+    return description
+
+
+def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescription) -> None:
+    """Refuse a rig that was changed since it was identified.
+
+    Parameters
+    ----------
+    model : Model
+        From the identification.
+    description : RigDescription
+        Of the rig now.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION with the field `rig`.
+    """
+    if model.rig_content_hash != description.content_hash:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"The rig {description.rig!r} is not the one that was identified: it was changed since; start a new "
+            "campaign.",
+            field="rig",
+        )
+
+
+def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
+    """Read back the campaign that another one was taken up from, with all that is taken over from it.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recorded : RecordedCampaign
+        The campaign that takes over.
+
+    Returns
+    -------
+    RecordedCampaign
+        Its parent.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where the parent is not there or does not hold as much.
+    """
+    spec = recorded.spec
+    try:
+        parent = read_campaign(bus, spec.parent)
+    except FaultError as fault:
+        if fault.code not in (query_pb2.FAULT_CODE_NOT_FOUND, query_pb2.FAULT_CODE_DATA_LOSS):
+            raise
+        raise _no_parent(recorded, fault.message.rstrip(".")) from fault
+    if parent.model is None or len(parent.iterations) < spec.parent_iteration:
+        raise _no_parent(recorded, f"it holds {len(parent.iterations)}")
+    return parent
+
+
+def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
+    spec = recorded.spec
+    return FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        f"Campaign {spec.id!r} takes over {spec.parent_iteration} playbacks of {spec.parent!r} and its recording holds "
+        f"{len(recorded.iterations)} of them; the recording of {spec.parent!r} does not give the rest ({why}): bring "
+        "it back, or start a new campaign.",
+        field="id",
+    )
+
+
+def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
+    """Make sure that the recorder goes on with a recording; close it where only that is missing.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the recorder is.
+    recorded : RecordedCampaign
+        Not closed.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where the recorder cannot go on with it, because a file of it is damaged.
+    """
+    log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)
+    try:
+        log.confirm(recorded.last)
+    except FaultError as fault:
+        if fault.code not in (query_pb2.FAULT_CODE_ALREADY_EXISTS, query_pb2.FAULT_CODE_FAILED_PRECONDITION):
+            raise
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"The recorder cannot go on with the recording of campaign {recorded.spec.id!r} "
+            f"({fault.message.rstrip('.')}); name a new_id to take the campaign up again.",
+            field="new_id",
+        ) from fault
+    if recorded.final is not None:
+        log.commit(recorder_pb2.RecordingClosed(reason=recorded.final.activity))

@@ -1,0 +1,384 @@
+"""One campaign from its specification to its last step: identify, iterate, and store each step before the next."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+import numpy as np
+import structlog
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
+from iterator.assessment import IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
+from iterator.campaign import seeds
+from iterator.campaign.confirmation import confirmation_message, confirmed
+from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.messages import (
+    OUTCOMES,
+    checked_model,
+    metrics_message,
+    recorded_playback,
+    run_played,
+    step_message,
+)
+from iterator.campaign.plan import CampaignPlan
+from iterator.campaign.progress_estimate import ProgressEstimate
+from iterator.campaign.recording_log import RecordingLog
+from iterator.campaign.remarks import remarks_of
+from iterator.campaign.resumption import Resumption
+from iterator.campaign.rig_halt import bring_to_rest, latch_rig
+from iterator.campaign.rig_playback import RigPlayback, words_of
+from iterator.campaign.status_board import StatusBoard
+from iterator.iteration_loop import Iteration, iterate
+from iterator.limits import DriveLimitError, DriveOverrunError
+from labbus import Bus, FaultError
+
+_PAUSED: Final = "paused"
+
+
+class Campaign:
+    """Runs one campaign on a thread of its own. A motion is asked for once and never again.
+
+    Parameters
+    ----------
+    plan : CampaignPlan
+        Checked.
+    bus : Bus
+        Where rig, identifier and recorder are.
+    board : StatusBoard
+        Shows the others how it goes.
+    on_end : callable
+        Called on the campaign's thread when the rig is free again, before the final status shows.
+    resumption : Resumption, optional
+        What was done before; nothing where not given.
+    """
+
+    def __init__(
+        self,
+        plan: CampaignPlan,
+        *,
+        bus: Bus,
+        board: StatusBoard,
+        on_end: Callable[[], None],
+        resumption: Resumption | None = None,
+    ) -> None:
+        self._plan = plan
+        self._bus = bus
+        self._board = board
+        self._on_end = on_end
+        self._id = plan.spec.id
+        self._rig = plan.spec.rig
+        self._before = resumption or Resumption()
+        self._journal = structlog.get_logger("iterator").bind(campaign=self._id, rig=self._rig)
+        self._stop = threading.Event()
+        self._log = RecordingLog(
+            bus, self._id, next_step=self._before.steps, stop=self._stop, on_wait=self._show_waiting
+        )
+        self._stop_reason = ""
+        self._latching = self._latched = False
+        self._step = "starting"
+        self._playback = RigPlayback(plan, bus=bus, log=self._log, planned=self._before.planned, cancel=self._stop)
+        self._estimate = ProgressEstimate(
+            identification_seconds=plan.experiment.duration_seconds,
+            playback_seconds=plan.target_in_band.shape[1] / plan.description.sample_rate,
+            iterations=plan.settings.stop.largest_iterations + plan.spec.confirmations,
+        )
+        self._metrics: list[IterationMetrics] = []
+
+    def start(self) -> None:
+        """Begin; return at once."""
+        self._board.start_repeating()
+        threading.Thread(target=self._run, name=f"campaign-{self._id}", daemon=True).start()
+
+    def stop(self, reason: str, *, latch: bool = True) -> None:
+        """Ask it to end: a playback is broken off, nothing new is begun. Return at once.
+
+        Parameters
+        ----------
+        reason : str
+            In words; kept in the recording.
+        latch : bool
+            Latch the rig whatever it does then, also between two playbacks. Otherwise only a playback that is broken
+            off latches it.
+        """
+        # First: the campaign's thread may end as soon as the event is set.
+        self._latching = self._latching or latch
+        if not self._stop.is_set():
+            self._stop_reason = reason
+            self._stop.set()
+
+    def _run(self) -> None:
+        fault = FaultError(query_pb2.FAULT_CODE_INTERNAL, "The iterator ended in a way of its own; its log says more.")
+        final = self._final_fault(fault)
+        try:
+            final = self._performed()
+        except Exception:  # noqa: BLE001 - whatever it is, the campaign must not stay open for ever
+            self._journal.exception("The campaign could not be brought to its end.", step=self._step)
+        finally:
+            self._journal.info("campaign ended", how=final.activity)
+            self._on_end()
+            self._board.end(final)
+
+    def _performed(self) -> iterator_pb2.CampaignStatus:
+        """Do all steps, tidy up, and return the final status."""
+        final = self._ended()
+        if self._latching and not self._latched:
+            # Stopped when nothing was left to break off.
+            self._halt(final)
+        return final
+
+    def _ended(self) -> iterator_pb2.CampaignStatus:
+        """Do all steps, and return the final status once the recording is closed."""
+        try:
+            last = self._sequence()
+        except FaultError as fault:
+            return self._broken_off(fault)
+        except Exception as error:  # noqa: BLE001 - the rig has to be brought to rest whatever went wrong
+            self._journal.exception("The campaign failed by a defect.", step=self._step)
+            defect = f"A defect of the iterator ({type(error).__name__}: {error}); its log says more."
+            return self._broken_off(FaultError(query_pb2.FAULT_CODE_INTERNAL, defect))
+        return self._finished(last)
+
+    def _sequence(self) -> Iteration:
+        """Do all steps that were not done before; return the last iteration."""
+        plan = self._plan
+        beginning = (
+            ("specification", plan.spec),
+            ("rig's description", plan.description),
+            ("target", iterator_pb2.TargetInBand(samples=to_array(plan.target_in_band))),
+        )
+        for what, message in beginning[self._log.next_step :]:
+            with self._doing(f"storing the {what}"):
+                self._log.commit(message)
+        if self._before.model is None:
+            model = self._identify()
+            self._estimate.step_done()
+        else:
+            model = self._before.model
+            self._go_on_after(model)
+        with self._doing("inverting the model"):
+            start = checked_model(model, plan=plan)
+            recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
+        iterations = iterate(
+            self._play, plan.target_in_band, model=start, settings=plan.settings, limits=plan.limits, recorded=recorded
+        )
+        last: Iteration | None = None
+        best: Iteration | None = None
+        while last is None or last.outcome is None:
+            computing = f"computing the drive of {self._iteration_name()}"
+            with self._doing(computing, phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
+                last = self._next(iterations)
+            if last.number > len(recorded):
+                with self._doing(f"storing {self._iteration_name()}", share=1.0):
+                    step = step_message(last, self._playback.played, plan=plan)
+                    self._log.commit(step)
+                    self._log.commit(run_played(step, rig=self._rig))
+                self._estimate.step_done()
+            else:
+                self._estimate.step_was_done()
+            self._metrics.append(last.metrics)
+            best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels, outcome=last.outcome)
+            if best_number == last.number:
+                best = last
+            remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
+            self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
+        if best is not None:
+            self._confirm(last.outcome, best)
+        return last
+
+    def _go_on_after(self, model: identifier_pb2.Model) -> None:
+        """Bring the recording to the end of the steps that were done before."""
+        before = self._before
+        with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
+            self._estimate.step_was_done()
+            self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
+            for message in before.copies:
+                self._log.commit(message)
+            # A crash may have come between a result and the proof that its run was recorded; the runs of what was
+            # taken over are in the parent's recording.
+            for result in (model, *before.iterations, *before.confirmations):
+                if result.run in before.planned and result.run not in before.played:
+                    self._log.commit(run_played(result, rig=self._rig))
+
+    def _identify(self) -> identifier_pb2.Model:
+        plan, spec = self._plan, self._plan.spec
+        activity = f"identifying {self._rig}"
+        with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
+            run = self._playback.announce(identification_run(spec), purpose="identification")
+            with self._playback.motion(run):
+                model = self._bus.query(
+                    self._bus.keys.identify(),
+                    identification_request(spec, run=run, check_only=False),
+                    identifier_pb2.Model,
+                    on_progress=self._follower(activity),
+                    cancel=self._stop,
+                )
+            if model.rig_content_hash != plan.description.content_hash:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                    f"The rig {self._rig!r} is not the one the campaign was checked against: it was changed "
+                    "since; start the campaign again.",
+                )
+        with self._doing("storing the model"):
+            self._log.commit(model)
+            self._log.commit(run_played(model, rig=self._rig))
+        return model
+
+    def _next(self, iterations: Iterator[Iteration]) -> Iteration:
+        try:
+            return next(iterations)
+        except DriveLimitError as error:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="update.iteration_gain"
+            ) from error
+        except DriveOverrunError as error:
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="target") from error
+        except PlaybackBoundError as error:
+            name = self._plan.description.responses[error.passed.response].name
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                error.sentence(name),
+                field=f"stop.{error.passed.quantity.value}",
+            ) from error
+        except ValueError as error:
+            self._journal.exception("The core refused.", step=self._step)
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
+
+    def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Play a drive on the rig: what the iteration calls."""
+        number, outer = len(self._metrics) + 1, self._step
+        activity = f"playing {self._iteration_name()} on {self._rig}"
+        with self._doing(activity):
+            response = self._playback.play(
+                drive,
+                stem=f"{self._id}.i{number:02d}",
+                purpose=self._iteration_name(),
+                seed_index=seeds.playback(number),
+                on_progress=self._follower(activity),
+            )
+        self._step = outer
+        return response
+
+    def _confirm(self, outcome: Outcome | None, best: Iteration) -> None:
+        """Play the best drive again, as often as is asked, and show how far the rig repeats itself."""
+        if outcome is None:
+            raise AssertionError("The last iteration carries the outcome.")
+        recorded = self._before.confirmations
+        for _ in recorded:
+            self._estimate.step_was_done()
+        for told in confirmed(
+            best, plan=self._plan, outcome=outcome, metrics=self._metrics, recorded=recorded, play=self._again
+        ):
+            self._board.add_confirmation(told.repeatability, metrics=told.metrics, remarks=told.remarks)
+
+    def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
+        """Play the best drive once more and store it; return the step."""
+        plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
+        activity = f"playing {name} on {self._rig}"
+        with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
+            response = self._playback.play(
+                best.drive,
+                stem=f"{self._id}.confirm{number:02d}",
+                purpose=name,
+                seed_index=seeds.confirmation(number),
+                on_progress=self._follower(activity),
+            )
+        in_band = plan.settings.update.band.limit_response(response)
+        with self._doing(f"storing {name}", share=1.0):
+            played = self._playback.played
+            step = confirmation_message(
+                response, in_band, played=played, number=number, iteration=best.number, plan=plan
+            )
+            self._log.commit(step)
+            self._log.commit(run_played(step, rig=self._rig))
+        self._estimate.step_done()
+        return step
+
+    def _iteration_name(self) -> str:
+        return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.largest_iterations}"
+
+    @contextmanager
+    def _doing(
+        self, activity: str, *, phase: iterator_pb2.CampaignPhase | None = None, share: float = 0.0
+    ) -> Iterator[None]:
+        """Show a step, and name it in the fault it may end with, or that comes before the next one."""
+        if self._stop.is_set():
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
+        self._step = activity
+        self._board.show(activity, self._estimate.at(share), phase=phase)
+        yield
+
+    def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
+        def follow(progress: query_pb2.Progress) -> None:
+            words = words_of(progress, run=self._playback.moving_run)
+            done = self._estimate.at(min(1.0, max(0.0, progress.fraction)))
+            self._board.show(f"{activity}: {words}" if words else activity, done)
+
+        return follow
+
+    def _show_waiting(self, why: str) -> None:
+        """Say that the campaign pauses, because its next step cannot be stored yet."""
+        if why and not self._board.snapshot().activity.startswith(_PAUSED):
+            self._journal.warning("The campaign waits for its recorder.", step=self._step, why=why)
+        self._board.show(f"{_PAUSED} while {self._step}: {why}" if why else self._step, self._estimate.at(0.0))
+
+    def _finished(self, last: Iteration) -> iterator_pb2.CampaignStatus:
+        outcome = last.outcome
+        if outcome is None:
+            raise AssertionError("The last iteration carries the outcome.")
+        final = self._board.final_status(
+            iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+            f"finished after {len(self._metrics)} iterations: {outcome.value}",
+            outcome=OUTCOMES[outcome],
+        )
+        try:
+            self._step = "closing the recording"
+            self._log.close(final, reason=final.activity)
+        except FaultError as fault:
+            # The recorder may hold the end all the same: another one beside it would say that a whole result failed.
+            self._journal.warning("The recording of a finished campaign was not closed.", why=fault.message)
+            told = f"{fault.message} All playbacks are made and stored: resume it, and it ends without a motion."
+            return self._final_fault(FaultError(fault.code, told, field=fault.field, service=fault.service))
+        return final
+
+    def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
+        """Bring the rig to rest, close the recording as far as that goes, and say why."""
+        final = self._final_fault(fault)
+        self._halt(final)
+        if self._log.begun:
+            try:
+                self._log.close(final, reason=final.fault.message)
+            except FaultError as error:
+                self._journal.warning("The recording stays open.", why=error.message)
+        return final
+
+    def _halt(self, final: iterator_pb2.CampaignStatus) -> None:
+        """Bring the rig to rest, and latch it where the campaign was stopped; add to the status where that failed."""
+        run, reason = self._playback.moving_run, final.fault.message or self._stop_reason
+        if self._latching:
+            self._latched = True
+            trouble = latch_rig(self._bus, self._rig, run=run, reason=reason)
+        else:
+            trouble = bring_to_rest(self._bus, self._rig, run=run, reason=reason) if run else ""
+        if trouble:
+            final.activity += f"; {trouble}"
+            if final.HasField("fault"):
+                final.fault.message += f" {trouble[0].upper()}{trouble[1:]}."
+
+    def _final_fault(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
+        """Return the final status of a campaign that was stopped or failed."""
+        if self._stop.is_set():
+            phase, code = iterator_pb2.CAMPAIGN_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
+            activity = f"stopped while {self._step}"
+            sentence = f"The campaign was stopped while {self._step}: {self._stop_reason.rstrip('.')}."
+        else:
+            phase, code = iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault.code
+            activity = f"failed while {self._step}"
+            sentence = f"The campaign failed while {self._step}: {fault.message}"
+        service = fault.service or self._bus.service
+        told = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
+        return self._board.final_status(phase, activity, fault=told)

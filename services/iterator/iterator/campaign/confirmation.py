@@ -1,0 +1,261 @@
+"""Confirming a result: which drive is played again and how often, and what its playbacks come to as messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
+from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
+from iterator.assessment import (
+    IterationMetrics,
+    Outcome,
+    Standstill,
+    StopCriteria,
+    judge_repeatability,
+    judge_response,
+    standstills,
+    would_overspend,
+)
+from iterator.campaign.messages import channel_metrics
+from iterator.campaign.plan import CampaignPlan
+from iterator.campaign.remarks import standstills_in_words
+from iterator.iteration_loop import Iteration
+from labbus import FaultError
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is known after one of the playbacks.
+
+    Parameters
+    ----------
+    repeatability : Repeatability or None
+        Of all so far; None where there was no further one.
+    metrics : IterationMetrics or None
+        Figures of the last one, as a message; None where there was no further one.
+    remarks : tuple of str
+        Why not, one sentence.
+    """
+
+    repeatability: iterator_pb2.Repeatability | None = None
+    metrics: iterator_pb2.IterationMetrics | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def confirmed(
+    best: Iteration,
+    *,
+    plan: CampaignPlan,
+    outcome: Outcome,
+    metrics: Sequence[IterationMetrics],
+    recorded: Sequence[iterator_pb2.ConfirmationStep],
+    play: Callable[[Iteration, int], iterator_pb2.ConfirmationStep],
+) -> Iterator[Told]:
+    """Play the best drive again, as often as the campaign asks and nothing speaks against it.
+
+    Parameters
+    ----------
+    best : Iteration
+        Whose drive is played.
+    plan : CampaignPlan
+        Of the campaign.
+    outcome : Outcome
+        Of the iteration.
+    metrics : sequence of IterationMetrics
+        Of all its playbacks.
+    recorded : sequence of ConfirmationStep
+        Those that were made before, and are not made again.
+    play : callable
+        Plays the drive of `best` with a number, from 1, and returns the step that it stored.
+
+    Yields
+    ------
+    Told
+        After each of them, the recorded ones too; the last one where a controlled response stood still.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS: a recorded playback is damaged.
+    """
+    asked, responses, spent = plan.spec.confirmations, [best.response_in_band], tuple(metrics)
+    for number in range(1, asked + 1):
+        if number <= len(recorded):
+            step = recorded[number - 1]
+        else:
+            against = reason_against(outcome, spent, plan.settings.stop)
+            if against is not None:
+                yield Told(remarks=(f"The best drive was played {number - 1} of {asked} times again: {against}.",))
+                return
+            step = play(best, number)
+        response = recorded_confirmation(step, plan=plan)
+        stood_still = _stood_still(step, plan=plan)
+        told = tuple(
+            f"Confirmation {number} of {asked}: {sentence}"
+            for sentence in standstills_in_words(stood_still, plan=plan, then="resume to confirm the result")
+        )
+        if any(plan.response_weight[found.response] > 0.0 for found in stood_still):
+            yield Told(metrics=step.metrics, remarks=told)
+            return
+        responses.append(response)
+        spent = (*spent, judge_confirmation(response, plan=plan))
+        yield Told(repeatability_message(responses, iteration=best.number, plan=plan), step.metrics, told)
+
+
+def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> tuple[Standstill, ...]:
+    try:
+        _, _, measured = from_record(step.response, field="response")
+        return standstills(measured, plan.target_in_band, band=plan.settings.update.band)
+    except ValueError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Confirmation {step.number} was recorded damaged: {error}",
+            field="response",
+        ) from error
+
+
+def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criteria: StopCriteria) -> str | None:
+    """Return why the best drive is not played once more, in words; None where nothing speaks against it.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        Of the iteration.
+    spent : tuple of IterationMetrics
+        Of all playbacks so far, those that confirm included, one or more.
+    criteria : StopCriteria
+        Hold the damage budget.
+
+    Returns
+    -------
+    str or None
+        Half a sentence.
+    """
+    if outcome is Outcome.DIVERGED:
+        return "the iteration diverged"
+    if outcome is Outcome.RESPONSE_STOOD_STILL:
+        return "a controlled response stood still"
+    if outcome is Outcome.BOUND_PASSED:
+        return "a playback passed a bound"
+    if outcome is Outcome.DAMAGE_BUDGET_USED or (criteria.damage_budget > 0.0 and would_overspend(spent, criteria)):
+        return "one more playback would pass the damage budget"
+    return None
+
+
+def judge_confirmation(response_in_band: NDArray[np.float64], *, plan: CampaignPlan) -> IterationMetrics:
+    """Return the figures of a playback that confirms the result.
+
+    Parameters
+    ----------
+    response_in_band : ndarray, shape (n_y, samples)
+        As measured, in the control band.
+    plan : CampaignPlan
+        Holds the target.
+
+    Returns
+    -------
+    IterationMetrics
+        At full level.
+    """
+    return judge_response(plan.target_in_band, response_in_band, controlled=plan.response_weight > 0.0)
+
+
+def confirmation_message(
+    response: NDArray[np.float64],
+    response_in_band: NDArray[np.float64],
+    *,
+    played: rig_pb2.PlayResult,
+    number: int,
+    iteration: int,
+    plan: CampaignPlan,
+) -> iterator_pb2.ConfirmationStep:
+    """Return a playback of the best drive as it is committed.
+
+    Parameters
+    ----------
+    response, response_in_band : ndarray, shape (n_y, samples)
+        As measured, and as judged.
+    played : PlayResult
+        As the rig answered.
+    number : int
+        Of the playback, from 1.
+    iteration : int
+        Whose drive it was.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    ConfirmationStep
+        The message.
+    """
+    metrics = judge_confirmation(response_in_band, plan=plan)
+    return iterator_pb2.ConfirmationStep(
+        number=number,
+        run=played.run,
+        iteration=iteration,
+        response=to_record(plan.description.responses, plan.description.sample_rate, response),
+        response_in_band=to_array(response_in_band),
+        metrics=iterator_pb2.IterationMetrics(
+            iteration=iteration,
+            channels=channel_metrics(metrics, plan=plan),
+            overall_relative_rms_error=metrics.overall_relative_rms_error,
+            level=1.0,
+        ),
+        actuators=played.actuators,
+        signal_epoch=played.epoch,
+        signal_blocks=played.blocks,
+    )
+
+
+def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> NDArray[np.float64]:
+    """Return the response of a playback that was committed, as it is judged; FaultError DATA_LOSS where damaged."""
+    try:
+        return from_array(
+            step.response_in_band, field="response_in_band", shape=plan.target_in_band.shape, dtype=np.float64
+        )
+    except ArrayError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"Confirmation {step.number} was recorded damaged: {error}",
+            field=error.field,
+        ) from error
+
+
+def repeatability_message(
+    responses_in_band: Sequence[NDArray[np.float64]], *, iteration: int, plan: CampaignPlan
+) -> iterator_pb2.Repeatability:
+    """Return how far the rig repeats itself.
+
+    Parameters
+    ----------
+    responses_in_band : sequence of ndarray, shape (n_y, samples)
+        To the same drive: of its own iteration and of what confirms it, two or more.
+    iteration : int
+        Whose drive it is.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    Repeatability
+        The message.
+    """
+    found = judge_repeatability(plan.target_in_band, responses_in_band)
+    return iterator_pb2.Repeatability(
+        iteration=iteration,
+        playbacks=found.playbacks,
+        channels=[
+            iterator_pb2.ChannelRepeatability(
+                channel=channel.name,
+                noise_floor=float(found.noise_floor[i]),
+                relative_rms_error=float(found.relative_rms_error[i]),
+                systematic_error=float(found.systematic_error[i]),
+            )
+            for i, channel in enumerate(plan.description.responses)
+        ],
+    )

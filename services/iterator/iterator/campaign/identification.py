@@ -1,0 +1,54 @@
+"""What a campaign asks of the identifier: the same request to check the experiment and to run it."""
+
+from __future__ import annotations
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2
+from iterator.campaign import seeds
+
+
+def identification_run(spec: iterator_pb2.CampaignSpec) -> str:
+    """Return the name of the first attempt at the identification's playback on the rig.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        Its id begins the name.
+
+    Returns
+    -------
+    str
+        Name of the run.
+    """
+    return f"{spec.id}.identify"
+
+
+def identification_request(
+    spec: iterator_pb2.CampaignSpec, *, run: str, check_only: bool
+) -> identifier_pb2.IdentifyRequest:
+    """Return the request that identifies the rig of a campaign.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        Checked; every seed is derived from its own.
+    run : str
+        Name of the playback on the rig.
+    check_only : bool
+        Only ask whether it could be played.
+
+    Returns
+    -------
+    IdentifyRequest
+        The message.
+    """
+    request = identifier_pb2.IdentifyRequest(
+        rig=spec.rig,
+        excitation=spec.excitation,
+        estimator=spec.estimator,
+        run=run,
+        rig_seed=seeds.derived_seed(spec.seed, seeds.IDENTIFICATION_PLAYBACK),
+        check_only=check_only,
+        real_time=spec.real_time,
+    )
+    request.excitation.seed = seeds.derived_seed(spec.seed, seeds.EXCITATION)
+    return request

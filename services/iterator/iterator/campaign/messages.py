@@ -1,0 +1,295 @@
+"""Values of the core as messages of the contract, and back."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from iterator.assessment import IterationMetrics, Outcome
+from iterator.campaign.plan import CampaignPlan
+from iterator.campaign.remarks import remarks_of
+from iterator.iteration_loop import Iteration, RecordedPlayback
+from iterator.model import ModelUncertainty, RigModel, rig_model
+from labbus import FaultError
+
+OUTCOMES: Final = {
+    Outcome.REACHED: iterator_pb2.OUTCOME_REACHED,
+    Outcome.ITERATIONS_USED: iterator_pb2.OUTCOME_ITERATIONS_USED,
+    Outcome.DIVERGED: iterator_pb2.OUTCOME_DIVERGED,
+    Outcome.NO_IMPROVEMENT: iterator_pb2.OUTCOME_NO_IMPROVEMENT,
+    Outcome.DAMAGE_BUDGET_USED: iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED,
+    Outcome.RESPONSE_STOOD_STILL: iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL,
+    Outcome.BOUND_PASSED: iterator_pb2.OUTCOME_BOUND_PASSED,
+}
+"""Outcome of the core to that of the contract."""
+
+
+def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[iterator_pb2.ChannelMetrics]:
+    """Return the figures of one playback by channel.
+
+    Parameters
+    ----------
+    metrics : IterationMetrics
+        Of the playback.
+    plan : CampaignPlan
+        Names the channels, and tells which are watched.
+
+    Returns
+    -------
+    list of ChannelMetrics
+        One for each response.
+    """
+    return [
+        iterator_pb2.ChannelMetrics(
+            channel=channel.name,
+            relative_rms_error=float(metrics.relative_rms_error[i]),
+            rms_response=float(metrics.rms_response[i]),
+            peak_ratio=float(metrics.peak_ratio[i]),
+            crest_ratio=float(metrics.crest_ratio[i]),
+            damage_ratio=metrics.damage_ratio[i].tolist(),
+            watched=bool(plan.response_weight[i] == 0.0),
+            target_energy_outside_band=float(plan.target_energy_outside_band[i]),
+        )
+        for i, channel in enumerate(plan.description.responses)
+    ]
+
+
+def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2.IterationMetrics:
+    """Return the figures of one playback, with the names of the rig's responses.
+
+    Parameters
+    ----------
+    iteration : Iteration
+        What was made of it.
+    plan : CampaignPlan
+        Names the channels.
+
+    Returns
+    -------
+    IterationMetrics
+        The message.
+    """
+    return iterator_pb2.IterationMetrics(
+        iteration=iteration.number,
+        channels=channel_metrics(iteration.metrics, plan=plan),
+        overall_relative_rms_error=iteration.metrics.overall_relative_rms_error,
+        level=iteration.level,
+    )
+
+
+def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: CampaignPlan) -> iterator_pb2.IterationStep:
+    """Return one playback as it is committed.
+
+    Parameters
+    ----------
+    iteration : Iteration
+        What was made of it.
+    played : PlayResult
+        As the rig answered.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    IterationStep
+        The message.
+    """
+    description = plan.description
+    return iterator_pb2.IterationStep(
+        iteration=iteration.number,
+        run=played.run,
+        drive=to_record(description.drives, description.sample_rate, iteration.drive),
+        response=to_record(description.responses, description.sample_rate, iteration.response),
+        metrics=metrics_message(iteration, plan=plan),
+        actuators=played.actuators,
+        inverse_frf=to_array(iteration.model.inverse_frf),
+        response_in_band=to_array(iteration.response_in_band),
+        level=iteration.level,
+        signal_epoch=played.epoch,
+        signal_blocks=played.blocks,
+        remarks=remarks_of(iteration, plan=plan),
+    )
+
+
+def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:
+    """Check a playback that was committed, and return it as the iteration takes it.
+
+    Parameters
+    ----------
+    step : IterationStep
+        As read back; nothing in it is trusted.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    RecordedPlayback
+        Its drive and response.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS: other channels, another rate or length, or values that are not finite.
+    """
+    description, samples = plan.description, plan.target_in_band.shape[1]
+    records: list[NDArray[np.float64]] = []
+    for field, message, wanted in (
+        ("drive", step.drive, description.drives),
+        ("response", step.response, description.responses),
+    ):
+        try:
+            channels, sample_rate, record = from_record(message, field=field)
+        except ArrayError as error:
+            raise _damaged(f"Playback {step.iteration} was recorded damaged: {error}", field=error.field) from error
+        names = [channel.name for channel in channels]
+        if names != [channel.name for channel in wanted] or sample_rate != description.sample_rate:
+            raise _damaged(
+                f"The {field} of playback {step.iteration} was recorded with {len(names)} channels at {sample_rate:g} "
+                f"Hz, which are not those of rig {description.rig!r}.",
+                field=field,
+            )
+        if record.shape[1] != samples:
+            raise _damaged(
+                f"The {field} of playback {step.iteration} was recorded with {record.shape[1]} samples; the target "
+                f"has {samples}.",
+                field=field,
+            )
+        records.append(record)
+    return RecordedPlayback(drive=records[0], response=records[1])
+
+
+def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan: CampaignPlan) -> NDArray[np.float64]:
+    """Check what the rig answered to a playback.
+
+    Parameters
+    ----------
+    played : PlayResult
+        As received; nothing in it is trusted.
+    run : str
+        The playback that was asked for.
+    samples : int
+        Length of its drive.
+    plan : CampaignPlan
+        Names the channels.
+
+    Returns
+    -------
+    ndarray, shape (n_y, samples)
+        The response.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS: another run, other channels, another rate or length, or values that are not finite.
+    """
+    try:
+        channels, sample_rate, response = from_record(played.response, field="response")
+    except ArrayError as error:
+        raise _damaged(f"The rig answered a damaged response: {error}", field=error.field) from error
+    wanted = [channel.name for channel in plan.description.responses]
+    if played.run != run:
+        raise _damaged(f"The rig answered run {played.run!r}; asked was {run!r}.", field="run")
+    if [channel.name for channel in channels] != wanted or sample_rate != plan.description.sample_rate:
+        raise _damaged(
+            f"The rig answered {len(channels)} channels at {sample_rate:g} Hz, not its {len(wanted)} responses at "
+            f"{plan.description.sample_rate:g} Hz.",
+            field="response",
+        )
+    if response.shape[1] != samples:
+        raise _damaged(
+            f"The rig answered {response.shape[1]} samples to a drive of {samples}.", field="response.samples"
+        )
+    return response
+
+
+def run_played(
+    played: identifier_pb2.Model | iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, *, rig: str
+) -> recorder_pb2.RunPlayed:
+    """Return what tells the recorder how many blocks the run of a result has.
+
+    Parameters
+    ----------
+    played : Model, IterationStep or ConfirmationStep
+        What came of the run.
+    rig : str
+        Its name.
+    """
+    return recorder_pb2.RunPlayed(run=played.run, rig=rig, epoch=played.signal_epoch, blocks=played.signal_blocks)
+
+
+def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigModel:
+    """Check what the identifier answered and make the model that the iteration starts from.
+
+    Parameters
+    ----------
+    model : Model
+        As received; nothing in it is trusted.
+    plan : CampaignPlan
+        Of the campaign.
+
+    Returns
+    -------
+    RigModel
+        With its inverse.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS where it is not the model that was asked for; FAILED_PRECONDITION where it cannot be inverted.
+    """
+    description = plan.description
+    for field, given, wanted in (
+        ("drives", model.drives, description.drives),
+        ("responses", model.responses, description.responses),
+    ):
+        if [channel.name for channel in given] != [channel.name for channel in wanted]:
+            raise _damaged(
+                f"The model's {field} are not those of rig {description.rig!r}: it has {len(given)} of {len(wanted)}.",
+                field=field,
+            )
+    lines = plan.spec.estimator.block_samples // 2 + 1
+    try:
+        frequency = from_array(model.frequency, field="frequency", shape=(lines,), dtype=np.float64)
+        shape = (lines, len(description.responses), len(description.drives))
+        frf = from_array(model.frf, field="frf", shape=shape, dtype=np.complex128, finite=False)
+        uncertainty = _uncertainty(model, lines=lines, responses=shape[1], drives=shape[2])
+    except ArrayError as error:
+        raise _damaged(f"The identifier answered a damaged model: {error}", field=error.field) from error
+    try:
+        return rig_model(
+            frequency,
+            frf,
+            identified_band=plan.identified_band,
+            response_weight=plan.response_weight,
+            uncertainty=uncertainty,
+        )
+    except ValueError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The identified model is of no use: {error}", field="frf"
+        ) from error
+
+
+def _uncertainty(model: identifier_pb2.Model, *, lines: int, responses: int, drives: int) -> ModelUncertainty | None:
+    """Return the covariance of the model, or None where its estimator tells none; raises ArrayError."""
+    if not (model.HasField("residual_psd") and model.HasField("row_covariance")):
+        return None
+    return ModelUncertainty(
+        residual_psd=from_array(
+            model.residual_psd, field="residual_psd", shape=(lines, responses), dtype=np.float64, finite=False
+        ),
+        row_covariance=from_array(
+            model.row_covariance,
+            field="row_covariance",
+            shape=(lines, drives, drives),
+            dtype=np.complex128,
+            finite=False,
+        ),
+    )
+
+
+def _damaged(message: str, *, field: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_DATA_LOSS, message, field=field)

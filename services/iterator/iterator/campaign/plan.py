@@ -1,0 +1,325 @@
+"""A campaign's specification, checked as a whole against its rig before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import from_record
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
+from iterator.band import ControlBand, OutsideBand, control_band, energy_outside_band
+from iterator.campaign.settings_from_messages import (
+    checked_limit_policy,
+    checked_stop,
+    checked_update,
+    checked_weight,
+    invalid,
+)
+from iterator.campaign.static_part import static_remarks
+from iterator.campaign.target_reach import require_reach, tiny_target_remarks
+from iterator.iteration_loop import CampaignSettings
+from iterator.limits import DEFAULT_LARGEST_OVERRUN, DriveLimits
+from iterator.model import FEWEST_LINES
+from iterator.updates import FEWEST_BLOCKS, UpdateKind, UpdateSettings
+from labbus import FaultError
+from spectra import count_blocks, rms
+
+# What rounding leaves of a constant target in the control band, relative to the constant.
+_ROUNDING: Final = 1e-9
+# In whatever unit a response has, far beyond any load: what is made of it, transforms and squares, stays a number.
+_LARGEST_TARGET: Final = 1e12
+# A smaller share of the target's energy outside the control band is no news.
+_TOLD_SHARE: Final = 0.01
+# Zeros behind a record that is shorter than they are: 134 MB a channel.
+_MOST_RINGING: Final = 2**24
+# More say no more of a rig than these, and a slip of the finger shall not wear a specimen out.
+_MOST_CONFIRMATIONS: Final = 100
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """A checked campaign.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        As it was sent.
+    description : RigDescription
+        The rig it was checked against.
+    target_in_band : ndarray, shape (n_y, samples)
+        What the responses are judged against.
+    settings : CampaignSettings
+        How to iterate and when to end.
+    limits : DriveLimits
+        Of the rig.
+    experiment : ExperimentPlan
+        Of the identification, as the identifier told it.
+    response_weight : ndarray, shape (n_y,)
+        The specification's over the target's RMS, so that responses count alike whatever their units; 0 for a response
+        that is watched.
+    target_energy_outside_band : ndarray, shape (n_y,)
+        Share of the energy of each target's dynamic part outside the control band, 0 to 1.
+    remarks : tuple of str
+        What a person should know before it begins, one sentence each.
+    """
+
+    spec: iterator_pb2.CampaignSpec
+    description: rig_pb2.RigDescription
+    target_in_band: NDArray[np.float64]
+    settings: CampaignSettings
+    limits: DriveLimits
+    experiment: identifier_pb2.ExperimentPlan
+    response_weight: NDArray[np.float64]
+    target_energy_outside_band: NDArray[np.float64]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def identified_band(self) -> tuple[float, float]:
+        """Lowest and highest frequency at which the model will be valid, Hz."""
+        return self.experiment.lowest_frequency, self.experiment.highest_frequency
+
+
+def plan_campaign(
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    experiment: identifier_pb2.ExperimentPlan,
+) -> CampaignPlan:
+    """Check a specification against the rig it is for.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        As received; nothing in it is trusted. Its id and rig are names that the contract allows.
+    description : RigDescription
+        Of that rig.
+    experiment : ExperimentPlan
+        Of the identification: the identifier has checked the excitation and the estimator.
+
+    Returns
+    -------
+    CampaignPlan
+        Ready to run.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where the rig does not allow the method.
+    ArrayError
+        An array or record of the specification is damaged; the bus makes it INVALID_ARGUMENT.
+    """
+    if len(description.responses) < len(description.drives):
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"The rig {spec.rig!r} has {len(description.drives)} drives and {len(description.responses)} responses; "
+            "Time Waveform Replication needs at least as many responses as drives.",
+            field="rig",
+        )
+    target = _checked_target(spec, description)
+    _check_experiment(spec, experiment)
+    band = _checked_band(spec, description, experiment, samples=target.shape[1])
+    update = checked_update(spec.update, band, responses=len(description.responses))
+    weight = checked_weight(spec.update, responses=len(description.responses), drives=len(description.drives))
+    stop = checked_stop(spec.stop)
+    _check_target_length(spec, update, samples=target.shape[1])
+    target_in_band = band.limit_target(target)
+    silent = rms(target_in_band) <= _ROUNDING * np.max(np.abs(target), axis=1)
+    # What rounding leaves of a silent target is no target; it can belong to a watched response only.
+    target_in_band[silent] = 0.0
+    if np.any(silent & (weight > 0.0)):
+        names = ", ".join(description.responses[i].name for i in np.flatnonzero(silent & (weight > 0.0)))
+        raise invalid(
+            f"The target of {names} does not move between {spec.lowest_frequency:g} and {spec.highest_frequency:g} Hz; "
+            "every response that is controlled needs a target in the control band: give it one, or the weight 0 to "
+            "watch it only.",
+            field="target.samples",
+        )
+    require_reach(target_in_band, spec.target_steps, description=description, controlled=weight > 0.0)
+    if spec.confirmations > _MOST_CONFIRMATIONS:
+        raise invalid(
+            f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
+            field="confirmations",
+        )
+    outside = energy_outside_band(target, band)
+    policy = checked_limit_policy(spec.limit_policy)
+    try:
+        settings = CampaignSettings(
+            update=update,
+            stop=stop,
+            levels=tuple(spec.levels),
+            limit_policy=policy,
+            largest_overrun=spec.largest_overrun or DEFAULT_LARGEST_OVERRUN,
+        )
+    except ValueError as error:
+        raise invalid(str(error), field="largest_overrun" if "overrun" in str(error) else "levels") from error
+    return CampaignPlan(
+        spec=spec,
+        description=description,
+        target_in_band=target_in_band,
+        settings=settings,
+        limits=_limits(description),
+        experiment=experiment,
+        response_weight=np.divide(weight, rms(target_in_band), out=np.zeros_like(weight), where=weight > 0.0),
+        target_energy_outside_band=outside.below + outside.above,
+        remarks=(
+            *_outside_the_band(outside, band, description),
+            *static_remarks(target, target_in_band, band=band, description=description),
+            *tiny_target_remarks(target_in_band, description=description, controlled=weight > 0.0),
+        ),
+    )
+
+
+def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_pb2.RigDescription) -> tuple[str, ...]:
+    """Say what of the target is not reproduced because it lies outside the control band."""
+    parts = [
+        f"{channel.name} {below:.1%} below and {above:.1%} above"
+        for channel, below, above in zip(description.responses, outside.below, outside.above, strict=True)
+        if below + above >= _TOLD_SHARE
+    ]
+    if not parts:
+        return ()
+    return (
+        f"Part of the target's energy lies outside the control band of {band.lowest:g} to {band.highest:g} Hz and is "
+        f"not reproduced: {'; '.join(parts)}.",
+    )
+
+
+def _check_experiment(spec: iterator_pb2.CampaignSpec, experiment: identifier_pb2.ExperimentPlan) -> None:
+    """Check what the campaign asks of its identification beyond what the identifier does."""
+    if spec.excitation.seed not in (0, spec.seed):
+        raise invalid(
+            f"The excitation's seed is {spec.excitation.seed}; leave it 0, every seed comes from the campaign's own.",
+            field="excitation.seed",
+        )
+    width = experiment.highest_frequency - experiment.lowest_frequency
+    if not width >= FEWEST_LINES * experiment.frequency_resolution > 0.0:
+        raise invalid(
+            f"Blocks of {spec.estimator.block_samples} samples have lines {experiment.frequency_resolution:g} Hz "
+            f"apart, too far for the excitation's band of {width:g} Hz; at least {FEWEST_LINES} must fit: take "
+            "longer blocks.",
+            field="estimator.block_samples",
+        )
+
+
+def _checked_target(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> NDArray[np.float64]:
+    if not spec.HasField("target"):
+        raise invalid("The campaign has no target; give the record to reproduce.", field="target")
+    channels, sample_rate, samples = from_record(spec.target, field="target")
+    wanted = [(channel.name, channel.unit) for channel in description.responses]
+    given = [(channel.name, channel.unit) for channel in channels]
+    if [name for name, _ in given] != [name for name, _ in wanted]:
+        raise invalid(
+            f"The target's {len(given)} channels are {_names(channels)}; rig {spec.rig!r} needs its {len(wanted)} "
+            f"responses in this order: {_names(description.responses)}.",
+            field="target.channels",
+        )
+    for (name, given_unit), (_, unit) in zip(given, wanted, strict=True):
+        if given_unit != unit:
+            raise invalid(
+                f"The target of {name} is in {given_unit!r}; the rig measures it in {unit!r}: convert it.",
+                field="target.channels",
+            )
+    if sample_rate != description.sample_rate:
+        raise invalid(
+            f"The target is sampled at {sample_rate:g} Hz; rig {spec.rig!r} plays {description.sample_rate:g} Hz only: "
+            "resample it.",
+            field="target.sample_rate",
+        )
+    if samples.shape[1] == 0:
+        raise invalid("The target is empty; it needs samples.", field="target.samples")
+    seconds = samples.shape[1] / sample_rate
+    if seconds > description.longest_drive_seconds:
+        raise invalid(
+            f"The target lasts {seconds:g} s; rig {spec.rig!r} plays at most {description.longest_drive_seconds:g} s: "
+            "cut it into parts.",
+            field="target.samples",
+        )
+    channel, sample = np.unravel_index(np.argmax(np.abs(samples)), samples.shape)
+    if not abs(samples[channel, sample]) <= _LARGEST_TARGET:
+        raise invalid(
+            f"The target of {wanted[channel][0]} is {samples[channel, sample]:g} at sample {sample}; at most "
+            f"{_LARGEST_TARGET:g} is allowed, which no load comes near: see what wrote it.",
+            field="target.samples",
+        )
+    return samples
+
+
+def _names(channels: Iterable[array_pb2.Channel]) -> str:
+    return ", ".join(channel.name for channel in channels)
+
+
+def _checked_band(
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    experiment: identifier_pb2.ExperimentPlan,
+    *,
+    samples: int,
+) -> ControlBand:
+    try:
+        band = control_band(
+            spec.lowest_frequency,
+            spec.highest_frequency,
+            sample_rate=description.sample_rate,
+            excited=(experiment.lowest_frequency, experiment.highest_frequency),
+            lower_flank=spec.lower_flank or None,
+            upper_flank=spec.upper_flank or None,
+        )
+    except ValueError as error:
+        raise invalid(str(error), field=_band_field(spec, description, experiment)) from error
+    _check_lower_edge(band, samples=samples)
+    return band
+
+
+def _band_field(
+    spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, experiment: identifier_pb2.ExperimentPlan
+) -> str:
+    """Name the edge of a refused control band that is to be changed."""
+    if spec.lower_flank < 0.0 or spec.upper_flank < 0.0:
+        return "lower_flank" if spec.lower_flank < 0.0 else "upper_flank"
+    ends = min(description.sample_rate / 2.0, experiment.highest_frequency)
+    return "highest_frequency" if spec.highest_frequency + spec.upper_flank >= ends else "lowest_frequency"
+
+
+def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
+    """Bound the zeros that a low edge asks for: without, a tiny one would ask for more memory than there is."""
+    seconds = samples / band.sample_rate
+    if band.lowest * seconds < 1.0:
+        raise invalid(
+            f"The control band begins at {band.lowest:g} Hz, of which a period lasts {1.0 / band.lowest:g} s; the "
+            f"target lasts {seconds:g} s and must hold one: take a higher edge or a longer target.",
+            field="lowest_frequency",
+        )
+    if band.ringing_samples > max(samples, _MOST_RINGING):
+        raise invalid(
+            f"The control band of {band.lowest:g} to {band.highest:g} Hz rings for {band.ringing_samples:g} samples; "
+            f"{_MOST_RINGING} are the most for a target of {samples}: take a higher lower edge.",
+            field="lowest_frequency",
+        )
+
+
+def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings, *, samples: int) -> None:
+    block = spec.estimator.block_samples
+    if update.kind is UpdateKind.ADAPTIVE_MODELLING:
+        blocks = count_blocks(samples, block, update.correction.overlap)
+        if blocks < FEWEST_BLOCKS:
+            raise invalid(
+                f"The target has {samples} samples; Adaptive Modelling averages over blocks of {block} and needs at "
+                f"least {FEWEST_BLOCKS} with {update.correction.overlap:.0%} overlap: take a longer target, "
+                "shorter blocks or basic TWR.",
+                field="target.samples",
+            )
+
+
+def _limits(description: rig_pb2.RigDescription) -> DriveLimits:
+    drives = description.drives
+    return DriveLimits(
+        names=tuple(channel.name for channel in drives),
+        units=tuple(channel.unit for channel in drives),
+        minimum=np.array([channel.minimum for channel in drives]),
+        maximum=np.array([channel.maximum for channel in drives]),
+        slew_limit=np.array([channel.slew_limit for channel in drives]),
+        sample_rate=description.sample_rate,
+    )

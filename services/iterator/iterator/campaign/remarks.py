@@ -1,0 +1,150 @@
+"""What a person should know of a playback, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from duralab_proto.v1 import iterator_pb2
+from iterator.assessment import Standstill
+from iterator.campaign.plan import CampaignPlan
+from iterator.iteration_loop import Iteration
+from iterator.updates import predict_convergence
+
+_UNRELATED: Final = 0.1
+"""Correlation of a response with its target up to which nothing of the target is in it. Noise alone has 0, give or take
+0.04 over 10 s of a band of 35 Hz; a good response has more even at a gain of 0.1, unless its noise is ten times it."""
+
+
+def remarks_of(
+    iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
+) -> list[str]:
+    """Return what a person should know of a playback, one sentence each.
+
+    Parameters
+    ----------
+    iteration : Iteration
+        What was made of it.
+    plan : CampaignPlan
+        Names the channels.
+    recorded : sequence of IterationStep
+        The first playbacks, where they were not made again: what their drives met is told in these steps alone.
+
+    Returns
+    -------
+    list of str
+        Limits that its drive would have passed, how much it was changed to hold them, where the target was out of the
+        rig's reach, which responses stood still or reproduced nothing, and whether the next playback is predicted to
+        diverge.
+    """
+    if iteration.number < len(recorded):
+        return list(recorded[iteration.number - 1].remarks)
+    of_it = f"Playback {iteration.number}: "
+    remarks = [
+        # What is predicted of the next playback is told anew: it may be made with other settings.
+        *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
+        *(f"{of_it}{told}" for told in _projected(iteration, plan)),
+        *(
+            f"{of_it}the target of {plan.description.responses[found.response].name} from "
+            f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
+            f"{found.relative_rms_error:.2f} of the target's RMS while a drive is at its limit."
+            for found in iteration.unreachable
+        ),
+        *(
+            f"{of_it}{told}"
+            for told in standstills_in_words(iteration.stood_still, plan=plan, then=_way_on_without(iteration.number))
+        ),
+        *(f"{of_it}{told}" for told in _not_reproduced(iteration, plan)),
+        *_bound_passed(iteration, plan),
+        *(_growth(iteration, plan) if iteration.outcome is None else ()),
+    ]
+    # What stood still in a recorded playback is told in its step and seen again.
+    return list(dict.fromkeys(remarks))
+
+
+def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:
+    """Say which responses stood still, when, and what to do.
+
+    Parameters
+    ----------
+    found : sequence of Standstill
+        In one playback.
+    plan : CampaignPlan
+        Names the channels, and tells which are watched.
+    then : str
+        What follows a mended sensor of a controlled response, half a sentence.
+
+    Returns
+    -------
+    list of str
+        One sentence each.
+    """
+    told: list[str] = []
+    for standstill in found:
+        i, when = standstill.response, standstill.segment
+        watched = plan.response_weight[i] == 0.0
+        told.append(
+            f"{'the watched response ' if watched else ''}{plan.description.responses[i].name} stood still from "
+            f"{when.start:.2f} s for {when.end - when.start:.2f} s while its target moved; check the sensor and its "
+            f"cable{'' if watched else f', then {then}'}."
+        )
+    return told
+
+
+def _way_on_without(number: int) -> str:
+    return f"resume from playback {number - 1} or start anew" if number > 1 else "start anew"
+
+
+def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which controlled responses have nothing of their target, as behind a sensor that only hums."""
+    stood_still = {found.response for found in iteration.stood_still}
+    return [
+        f"{channel.name} has a correlation of {related:.2f} with its target; check its sensor, its sign and the model "
+        "there before the drive grows."
+        for i, (channel, related) in enumerate(
+            zip(plan.description.responses, iteration.metrics.correlation, strict=True)
+        )
+        if plan.response_weight[i] > 0.0 and related <= _UNRELATED and i not in stood_still
+    ]
+
+
+def _bound_passed(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which bound of a playback ended the campaign."""
+    passed = iteration.passed_bound
+    if passed is None:
+        return []
+    name = plan.description.responses[passed.response].name
+    return [
+        f"Playback {iteration.number}: {passed.sentence(name)}; no further drive is played. Begin at partial levels, "
+        "take a smaller gain, or look at the model there."
+    ]
+
+
+def _projected(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say which limits a drive would have passed, and what was done about it."""
+    projection = iteration.projection
+    if projection is None:
+        return []
+    return [
+        *map(str, projection.passings),
+        *(
+            f"The drive of {channel.name} was changed by {change:.2%} of its RMS to hold its limits"
+            + (f"; {clipped:.2%} had to be clipped and lies outside the control band." if clipped else ".")
+            for channel, change, clipped in zip(
+                plan.description.drives, projection.change, projection.clipped, strict=True
+            )
+            if change
+        ),
+    ]
+
+
+def _growth(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Say where the error is predicted to grow in the next playback."""
+    found = predict_convergence(iteration.model, plan.settings.update, playbacks=iteration.number)
+    where = found.diverging()
+    if not where.size:
+        return []
+    return [
+        f"Before playback {iteration.number + 1}: by the model and its uncertainty the error may grow at {where.size} "
+        f"of {found.frequency.size} lines, from {where[0]:.1f} to {where[-1]:.1f} Hz."
+    ]

@@ -1,0 +1,236 @@
+"""What a campaign goes on from: its own recording after a crash, or that of its parent with other settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from google.protobuf.message import Message
+
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
+from iterator.campaign.recorded import RecordedCampaign
+from labbus import FaultError
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """The committed steps that a campaign begins with.
+
+    Parameters
+    ----------
+    steps : int
+        Those that its own recording holds: the number of the next one.
+    model : Model or None
+        As identified.
+    iterations : tuple of IterationStep
+        The playbacks that are not made again.
+    confirmations : tuple of ConfirmationStep
+        Nor are these, of the best drive.
+    planned : tuple of str
+        Runs on the rig that its own recording has announced.
+    played : frozenset of str
+        Those of which it is stored that they were played.
+    copies : tuple of Message
+        Steps of its parent that its own recording does not hold yet.
+    """
+
+    steps: int = 0
+    model: identifier_pb2.Model | None = None
+    iterations: tuple[iterator_pb2.IterationStep, ...] = ()
+    confirmations: tuple[iterator_pb2.ConfirmationStep, ...] = ()
+    planned: tuple[str, ...] = ()
+    played: frozenset[str] = frozenset()
+    copies: tuple[Message, ...] = ()
+
+
+def run_name(stem: str, planned: tuple[str, ...]) -> str:
+    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt has a number.
+
+    Parameters
+    ----------
+    stem : str
+        Name of the first attempt.
+    planned : tuple of str
+        All names that were announced before.
+
+    Returns
+    -------
+    str
+        `stem`, or `stem-2` and so on.
+    """
+    attempts = sum(1 for run in planned if run == stem or run.removeprefix(f"{stem}-").isdecimal())
+    return f"{stem}-{attempts + 1}" if attempts else stem
+
+
+def lacks_copies(recorded: RecordedCampaign) -> bool:
+    """Return whether a crash came while a campaign stored what it takes over from its parent.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        As the recorder holds it.
+
+    Returns
+    -------
+    bool
+        False where it has ended: then nothing is to be done with them.
+    """
+    spec = recorded.spec
+    if not spec.parent or recorded.closed or recorded.final is not None:
+        return False
+    return recorded.model is None or len(recorded.iterations) < spec.parent_iteration
+
+
+def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = None) -> Resumption:
+    """Return what a campaign that was broken off by a crash goes on from.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        Not closed.
+    parent : RecordedCampaign, optional
+        Given where it `lacks_copies`; holds them.
+
+    Returns
+    -------
+    Resumption
+        All that it holds, and the copies that it lacks.
+
+    Raises
+    ------
+    FaultError
+        FAILED_PRECONDITION where it has ended.
+    """
+    if recorded.closed:
+        how = recorded.final.activity if recorded.final is not None else "closed"
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {recorded.spec.id!r} has ended ({how}) and its recording is closed; name a new_id to take it "
+            "up again.",
+            field="new_id",
+        )
+    if parent is not None and parent.model is not None:
+        taken = tuple(parent.iterations[: recorded.spec.parent_iteration])
+        held = len(recorded.iterations) + (recorded.model is not None)
+        return Resumption(
+            steps=recorded.steps, model=parent.model, iterations=taken, copies=(parent.model, *taken)[held:]
+        )
+    return Resumption(
+        steps=recorded.steps,
+        model=recorded.model,
+        iterations=tuple(recorded.iterations),
+        confirmations=tuple(recorded.confirmations),
+        planned=tuple(recorded.planned),
+        played=frozenset(recorded.played),
+    )
+
+
+def finished_unseen(
+    recorded: RecordedCampaign, shown: iterator_pb2.CampaignStatus | None
+) -> iterator_pb2.CampaignStatus | None:
+    """Return the end of a campaign that finished while the recorder's answer was lost.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        As the recorder holds it.
+    shown : CampaignStatus or None
+        How the campaign ended as far as this iterator knows; None where it does not know it.
+
+    Returns
+    -------
+    CampaignStatus or None
+        None where nothing is to be put right.
+    """
+    finished = iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    if shown is None or shown.phase == finished or not recorded.closed or recorded.final is None:
+        return None
+    return recorded.final if recorded.final.phase == finished else None
+
+
+def new_campaign(
+    recorded: RecordedCampaign, request: iterator_pb2.ResumeCampaignRequest
+) -> tuple[iterator_pb2.CampaignSpec, Resumption]:
+    """Return the campaign that takes another one up again, and what it begins with.
+
+    Parameters
+    ----------
+    recorded : RecordedCampaign
+        The parent.
+    request : ResumeCampaignRequest
+        With `new_id`; nothing in it is trusted.
+
+    Returns
+    -------
+    CampaignSpec, Resumption
+        The parent's with other settings, and its model and first playbacks.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to take up.
+    """
+    parent, there = recorded.spec.id, len(recorded.iterations)
+    if recorded.model is None:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {parent!r} ended before its rig was identified; there is nothing to take up, start a new one.",
+            field="new_id",
+        )
+    if request.from_iteration > there:
+        raise _invalid(
+            f"from_iteration is {request.from_iteration}; campaign {parent!r} has {there} playbacks.", "from_iteration"
+        )
+    kept = request.from_iteration or there
+    spec = iterator_pb2.CampaignSpec()
+    spec.CopyFrom(recorded.spec)
+    spec.id, spec.parent, spec.parent_iteration = request.new_id, parent, kept
+    if request.HasField("update"):
+        spec.update.CopyFrom(request.update)
+    if request.HasField("stop"):
+        spec.stop.CopyFrom(request.stop)
+    spec.scenario = request.scenario or spec.scenario
+    # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
+    finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    if kept + (finished and spec.confirmations == 0) > spec.stop.largest_iterations:
+        raise _invalid(
+            f"stop.largest_iterations is {spec.stop.largest_iterations} and counts the {kept} playbacks that are taken "
+            f"over from {parent!r}; give more, or an earlier from_iteration.",
+            "stop.largest_iterations",
+        )
+    taken = tuple(recorded.iterations[:kept])
+    return spec, Resumption(model=recorded.model, iterations=taken, copies=(recorded.model, *taken))
+
+
+def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
+    """Refuse other settings for a campaign that goes on in its own recording.
+
+    Parameters
+    ----------
+    request : ResumeCampaignRequest
+        Without `new_id`.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT naming the setting.
+    """
+    given = [
+        name
+        for name, there in (
+            ("from_iteration", request.from_iteration > 0),
+            ("update", request.HasField("update")),
+            ("stop", request.HasField("stop")),
+            ("scenario", bool(request.scenario)),
+        )
+        if there
+    ]
+    if given:
+        raise _invalid(
+            f"{given[0]} is given without a new_id; a campaign goes on as it was specified, other settings make a new "
+            "one: name it.",
+            "new_id",
+        )
+
+
+def _invalid(message: str, field: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, message, field=field)

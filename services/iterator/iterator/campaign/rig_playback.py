@@ -1,0 +1,172 @@
+"""Playing drives on the campaign's rig: announced in its recording, asked for once, checked when it comes back."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+import numpy as np
+import structlog
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import to_record
+from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from iterator.campaign import seeds
+from iterator.campaign.messages import checked_response
+from iterator.campaign.plan import CampaignPlan
+from iterator.campaign.recording_log import RecordingLog
+from iterator.campaign.resumption import run_name
+from labbus import Bus
+
+LONGEST_WORDS: Final = 300
+"""Longest text of a rig that is shown; it travels with every status."""
+
+_PLAYING: Final = "playing"
+
+
+def words_of(progress: query_pb2.Progress, *, run: str) -> str:
+    """Return what a rig or the identifier says that it does now, on one line.
+
+    Parameters
+    ----------
+    progress : Progress
+        Of the playback or the identification.
+    run : str
+        The playback; its name is no news.
+
+    Returns
+    -------
+    str
+        Empty where it says no more than that it plays; with an ellipsis at the end where it was too long.
+    """
+    said = [text for text in (progress.phase, progress.detail) if text not in ("", _PLAYING, run)]
+    # Foreign text goes to terminals, tables and logs: no line breaks, no control characters.
+    printable = "".join(letter if letter.isprintable() else " " for letter in ", ".join(said))
+    words = " ".join(printable.split())
+    return words if len(words) <= LONGEST_WORDS else f"{words[:LONGEST_WORDS]}…"
+
+
+class RigPlayback:
+    """The rig of one campaign; used by its thread.
+
+    Parameters
+    ----------
+    plan : CampaignPlan
+        Names the rig and its channels.
+    bus : Bus
+        Where it is.
+    log : RecordingLog
+        Every motion is announced in it.
+    planned : tuple of str
+        Runs that were announced before this process.
+    cancel : threading.Event
+        Breaks a playback off.
+    """
+
+    def __init__(
+        self,
+        plan: CampaignPlan,
+        *,
+        bus: Bus,
+        log: RecordingLog,
+        planned: tuple[str, ...],
+        cancel: threading.Event,
+    ) -> None:
+        self._plan = plan
+        self._bus = bus
+        self._log = log
+        self._planned = planned
+        self._cancel = cancel
+        self._moving_run = ""
+        self._played = rig_pb2.PlayResult()
+
+    @property
+    def moving_run(self) -> str:
+        """Run that the rig may be playing; empty where it is known to rest."""
+        return self._moving_run
+
+    @property
+    def played(self) -> rig_pb2.PlayResult:
+        """What the rig answered last."""
+        return self._played
+
+    def announce(self, stem: str, *, purpose: str) -> str:
+        """Store that a motion is about to be asked for.
+
+        Parameters
+        ----------
+        stem : str
+            Name of the run, where it is the first of that purpose.
+        purpose : str
+            In words.
+
+        Returns
+        -------
+        str
+            Name of the run.
+        """
+        run = run_name(stem, self._planned)
+        if run != stem:
+            structlog.get_logger("iterator").warning(
+                "A motion that was not acknowledged before the crash is asked for again.", run=run
+            )
+        self._log.commit(recorder_pb2.RunPlanned(run=run, rig=self._plan.spec.rig, purpose=purpose))
+        return run
+
+    @contextmanager
+    def motion(self, run: str) -> Iterator[None]:
+        """Remember that the rig may play this run when what is done here fails."""
+        self._moving_run = run
+        yield
+        self._moving_run = ""
+
+    def play(
+        self,
+        drive: NDArray[np.float64],
+        *,
+        stem: str,
+        purpose: str,
+        seed_index: int,
+        on_progress: Callable[[query_pb2.Progress], None],
+    ) -> NDArray[np.float64]:
+        """Play a drive once.
+
+        Parameters
+        ----------
+        drive : ndarray, shape (n_u, samples)
+            Drive units.
+        stem, purpose : str
+            See `announce`.
+        seed_index : int
+            Of what is random in the rig, see `seeds`.
+        on_progress : callable
+            Called while it plays.
+
+        Returns
+        -------
+        ndarray, shape (n_y, samples)
+            The response.
+
+        Raises
+        ------
+        FaultError
+            The rig refused, broke off, is gone or answered something else.
+        """
+        description = self._plan.description
+        run = self.announce(stem, purpose=purpose)
+        with self.motion(run):
+            self._played = self._bus.query(
+                self._bus.keys.rig_play(self._plan.spec.rig),
+                rig_pb2.PlayRequest(
+                    run=run,
+                    drive=to_record(description.drives, description.sample_rate, drive),
+                    seed=seeds.derived_seed(self._plan.spec.seed, seed_index),
+                    real_time=self._plan.spec.real_time,
+                ),
+                rig_pb2.PlayResult,
+                on_progress=on_progress,
+                cancel=self._cancel,
+            )
+        return checked_response(self._played, run=run, samples=drive.shape[1], plan=self._plan)

@@ -1,0 +1,65 @@
+"""The static part of a target: what of it the rig does not carry at rest, and how far it drifts."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import rig_pb2
+from iterator.band import ControlBand
+from spectra import rms
+
+# Relative to the RMS of what is reproduced; less is no news.
+_TOLD_SHARE: Final = 0.1
+
+
+def static_remarks(
+    target: NDArray[np.float64],
+    target_in_band: NDArray[np.float64],
+    *,
+    band: ControlBand,
+    description: rig_pb2.RigDescription,
+) -> tuple[str, ...]:
+    """Say which static part of the target is not reproduced: a model in a band tells nothing of 0 Hz.
+
+    Parameters
+    ----------
+    target : ndarray, shape (n_y, samples)
+        As measured.
+    target_in_band : ndarray, shape (n_y, samples)
+        What is reproduced of it.
+    band : ControlBand
+        Of the campaign.
+    description : RigDescription
+        Tells what the rig carries at rest.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, for the static part and for the drift; a channel whose target is silent is not told.
+
+    Raises
+    ------
+    ArrayError
+        The description's static response is damaged.
+    """
+    levels = band.static_levels(target)
+    rest = from_array(description.static_response, field="static_response", shape=(target.shape[0],), dtype=np.float64)
+    dynamic = rms(target_in_band)
+    offset, drift = levels.mean(axis=1) - rest, levels[:, 1] - levels[:, 0]
+    remarks: list[str] = []
+    for values, beginning in (
+        (
+            offset,
+            "The static part of the target is not reproduced, the rig keeps what it carries at rest; it differs by",
+        ),
+        (drift, "The static part of the target drifts from start to end, which is not reproduced; it drifts by"),
+    ):
+        told = np.flatnonzero((dynamic > 0.0) & (np.abs(values) > _TOLD_SHARE * dynamic))
+        parts = (f"{values[i]:+.3g} {description.responses[i].unit} in {description.responses[i].name}" for i in told)
+        if told.size:
+            remarks.append(f"{beginning} {', '.join(parts)}.")
+    return tuple(remarks)

@@ -1,0 +1,191 @@
+"""The state of one campaign as the others see it: asked for at any time, published at every change and every second."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from duralab_proto.v1 import iterator_pb2, query_pb2
+from iterator.campaign.progress_estimate import Progress
+
+_REPEAT_SECONDS: Final = 0.5
+_FINAL_PHASES: Final = frozenset(
+    {
+        iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+        iterator_pb2.CAMPAIGN_PHASE_FAULTED,
+        iterator_pb2.CAMPAIGN_PHASE_STOPPED,
+    }
+)
+
+
+def is_final(status: iterator_pb2.CampaignStatus) -> bool:
+    """Return whether the campaign has ended.
+
+    Parameters
+    ----------
+    status : CampaignStatus
+        Its phase decides.
+
+    Returns
+    -------
+    bool
+        True if it finished, failed or was stopped.
+    """
+    return status.phase in _FINAL_PHASES
+
+
+class StatusBoard:
+    """Status of one campaign. The campaign's thread changes it; any thread may read it.
+
+    Parameters
+    ----------
+    campaign : str
+        Id of the campaign.
+    publish : callable
+        Called with each CampaignStatus, one at a time, in order, until the final phase; it is not to be changed.
+    remarks : sequence of str
+        What a person should know from the start, one sentence each.
+    """
+
+    def __init__(
+        self, campaign: str, *, publish: Callable[[iterator_pb2.CampaignStatus], None], remarks: Sequence[str] = ()
+    ) -> None:
+        self._publish = publish
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._published_at = 0.0
+        # Replaced at every change, never changed itself: a reader needs no lock and never waits for the bus.
+        self._status = iterator_pb2.CampaignStatus(
+            id=campaign,
+            phase=iterator_pb2.CAMPAIGN_PHASE_CHECKING,
+            activity="checking the specification",
+            remaining_seconds=-1.0,
+            remarks=remarks,
+        )
+
+    def snapshot(self) -> iterator_pb2.CampaignStatus:
+        """Return the status now."""
+        return self._status
+
+    @property
+    def ended(self) -> bool:
+        """Whether the phase is final."""
+        return self._ended.is_set()
+
+    def wait_ended(self, timeout_seconds: float) -> bool:
+        """Wait for the final phase; return whether it is reached."""
+        return self._ended.wait(timeout_seconds)
+
+    def start_repeating(self) -> None:
+        """Publish the status again while nothing changes, from an own thread, until the final phase."""
+        threading.Thread(target=self._repeat, name=f"campaign-status-{self._status.id}", daemon=True).start()
+
+    def show(self, activity: str, progress: Progress, *, phase: iterator_pb2.CampaignPhase | None = None) -> None:
+        """Say what is done now and how far the campaign is.
+
+        Parameters
+        ----------
+        activity : str
+            In words.
+        progress : Progress
+            Of the whole campaign.
+        phase : CampaignPhase, optional
+            As before where not given.
+        """
+        with self._lock:
+            status = self._copy()
+            status.activity = activity
+            # What is done stays done: an estimate that falls back would only confuse.
+            status.fraction = max(status.fraction, progress.fraction)
+            status.remaining_seconds = progress.remaining_seconds
+            if phase is not None:
+                status.phase = phase
+            self._replace(status)
+
+    def add_iteration(
+        self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int, remarks: Sequence[str] = ()
+    ) -> None:
+        """Add the figures of a playback that is stored, and what is to be said of it."""
+        with self._lock:
+            status = self._copy()
+            status.remarks.extend(remarks)
+            status.iterations.append(metrics)
+            status.best_iteration = best_iteration
+            self._replace(status)
+
+    def add_confirmation(
+        self,
+        repeatability: iterator_pb2.Repeatability | None = None,
+        *,
+        metrics: iterator_pb2.IterationMetrics | None = None,
+        remarks: Sequence[str] = (),
+    ) -> None:
+        """Show the figures of a confirmation, how far the rig repeats itself where known, and the remarks on it."""
+        with self._lock:
+            status = self._copy()
+            status.remarks.extend(remarks)
+            if metrics is not None:
+                status.confirmations.append(metrics)
+            if repeatability is not None:
+                status.repeatability.CopyFrom(repeatability)
+            self._replace(status)
+
+    def final_status(
+        self,
+        phase: iterator_pb2.CampaignPhase,
+        activity: str,
+        *,
+        outcome: iterator_pb2.Outcome = iterator_pb2.OUTCOME_UNSPECIFIED,
+        fault: query_pb2.Fault | None = None,
+    ) -> iterator_pb2.CampaignStatus:
+        """Return what the status will be at the end, without showing it yet: it is stored first.
+
+        Parameters
+        ----------
+        phase : CampaignPhase
+            FINISHED, FAULTED or STOPPED.
+        activity : str
+            How it ended, in words.
+        outcome : Outcome
+            Of a finished campaign.
+        fault : Fault, optional
+            Of one that is not finished.
+        """
+        status = self._copy()
+        status.phase, status.activity, status.outcome = phase, activity, outcome
+        status.remaining_seconds = 0.0
+        if phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+            status.fraction = 1.0
+        if fault is not None:
+            status.fault.CopyFrom(fault)
+        return status
+
+    def end(self, status: iterator_pb2.CampaignStatus) -> None:
+        """Show the final status; nothing follows."""
+        if not is_final(status):
+            raise ValueError(f"The phase {status.phase} is not final.")
+        with self._lock:
+            self._replace(status)
+            self._ended.set()
+
+    def _copy(self) -> iterator_pb2.CampaignStatus:
+        status = iterator_pb2.CampaignStatus()
+        status.CopyFrom(self._status)
+        return status
+
+    def _replace(self, status: iterator_pb2.CampaignStatus) -> None:
+        """Show a new status; the lock is held."""
+        if self._ended.is_set():
+            return
+        self._status = status
+        self._publish(status)
+        self._published_at = time.monotonic()
+
+    def _repeat(self) -> None:
+        while not self._ended.wait(_REPEAT_SECONDS / 2.0):
+            with self._lock:
+                if not self._ended.is_set() and time.monotonic() - self._published_at >= _REPEAT_SECONDS:
+                    self._publish(self._status)
+                    self._published_at = time.monotonic()

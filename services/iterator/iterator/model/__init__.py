@@ -1,0 +1,27 @@
+"""The rig's model in the frequency domain: its inverse, both applied to records, and the playbacks that bend it."""
+
+from iterator.model.applied_model import apply_inverse, drive_without, predict, stepped_drive
+from iterator.model.history import IterationHistory, Playback
+from iterator.model.inversion import cautious_inverse, checked_response_weight
+from iterator.model.rig_model import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
+from iterator.model.step_spectra import StepBlocks, StepSpectra, averaged_steps, seen_steps
+
+__all__ = [
+    "FEWEST_LINES",
+    "IterationHistory",
+    "ModelUncertainty",
+    "Playback",
+    "RigModel",
+    "StepBlocks",
+    "StepSpectra",
+    "apply_inverse",
+    "averaged_steps",
+    "cautious_inverse",
+    "checked_response_weight",
+    "drive_without",
+    "driven_lines",
+    "predict",
+    "rig_model",
+    "seen_steps",
+    "stepped_drive",
+]

@@ -1,0 +1,204 @@
+"""FRF matrix and inverse applied to whole records: acausal, zero-padded, in the control band."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iterator.band import ControlBand
+from iterator.model.interpolated_product import interpolated_product
+from iterator.model.rig_model import RigModel
+from spectra import as_record
+
+# Two sample rates that differ by less are the same one, rounded.
+_SAME_RATE: Final = 1e-9
+
+
+def apply_inverse(model: RigModel, error: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
+    """Return the drive that makes `error` by the model: `Ĥ†` on the whole record, acausal, in the control band.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    error : array_like, shape (n_y, samples)
+        Response units.
+    band : ControlBand
+        Drives get energy in it only.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        The record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(model, model.inverse_frf, error, band=band)
+
+
+def stepped_drive(
+    model: RigModel,
+    target: ArrayLike,
+    *,
+    response: ArrayLike,
+    band: ControlBand,
+    stepped_from: NDArray[np.float64],
+    step_gain: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return a drive and the step from it that makes by the model what is missing of the target, in one go.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    target : array_like, shape (n_y, samples)
+        Response units.
+    response : array_like, shape (n_y, samples)
+        What the drive makes already, response units.
+    band : ControlBand
+        The step has energy in it only.
+    stepped_from : ndarray, shape (n_u, samples)
+        The drive, drive units.
+    step_gain : ndarray, shape (samples,), optional
+        Share of the step that is made at each instant; all of it where not given.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        A record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(
+        model,
+        model.inverse_frf,
+        target,
+        without=np.asarray(response),
+        band=band,
+        gain=step_gain,
+        stepped_from=stepped_from,
+    )
+
+
+def drive_without(
+    model: RigModel,
+    addition: ArrayLike,
+    *,
+    by: NDArray[np.complex128],
+    band: ControlBand,
+    drive: NDArray[np.float64],
+    step_gain: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return a drive less the one that makes by the model what further inputs add to the responses.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    addition : array_like, shape (inputs, samples)
+        The further inputs, in units of their own.
+    by : ndarray, shape (lines, n_y, inputs)
+        What they add, response unit per unit of theirs; at the model's lines.
+    band : ControlBand
+        The correction has energy in it only.
+    drive : ndarray, shape (n_u, samples)
+        Drive units.
+    step_gain : ndarray, shape (samples,), optional
+        Share of the correction that is made at each instant; all of it where not given.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units.
+
+    Raises
+    ------
+    ValueError
+        A record does not fit the model, or the control band passes the identified lines.
+    """
+    correction = -np.matmul(model.inverse_frf, by)
+    return _apply(model, correction, addition, band=band, gain=step_gain, stepped_from=drive)
+
+
+def predict(model: RigModel, drive: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
+    """Return the response in the control band that the model expects of a drive, `Ŷ = Ĥ U`.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its identified band holds the control band.
+    drive : array_like, shape (n_u, samples)
+        Drive units.
+    band : ControlBand
+        The response is predicted in it.
+
+    Returns
+    -------
+    ndarray, shape (n_y, samples)
+        Response units.
+
+    Raises
+    ------
+    ValueError
+        The record does not fit the model, or the control band passes the identified lines.
+    """
+    return _apply(model, model.frf, drive, band=band)
+
+
+def _apply(
+    model: RigModel,
+    matrix: NDArray[np.complex128],
+    samples: ArrayLike,
+    *,
+    band: ControlBand,
+    without: NDArray[np.float64] | None = None,
+    gain: NDArray[np.float64] | None = None,
+    stepped_from: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    # The flanks of a control band are narrower than the lines of a block, so the matrix is interpolated to the record's
+    # own fine lines, from identified lines only. Nothing from outside the band can enter, no impulse response is cut
+    # off, and the mask acts on the very lines that are played.
+    record = as_record(samples)
+    if record.shape[0] != matrix.shape[2]:
+        raise ValueError(f"The record has {record.shape[0]} channels; the model takes {matrix.shape[2]}.")
+    known = model.frequency[model.identified]
+    spacing = model.frequency[1] - model.frequency[0]
+    if abs(2.0 * model.frequency[-1] - band.sample_rate) > _SAME_RATE * band.sample_rate:
+        raise ValueError(
+            f"The model is for records of {2.0 * model.frequency[-1]:g} Hz and the control band for those of "
+            f"{band.sample_rate:g} Hz; take both of one sample rate."
+        )
+    if band.lowest_driven < known[0] - spacing or band.highest_driven > known[-1] + spacing:
+        raise ValueError(
+            f"The control band and its flanks reach from {band.lowest_driven:g} to {band.highest_driven:g} Hz, past "
+            f"the model's identified lines, {known[0]:g} to {known[-1]:g} Hz; narrow it or identify a wider band."
+        )
+    count = record.shape[1]
+    transform = band.transform(count)
+    mask = band.drive_mask(transform.frequency)
+    # Less than one line may lie between the band's edge and the nearest identified line: its value stands in there,
+    # where the mask is low; a cubic would extrapolate.
+    at = np.clip(transform.frequency, known[0], known[-1])
+    spectrum = np.empty((record.shape[0], at.size), dtype=np.complex128)
+    missing = np.empty(count)
+    for row, samples_of_row in enumerate(record):
+        np.subtract(samples_of_row, 0.0 if without is None else without[row], out=missing)
+        transform.lines(missing, weight=mask, out=spectrum[row])
+    made = np.empty((matrix.shape[1], at.size), dtype=np.complex128)
+    interpolated_product(known, matrix[model.identified], at=at, spectrum=spectrum, out=made)
+    result = np.empty((matrix.shape[1], count))
+    for row in range(made.shape[0]):
+        transform.samples(made[row], out=result[row])
+        if gain is not None:
+            result[row] *= gain
+        if stepped_from is not None:
+            result[row] += stepped_from[row]
+    return result

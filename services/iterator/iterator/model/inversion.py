@@ -1,0 +1,164 @@
+"""Inverses of an FRF matrix: weighted least squares, and cautious where the matrix is not known well."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spectra import inverse_frf
+
+# Of levelling rows and columns of a matrix in turn (Sinkhorn): a few take units away, more would change little.
+_LEVELLING_ROUNDS: Final = 8
+
+
+def weighted_inverse(
+    frf: NDArray[np.complex128],
+    *,
+    mask: NDArray[np.float64],
+    frequency: NDArray[np.float64],
+    response_weight: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Masked weighted pseudo-inverse; a response of weight 0 is watched and asks nothing of the drives.
+
+    Parameters
+    ----------
+    frf : ndarray, shape (lines, n_y, n_u)
+        Response unit per drive unit.
+    mask : ndarray, shape (lines,)
+        0 to 1; the result is 0 where it is 0.
+    frequency : ndarray, shape (lines,)
+        Hz, names a line in an error.
+    response_weight : ndarray, shape (n_y,)
+        0 or more, usually one over the target's RMS; at least `n_u` of them above 0.
+
+    Returns
+    -------
+    ndarray, shape (lines, n_u, n_y)
+        Drive unit per response unit.
+
+    Raises
+    ------
+    ValueError
+        Weights that are not allowed, fewer controlled responses than drives, or a singular line.
+    """
+    weight = checked_response_weight(response_weight, responses=frf.shape[1], drives=frf.shape[2])
+    controlled = weight > 0.0
+    matrix = np.ascontiguousarray(frf[:, controlled])
+    # Weights do not change an inverse, only how well conditioned it looks: it is not to be refused for its units.
+    square = matrix.shape[1] == matrix.shape[2]
+    row_weight = _levelling_weights(matrix[mask > 0.0]) if square else weight[controlled]
+    result = np.zeros((frf.shape[0], frf.shape[2], frf.shape[1]), dtype=np.complex128)
+    result[:, :, controlled] = inverse_frf(matrix, mask=mask, frequency=frequency, row_weight=row_weight)
+    return result
+
+
+def _levelling_weights(frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Weights of responses with which, drives scaled alike, every row has the same mean energy over the lines."""
+    power = np.mean(np.abs(frf) ** 2, axis=0)
+    share = np.ones(power.shape[0])
+    for _ in range(_LEVELLING_ROUNDS):
+        drives = share @ power
+        rows = power @ np.divide(1.0, drives, out=np.zeros_like(drives), where=drives > 0.0)
+        # A row without any energy is singular whatever its weight.
+        share = np.divide(1.0, rows, out=np.ones_like(rows), where=rows > 0.0)
+    return np.sqrt(share)
+
+
+def checked_response_weight(
+    response_weight: NDArray[np.float64], *, responses: int, drives: int
+) -> NDArray[np.float64]:
+    """Check the weights of responses.
+
+    Parameters
+    ----------
+    response_weight : ndarray, shape (n_y,)
+        0 or more and finite.
+    responses, drives : int
+        Of the model.
+
+    Returns
+    -------
+    ndarray, shape (n_y,)
+        The weights.
+
+    Raises
+    ------
+    ValueError
+        Another number of weights, a negative or infinite one, or too few above 0.
+    """
+    weight = np.asarray(response_weight, dtype=np.float64)
+    if weight.shape != (responses,) or not np.all(np.isfinite(weight) & (weight >= 0.0)):
+        raise ValueError(
+            f"The response weights are {weight.tolist()}; they must be {responses} finite values of 0 or more."
+        )
+    controlled = int(np.count_nonzero(weight))
+    if controlled < drives:
+        raise ValueError(
+            f"{controlled} responses have a weight above 0, for {drives} drives; control at least as many responses as "
+            "there are drives."
+        )
+    return weight
+
+
+def cautious_inverse(
+    frf: NDArray[np.complex128],
+    *,
+    uncertainty: NDArray[np.complex128],
+    regularisation: float,
+    response_weight: NDArray[np.float64],
+    drive_scale: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Inverse that asks little where the FRF is doubtful: `(HᴴH + E[δᴴδ] + ρ s̄ I)⁻¹ Hᴴ`, in scaled units.
+
+    Without uncertainty and regularisation it is the weighted pseudo-inverse. The expected squared error over all FRF
+    matrices that the uncertainty allows is least with `E[δᴴδ]` beside `HᴴH`.
+
+    Parameters
+    ----------
+    frf : ndarray, shape (lines, n_y, n_u)
+        Lines to invert only, response unit per drive unit.
+    uncertainty : ndarray, shape (lines, n_u, n_u)
+        `E[δᴴδ]`, Hermitian, of weighted responses and scaled drives.
+    regularisation : float
+        `ρ`, 0 or more; `s̄` is the median over lines of `tr(HᴴH) / n_u`.
+    response_weight : ndarray, shape (n_y,)
+        0 or more; 0 watches.
+    drive_scale : ndarray, shape (n_u,)
+        Drive units that count alike, greater than 0: the identification's RMS.
+
+    Returns
+    -------
+    ndarray, shape (lines, n_u, n_y)
+        Drive unit per response unit.
+
+    Raises
+    ------
+    ValueError
+        A regularisation below 0, a line that is singular all the same, or an inverse that is not finite.
+
+    Notes
+    -----
+    Source: linear minimum mean square error; A. N. Tikhonov for the last term.
+    """
+    if not 0.0 <= regularisation < np.inf:
+        raise ValueError(f"The regularisation is {regularisation:g}; it must be finite and 0 or more.")
+    n_u = frf.shape[2]
+    scaled = frf * response_weight[:, None] * drive_scale
+    adjoint = np.ascontiguousarray(scaled.conj().transpose(0, 2, 1))
+    gram = np.matmul(adjoint, scaled)
+    typical = float(np.median(np.einsum("fii->f", gram).real)) / n_u
+    try:
+        inverse = np.linalg.solve(gram + uncertainty + regularisation * typical * np.eye(n_u), adjoint)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(
+            "The FRF is singular at a line and the regularisation is too small for it; raise it or narrow the band."
+        ) from error
+    unscaled = np.ascontiguousarray(drive_scale[:, None] * inverse * response_weight)
+    if not np.isfinite(unscaled).all():
+        raise ValueError(
+            "The inverse of the FRF is not finite: its uncertainty, a weight or the regularisation is out of all "
+            "proportion to it; look at the identification."
+        )
+    return unscaled

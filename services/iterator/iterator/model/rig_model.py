@@ -1,0 +1,200 @@
+"""The identified rig as the iteration uses it: FRF matrix and inverse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iterator.band import ControlBand
+from iterator.model.inversion import cautious_inverse, weighted_inverse
+from iterator.model.step_spectra import SeenStep
+from spectra import as_frf, band_mask
+
+FEWEST_LINES: Final = 4
+"""Lines that the identified band must hold: a cubic is laid through them."""
+
+
+@dataclass(frozen=True)
+class ModelUncertainty:
+    """Covariance of the identified FRF matrix: `E[δ_ij conj(δ_ik)] = residual_psd_i row_covariance_jk` at each line.
+
+    Parameters
+    ----------
+    residual_psd : ndarray, shape (lines, n_y)
+        What the drives did not explain, response unit²/Hz.
+    row_covariance : ndarray, shape (lines, n_u, n_u)
+        Hermitian, Hz per drive unit²; positive definite at the identified lines.
+    """
+
+    residual_psd: NDArray[np.float64]
+    row_covariance: NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class RigModel:
+    """FRF matrix `Ĥ` and its inverse `Ĥ†` at the lines of a block; made by `rig_model`.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (lines,)
+        Hz, from 0 to half the sample rate.
+    frf : ndarray, shape (lines, n_y, n_u)
+        Response unit per drive unit, e^{+jwt}; 0 outside the identified lines.
+    inverse_frf : ndarray, shape (lines, n_u, n_y)
+        Drive unit per response unit; 0 outside the identified lines.
+    identified : slice
+        Lines at which the experiment's drives had energy.
+    response_weight : ndarray, shape (n_y,), optional
+        Weights of the pseudo-inverse; 0 for a response that is watched but not controlled. None: all count alike.
+    uncertainty : ModelUncertainty, optional
+        Of the identification.
+    identified_frf : ndarray, shape (lines, n_y, n_u), optional
+        `H_0`, where an update bent `frf` away from it.
+    seen_steps : tuple of SeenStep
+        Of which an update bent it: the next one need not form their spectra again.
+    square_frf : ndarray, shape (lines, n_y, n_u), optional
+        What the squares of the drives add to the responses, response unit per drive unit², where an update learned it.
+    """
+
+    frequency: NDArray[np.float64]
+    frf: NDArray[np.complex128]
+    inverse_frf: NDArray[np.complex128]
+    identified: slice
+    response_weight: NDArray[np.float64] | None = None
+    uncertainty: ModelUncertainty | None = None
+    identified_frf: NDArray[np.complex128] | None = None
+    seen_steps: tuple[SeenStep, ...] = ()
+    square_frf: NDArray[np.complex128] | None = None
+
+    @property
+    def block_samples(self) -> int:
+        """Samples of a block whose transform has the model's lines."""
+        return 2 * (self.frequency.size - 1)
+
+
+def rig_model(
+    frequency: ArrayLike,
+    frf: ArrayLike,
+    *,
+    identified_band: tuple[float, float],
+    response_weight: ArrayLike | None = None,
+    uncertainty: ModelUncertainty | None = None,
+    caution: float = 0.0,
+    regularisation: float = 0.0,
+) -> RigModel:
+    """Make the model that a campaign starts from, with the (weighted) pseudo-inverse at each identified line.
+
+    Parameters
+    ----------
+    frequency : array_like, shape (lines,)
+        Hz, from 0 to half the sample rate, equally spaced.
+    frf : array_like, shape (lines, n_y, n_u)
+        Response unit per drive unit, `n_y >= n_u`, finite inside the identified band.
+    identified_band : tuple of float
+        Lowest and highest frequency with drive energy in the experiment, Hz.
+    response_weight : array_like, shape (n_y,), optional
+        Weight of each response in the least squares of a model with more responses than drives, usually 1 over the
+        target's RMS. Of the responses above 0 there must be as many as drives; those of 0 are watched, not controlled.
+    uncertainty : ModelUncertainty, optional
+        Of the identification; what the secant update and a cautious inverse need.
+    caution : float, optional
+        Share of the uncertainty that the first inverse minds, 0 or more: it asks less of the drives where the FRF is
+        doubtful. 0 is the plain pseudo-inverse.
+    regularisation : float, optional
+        Of the first inverse, relative to the median of `tr(ĤᴴĤ) / n_u`, 0 or more.
+
+    Returns
+    -------
+    RigModel
+        The start of a campaign.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, fewer responses than drives, too few lines in the band, or a line inside it at which
+        the FRF cannot be inverted.
+    """
+    estimate = np.asarray(frf, dtype=np.complex128)
+    lines = np.asarray(frequency, dtype=np.float64)
+    if lines.shape != estimate.shape[:1]:
+        raise ValueError(
+            f"The model's FRF has the shape {estimate.shape} and its frequencies {lines.shape}; both need one value "
+            "for each line."
+        )
+    lowest, highest = identified_band
+    inside = band_mask(lines, lowest, highest, edge=0.0)
+    held = np.flatnonzero(inside)
+    if held.size < FEWEST_LINES:
+        raise ValueError(
+            f"The identified band of {lowest:g} to {highest:g} Hz holds {held.size} lines of the model; at least "
+            f"{FEWEST_LINES} are needed: take longer blocks or a wider band."
+        )
+    # Outside the band the estimate means nothing and may be anything, also not a number.
+    known = inside.reshape(-1, *(1,) * (estimate.ndim - 1)) > 0.0
+    matrix = as_frf(np.where(known, estimate, 0.0))
+    weight = np.ones(matrix.shape[1]) if response_weight is None else np.asarray(response_weight, dtype=np.float64)
+    if matrix.shape[1] < matrix.shape[2]:
+        raise ValueError(
+            f"The FRF has {matrix.shape[1]} responses and {matrix.shape[2]} drives; it needs at least as many "
+            "responses as drives."
+        )
+    inverse = weighted_inverse(matrix, mask=inside, frequency=lines, response_weight=weight)
+    if caution != 0.0 or regularisation != 0.0:
+        inverse[held] = _first_cautious_inverse(
+            matrix[held], held, weight=weight, uncertainty=uncertainty, caution=caution, regularisation=regularisation
+        )
+    return RigModel(
+        frequency=lines,
+        frf=matrix,
+        inverse_frf=inverse,
+        identified=slice(int(held[0]), int(held[-1]) + 1),
+        response_weight=None if response_weight is None else weight,
+        uncertainty=uncertainty,
+    )
+
+
+def _first_cautious_inverse(
+    frf: NDArray[np.complex128],
+    lines: NDArray[np.intp],
+    *,
+    weight: NDArray[np.float64],
+    uncertainty: ModelUncertainty | None,
+    caution: float,
+    regularisation: float,
+) -> NDArray[np.complex128]:
+    if caution != 0.0 and uncertainty is None:
+        raise ValueError(f"The caution is {caution:g} and the model's uncertainty is not given; give it or ask for 0.")
+    if not 0.0 <= caution < np.inf:
+        raise ValueError(f"The caution is {caution:g}; it must be finite and 0 or more.")
+    # A drive counts by what it moves, so that units do not count.
+    scale = 1.0 / np.sqrt(np.mean(np.sum(np.abs(frf * weight[:, None]) ** 2, axis=1), axis=0))
+    doubt = np.zeros((lines.size, scale.size, scale.size), dtype=np.complex128)
+    if uncertainty is not None:
+        spread = uncertainty.row_covariance[lines].conj() * scale[:, None] * scale
+        doubt = caution * (uncertainty.residual_psd[lines] @ weight**2)[:, None, None] * spread
+    return cautious_inverse(
+        frf, uncertainty=doubt, regularisation=regularisation, response_weight=weight, drive_scale=scale
+    )
+
+
+def driven_lines(model: RigModel, band: ControlBand) -> NDArray[np.intp]:
+    """Return the identified lines at which drives get energy.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its lines.
+    band : ControlBand
+        Drives get energy in it only.
+
+    Returns
+    -------
+    ndarray, shape (driven,)
+        Indices of lines, rising.
+    """
+    inside = np.zeros(model.frequency.size, dtype=bool)
+    inside[model.identified] = True
+    return np.flatnonzero(inside & (band.drive_mask(model.frequency) > 0.0))

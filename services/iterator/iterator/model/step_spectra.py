@@ -1,0 +1,201 @@
+"""Spectra of the steps between playbacks, each formed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.model.history import IterationHistory, Playback
+from spectra import CrossSpectra, count_blocks, hann_periodic, hop_samples, independent_averages, smooth_lines
+
+SMOOTHED_LINES: Final = 5
+"""Lines that a smoothed one is made of."""
+
+
+@dataclass(frozen=True)
+class StepSpectra:
+    """Averaged spectra of steps of drive and response, one-sided densities.
+
+    Parameters
+    ----------
+    response_with_drive : ndarray, shape (lines, n_y, n_u or 2 n_u)
+        `S̄_ΔyΔu`; behind the drives their squares, where the steps were cut with them.
+    drive : ndarray, shape (lines, n_u or 2 n_u, n_u or 2 n_u)
+        `S̄_ΔuΔu`, likewise.
+    response : ndarray, shape (lines, n_y)
+        Diagonal of `S̄_ΔyΔy`.
+    """
+
+    response_with_drive: NDArray[np.complex128]
+    drive: NDArray[np.complex128]
+    response: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StepBlocks:
+    """How steps are cut into blocks, and which lines of them are kept.
+
+    Parameters
+    ----------
+    block_samples : int
+        Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any length does.
+    overlap : float
+        Of the blocks, 0 up to but not including 1.
+    sample_rate : float
+        Hz.
+    first, last : int
+        Lines between which, and at which, the rig is fitted.
+    squares : bool
+        Whether the squares of the drives are further inputs, see `drive_squares`.
+    """
+
+    block_samples: int
+    overlap: float
+    sample_rate: float
+    first: int
+    last: int
+    squares: bool = False
+
+    @property
+    def around(self) -> slice:
+        """Those lines and their neighbours, which count in the smoothing, where there are any."""
+        reach, available = SMOOTHED_LINES // 2, self.block_samples // 2 + 1
+        start = max(0, min(self.first - reach, available - SMOOTHED_LINES))
+        return slice(start, min(available, max(self.last + reach + 1, start + SMOOTHED_LINES)))
+
+    def independent_averages(self, samples: int) -> float:
+        """Return how many independent blocks the spectra of a step of so many samples are averaged over."""
+        hop = hop_samples(self.block_samples, self.overlap)
+        blocks = count_blocks(samples + self.block_samples, self.block_samples, self.overlap)
+        return independent_averages(hann_periodic(self.block_samples), hop, blocks)
+
+
+@dataclass(frozen=True)
+class SeenStep:
+    """A step whose spectra are formed already.
+
+    Parameters
+    ----------
+    before : Playback or None
+        Where it started; None is zero.
+    after : Playback
+        Where it ended.
+    blocks : StepBlocks
+        As they were cut.
+    mean_square : ndarray, shape (n_y,)
+        Of the response's step.
+    spectra : StepSpectra
+        Not smoothed, at the lines `blocks.around`.
+    """
+
+    before: Playback | None
+    after: Playback
+    blocks: StepBlocks
+    mean_square: NDArray[np.float64]
+    spectra: StepSpectra
+
+
+def seen_steps(
+    history: IterationHistory, blocks: StepBlocks, *, before: tuple[SeenStep, ...] = ()
+) -> tuple[SeenStep, ...]:
+    """Form the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        With one playback or more.
+    blocks : StepBlocks
+        How to cut the steps.
+    before : tuple of SeenStep
+        What an earlier call returned. Steps between the very same playbacks, cut alike, are taken from it: they would
+        come out the same, byte for byte.
+
+    Returns
+    -------
+    tuple of SeenStep
+        From the first step to the last.
+    """
+    starts = (None, *history.playbacks[:-1])
+    known = {(id(step.before), id(step.after)): step for step in before if step.blocks == blocks}
+    # Made when the first step needs it: only the part between the zeros is written to.
+    padded: NDArray[np.float64] | None = None
+    steps: list[SeenStep] = []
+    for start, end in zip(starts, history.playbacks, strict=True):
+        step = known.get((id(start), id(end)))
+        if step is None:
+            if padded is None:
+                channels = end.response.shape[0] + end.drive.shape[0] * (2 if blocks.squares else 1)
+                padded = np.zeros((channels, end.drive.shape[1] + blocks.block_samples))
+            step = _seen(start, end, blocks, padded)
+        steps.append(step)
+    return tuple(steps)
+
+
+def averaged_steps(
+    steps: tuple[SeenStep, ...], *, forgetting: float, response_weight: NDArray[np.float64]
+) -> StepSpectra:
+    """Average the spectra of steps, the latest ones most.
+
+    Each step counts by `φ^(k-j)` over its weighted mean square, so that small late steps count as much as the large
+    first one. All records of a campaign have equally many blocks, which therefore need no weight.
+
+    Parameters
+    ----------
+    steps : tuple of SeenStep
+        One or more, cut alike.
+    forgetting : float
+        `φ`, in (0, 1].
+    response_weight : ndarray, shape (n_y,)
+        0 or more, one over the target's RMS.
+
+    Returns
+    -------
+    StepSpectra
+        At the lines to fit, smoothed over their neighbours with [1 2 3 2 1] / 9.
+    """
+    kept = steps[0].spectra
+    cross, drive, response = (np.zeros_like(kind) for kind in (kept.response_with_drive, kept.drive, kept.response))
+    # The latest first, so that what counts most is added to zero.
+    for age, step in enumerate(reversed(steps)):
+        power = float(step.mean_square @ response_weight**2) / response_weight.size
+        if power > 0.0:
+            weight = forgetting**age / power
+            cross += weight * step.spectra.response_with_drive
+            drive += weight * step.spectra.drive
+            response += weight * step.spectra.response
+    blocks = steps[0].blocks
+    fitted = slice(blocks.first - blocks.around.start, blocks.last + 1 - blocks.around.start)
+    return StepSpectra(smooth_lines(cross)[fitted], smooth_lines(drive)[fitted], smooth_lines(response)[fitted])
+
+
+def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDArray[np.float64]) -> SeenStep:
+    n_y, n_u, half = end.response.shape[0], end.drive.shape[0], blocks.block_samples // 2
+    step_y, step_u, step_q = (record[:, half:-half] for record in np.split(padded, (n_y, n_y + n_u)))
+    np.subtract(end.response, 0.0 if start is None else start.response, out=step_y)
+    np.subtract(end.drive, 0.0 if start is None else start.drive, out=step_u)
+    if blocks.squares:
+        np.square(end.drive, out=step_q)
+        if start is not None:
+            step_q -= np.square(start.drive)
+        # A square has a mean, which would leak into the lowest lines.
+        step_q -= np.mean(step_q, axis=1, keepdims=True)
+    averages = CrossSpectra(
+        n_y,
+        padded.shape[0] - n_y,
+        block_samples=blocks.block_samples,
+        overlap=blocks.overlap,
+        sample_rate=blocks.sample_rate,
+        chosen=blocks.around,
+    )
+    averages.add(padded[:n_y], padded[n_y:])
+    found = averages.estimate()
+    return SeenStep(
+        before=start,
+        after=end,
+        blocks=blocks,
+        mean_square=np.einsum("ct,ct->c", step_y, step_y) / step_y.shape[1],
+        spectra=StepSpectra(found.s_ab, found.s_bb, found.auto_a),
+    )

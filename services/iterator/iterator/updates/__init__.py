@@ -1,0 +1,49 @@
+"""Updates: each makes the next drive from the model and the playbacks so far."""
+
+from iterator.updates.adaptive_modelling import FEWEST_BLOCKS, corrected, estimate_correction
+from iterator.updates.basic_twr import StepStart, step_start
+from iterator.updates.by_kind import UPDATES
+from iterator.updates.convergence_prediction import ConvergencePrediction, predict_convergence
+from iterator.updates.gains import GainCurve, require_shares
+from iterator.updates.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
+from iterator.updates.settings import (
+    CorrectionSettings,
+    CorrectionShape,
+    NextDrive,
+    Prediction,
+    SecantSettings,
+    Update,
+    UpdateKind,
+    UpdateSettings,
+    own_update,
+)
+from iterator.updates.watched_responses import controlled_model, controlled_responses, controlled_settings, whole_model
+
+__all__ = [
+    "FEWEST_BLOCKS",
+    "UPDATES",
+    "AcceptanceSettings",
+    "AcceptedIterate",
+    "ConvergencePrediction",
+    "CorrectionSettings",
+    "CorrectionShape",
+    "GainCurve",
+    "NextDrive",
+    "Prediction",
+    "SecantSettings",
+    "StepStart",
+    "Update",
+    "UpdateKind",
+    "UpdateSettings",
+    "accept_segments",
+    "controlled_model",
+    "controlled_responses",
+    "controlled_settings",
+    "corrected",
+    "estimate_correction",
+    "own_update",
+    "predict_convergence",
+    "require_shares",
+    "step_start",
+    "whole_model",
+]

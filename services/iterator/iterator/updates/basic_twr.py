@@ -1,0 +1,204 @@
+"""Basic Time Waveform Replication: the update with a given inverse model, from the last drive or the best so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.band import ControlBand
+from iterator.model import IterationHistory, RigModel, apply_inverse, stepped_drive
+from iterator.updates.gains import gain_at
+from iterator.updates.segment_acceptance import accept_segments
+from iterator.updates.settings import NextDrive, UpdateSettings
+from spectra import rms
+
+
+def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
+    """Return `U_{k+1} = U_k + Ĥ† Q E_k` (Eq. 2), or `U_1 = Ĥ† Q Y_d` before the first playback.
+
+    With segment acceptance, `U_k` and `E_k` are those of the best drive so far, and the step is smaller where the last
+    one made it worse.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        The last playback is the one corrected, or all of them with segment acceptance.
+    model : RigModel
+        Stays as it is.
+    settings : UpdateSettings
+        Its control band, gains and acceptance are used.
+
+    Returns
+    -------
+    NextDrive
+        The drive, and `model`.
+
+    Raises
+    ------
+    ValueError
+        Gain, target and model differ in their number of responses.
+
+    Notes
+    -----
+    Source: Cornelis et al., ISMA 2014, Eqs. 2 and 3.
+    """
+    if not history.playbacks:
+        return NextDrive(
+            drive=apply_inverse(weighed_by_gain(history, model, settings), history.target, band=settings.band),
+            model=model,
+        )
+    start = step_start(history, model, settings)
+    drive = start.drive_toward(history.target, band=settings.band)
+    return NextDrive(drive=drive, model=model, stepped_from=start.drive)
+
+
+@dataclass(frozen=True)
+class StepStart:
+    """Where a step starts, and how large it may be.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its inverse weighed by the iteration gain.
+    drive : ndarray, shape (n_u, samples)
+        The last one, or the best so far.
+    response : ndarray, shape (n_y, samples)
+        Of that drive.
+    step_gain : ndarray, shape (samples,), or None
+        Share of the step that is made at each instant; all of it where None.
+    """
+
+    model: RigModel
+    drive: NDArray[np.float64]
+    response: NDArray[np.float64]
+    step_gain: NDArray[np.float64] | None
+
+    def drive_toward(self, target: NDArray[np.float64], *, band: ControlBand) -> NDArray[np.float64]:
+        """Return the drive that makes a target by the model, as far as the gain lets it.
+
+        Parameters
+        ----------
+        target : ndarray, shape (n_y, samples)
+            Response units.
+        band : ControlBand
+            The step has energy in it only.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            Drive units.
+        """
+        return stepped_drive(
+            self.model,
+            target,
+            response=self.response,
+            band=band,
+            stepped_from=self.drive,
+            step_gain=self.step_gain,
+        )
+
+
+def step_start(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> StepStart:
+    """Return where the next step starts.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        With one playback or more.
+    model : RigModel
+        Of the step.
+    settings : UpdateSettings
+        Its gains and acceptance are used.
+
+    Returns
+    -------
+    StepStart
+        The last playback, or what segment acceptance composed.
+
+    Raises
+    ------
+    ValueError
+        Gain, target and model differ in their number of responses.
+    """
+    weighted = weighed_by_gain(history, model, settings)
+    if settings.acceptance is None:
+        last = history.playbacks[-1]
+        return StepStart(weighted, last.drive, last.response, None)
+    best = accept_segments(
+        history,
+        response_scale=response_scale(history, model),
+        sample_rate=settings.band.sample_rate,
+        settings=settings.acceptance,
+    )
+    return StepStart(weighted, best.drive, best.response, best.step_gain)
+
+
+def weighed_by_gain(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
+    """Return the model with `Ĥ† Q` in place of `Ĥ†`.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        Its length chooses from a schedule of gains.
+    model : RigModel
+        Of the step.
+    settings : UpdateSettings
+        Its gains are used.
+
+    Returns
+    -------
+    RigModel
+        All else as it was.
+
+    Raises
+    ------
+    ValueError
+        Gain, target and model differ in their number of responses.
+    """
+    responses = model.frf.shape[1]
+    if history.target.shape[0] != responses or settings.iteration_gain.size != responses:
+        raise ValueError(
+            f"The model has {responses} responses, the target {history.target.shape[0]} and the iteration gain "
+            f"{settings.iteration_gain.size}; all must be equal."
+        )
+    gain = gain_at(
+        model.frequency,
+        iteration_gain=settings.iteration_gain,
+        curve=settings.gain_curve,
+        schedule=settings.gain_schedule,
+        playbacks=len(history.playbacks),
+    )
+    return replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
+
+
+def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:
+    """Weight with which a response's error is added to that of others.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        Holds the target.
+    model : RigModel
+        Its weights count where they were given.
+
+    Returns
+    -------
+    ndarray, shape (n_y,)
+        Per response unit: the model's weights, or one over the target's RMS where it has none; 0 for a response that is
+        watched.
+
+    Raises
+    ------
+    ValueError
+        The target of a controlled response does not move.
+    """
+    level = rms(history.target)
+    controlled = np.ones(level.size, dtype=bool) if model.response_weight is None else model.response_weight > 0.0
+    silent = np.flatnonzero(controlled & (level <= 0.0))
+    if silent.size:
+        raise ValueError(
+            f"The target of response {silent[0]} does not move in the control band; give it a target, or the weight 0."
+        )
+    return 1.0 / level if model.response_weight is None else model.response_weight

@@ -1,0 +1,19 @@
+"""The updates that a campaign can name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from iterator.updates import adaptive_modelling, basic_twr, secant_update
+from iterator.updates.settings import Update, UpdateKind
+
+UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
+    {
+        UpdateKind.BASIC_TWR: basic_twr.next_drive,
+        UpdateKind.ADAPTIVE_MODELLING: adaptive_modelling.next_drive,
+        UpdateKind.SECANT: secant_update.next_drive,
+    }
+)
+"""The update of each kind."""

@@ -1,0 +1,69 @@
+"""A step that minds what the squares of the drives do: it is seen before it is played, and taken off beforehand."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.band import ControlBand
+from iterator.model import drive_without
+from iterator.updates.basic_twr import StepStart
+from spectra import rms
+
+# Looks at what a drive's squares would do: each costs as much as a step of basic TWR. What is left after them is
+# learned from the playback.
+_LOOKS: Final = 3
+# Share of the drives' RMS that a correction by less than is not worth another look.
+_SETTLED: Final = 0.01
+
+
+def drive_for_squares(
+    drive: NDArray[np.float64], start: StepStart, *, square_frf: NDArray[np.complex128], band: ControlBand
+) -> NDArray[np.float64]:
+    """Correct a next drive for what its squares will do otherwise than those of the drive it starts from.
+
+    A suspension's arm moves its wheel on an arc: the lateral force follows from the square of the vertical stroke. A
+    linear step meets it one playback later. Here `u = u_linear - Ĥ† Q B (u² - u_start²)` is solved by fixed point, `B`
+    from `secant_fit`.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        `u_linear`, drive units.
+    start : StepStart
+        Where the step starts.
+    square_frf : ndarray, shape (lines, n_y, n_u)
+        `B`, response unit per drive unit².
+    band : ControlBand
+        Drives get energy in it only.
+
+    Returns
+    -------
+    ndarray, shape (n_u, samples)
+        Drive units. A correction after which more would be left to correct than before is halved, in the end left out.
+    """
+    before, level = np.square(start.drive), np.maximum(rms(drive), np.finfo(np.float64).tiny)
+
+    def left(found: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        wanted = drive_without(
+            start.model, np.square(found) - before, by=square_frf, band=band, drive=drive, step_gain=start.step_gain
+        )
+        wanted -= found
+        return wanted, float(np.sqrt(np.mean((rms(wanted) / level) ** 2)))
+
+    found = drive
+    correction, size = left(found)
+    share = 1.0
+    for _ in range(_LOOKS - 1):
+        if size <= _SETTLED:
+            break
+        tried = found + share * correction
+        next_correction, next_size = left(tried)
+        if next_size < size:
+            found, correction, size = tried, next_correction, next_size
+        else:
+            share *= 0.5
+    # What was found last is followed without another look where it has converged so far.
+    return found + correction if share == 1.0 else found

@@ -1,0 +1,134 @@
+"""What the steps between playbacks say about the rig: the identified FRF matrix, bent to explain them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.model import StepSpectra
+from iterator.updates.anchored_fit import AnchoredSteps
+from spectra import smooth_lines
+
+# Squares that leave more than the first share of what the drives alone leave of a response are noise; less than the
+# second, and they are taken whole. Random plants converge alike with 0.6 and 0.2.
+_NOT_TRUSTED, _TRUSTED = 0.8, 0.4
+# Independent averages that the smoothing over lines with [1 2 3 2 1] / 9 makes of one: lines under a Hann window
+# resemble their neighbours.
+_AVERAGES_BY_SMOOTHING: Final = 2.4
+# Share of a response's energy below which what is left of it is rounding.
+_ROUNDING: Final = 1e-12
+
+
+@dataclass(frozen=True)
+class SecantFit:
+    """The fitted FRF matrix and how little is known of it.
+
+    Parameters
+    ----------
+    frf : ndarray, shape (lines, n_y, n_u)
+        `H_k`, response unit per drive unit.
+    uncertainty : ndarray, shape (lines, n_u, n_u)
+        `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages.
+    square_frf : ndarray, shape (lines, n_y, n_u), or None
+        What the squares of the drives add, response unit per drive unit²; None where the steps have none.
+    """
+
+    frf: NDArray[np.complex128]
+    uncertainty: NDArray[np.complex128]
+    square_frf: NDArray[np.complex128] | None = None
+
+
+def fit_secant(
+    spectra: StepSpectra,
+    identified_frf: NDArray[np.complex128],
+    *,
+    identification_drive: NDArray[np.complex128],
+    prior_strength: float,
+    response_weight: NDArray[np.float64],
+    drive_scale: NDArray[np.float64],
+    averages: float,
+) -> SecantFit:
+    """Fit `H_k = (S̄_ΔyΔu + H_0 Λ) P`, `P⁻¹ = S̄_ΔuΔu + Λ`, anchored at the identified `H_0` by the prior `Λ`.
+
+    It is written as `H_0 + (S̄_ΔyΔu - H_0 S̄_ΔuΔu) P`, so that steps which `H_0` explains leave it as it is. Lines
+    without any drive keep `H_0`.
+
+    A fixed prior keeps `κ / (1 + κ)` of an error of `H_0` for ever: a quarter of a wrong sign or of a delay by half a
+    period, and the iteration crawls. Where the fit explains the steps far better than `H_0`, the prior is therefore
+    weakened, down to a tenth; distortion and noise, which no FRF explains, leave it as it is.
+
+    Where the steps hold squares of the drives, both fits are made, with and without. At each line and for each response
+    the squares count by how much less they leave unexplained than as many inputs of noise would.
+
+    Parameters
+    ----------
+    spectra : StepSpectra
+        From `averaged_steps`.
+    identified_frf : ndarray, shape (lines, n_y, n_u)
+        `H_0`.
+    identification_drive : ndarray, shape (lines, n_u, n_u)
+        `S_id`, the drives' spectrum in the identification up to a factor, positive definite.
+    prior_strength : float
+        `κ`: the prior's share of the steps' energy, greater than 0; as much where the steps do not contradict `H_0`.
+    response_weight : ndarray, shape (n_y,)
+        0 or more; watched responses of weight 0 are fitted but do not count as residual.
+    drive_scale : ndarray, shape (n_u,)
+        Drive units that count alike, greater than 0.
+    averages : float
+        Independent averages in the spectra of one step, 1 or more: distortion that no FRF explains averages out.
+
+    Returns
+    -------
+    SecantFit
+        At the same lines.
+
+    Raises
+    ------
+    ValueError
+        The identification's drives do not excite a line in every direction.
+    """
+    n_u, inputs = drive_scale.size, spectra.drive.shape[1]
+    scale = np.concatenate((drive_scale, *(drive_scale**2 for _ in range(inputs // n_u - 1))))
+    inverse_scale = 1.0 / scale
+    steps = AnchoredSteps(
+        inputs=spectra.drive * inverse_scale[:, None] * inverse_scale,
+        responses_with_inputs=spectra.response_with_drive * inverse_scale,
+        responses=spectra.response,
+        weight=response_weight**2,
+        anchor=identified_frf * drive_scale,
+        prior=identification_drive / drive_scale[:, None] / drive_scale,
+    )
+    fitted, spread = _fit_and_spread(steps, prior_strength, averages=averages)
+    moved = np.einsum("fii->f", steps.inputs[:, :n_u, :n_u]).real > 0.0
+    residual = (steps.unexplained(fitted) @ steps.weight) / averages
+    return SecantFit(
+        frf=np.ascontiguousarray(fitted[:, :, :n_u] / drive_scale),
+        uncertainty=np.where(moved[:, None, None], residual[:, None, None] * spread, 0.0),
+        square_frf=np.ascontiguousarray(fitted[:, :, n_u:] / drive_scale**2) if inputs > n_u else None,
+    )
+
+
+def _fit_and_spread(
+    steps: AnchoredSteps, prior_strength: float, *, averages: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return the matrix of all inputs and `P` of the drives, from both fits as far as each is trusted."""
+    n_u, inputs = steps.drives, steps.inputs.shape[1]
+    alone, spread = steps.of_drives_alone().fit(prior_strength)
+    plain = np.concatenate((alone, np.zeros((*alone.shape[:2], inputs - n_u), dtype=np.complex128)), axis=2)
+    independent = _AVERAGES_BY_SMOOTHING * averages
+    if inputs == n_u or independent <= inputs + 1:
+        return plain, spread
+    squared, spread_with_squares = steps.fit(prior_strength)
+    left, left_with_squares = (smooth_lines(steps.unexplained(by)) for by in (plain, squared))
+    # Inputs of noise would take their degrees of freedom away, too.
+    by_chance = (independent - inputs) / (independent - n_u)
+    share = np.ones_like(left)
+    known = left > _ROUNDING * smooth_lines(steps.responses)
+    np.divide(left_with_squares, by_chance * left, out=share, where=known)
+    trust = np.clip((_NOT_TRUSTED - share) / (_NOT_TRUSTED - _TRUSTED), 0.0, 1.0)
+    overall = np.mean(trust, axis=1)[:, None, None]
+    own = spread_with_squares[:, :n_u, :n_u]
+    return plain + trust[:, :, None] * (squared - plain), spread + overall * (own - spread)

@@ -1,0 +1,232 @@
+"""Segment acceptance: where a playback came out worse than the best so far, go back there and step more carefully."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.model import IterationHistory
+from spectra.transforms import backward, fast_length, forward
+
+
+@dataclass(frozen=True)
+class AcceptanceSettings:
+    """How a playback is accepted, stretch by stretch.
+
+    Parameters
+    ----------
+    judged_seconds : float
+        Width of the Hann window over which the error's energy is averaged, s, greater than 0.
+    cross_fade_seconds : float
+        Width of the Hann window that blends from one drive to another, s, greater than 0.
+    tolerance : float
+        A stretch is worse where its energy exceeds this multiple of the best so far, 1 or more.
+    smaller_step, larger_step : float
+        Factors of the step gain where a stretch was worse, in (0, 1), and where it was not, 1 or more; the square
+        root of the latter after one time worse, and so on.
+    smallest_step : float
+        Step gain that is never gone below, in (0, 1].
+    negligible : float
+        Share of the target's mean energy below which a difference in energy is rounding, 0 to below 1.
+
+    Raises
+    ------
+    ValueError
+        A value is outside its range.
+    """
+
+    judged_seconds: float = 2.0
+    cross_fade_seconds: float = 0.5
+    tolerance: float = 1.03
+    smaller_step: float = 0.5
+    larger_step: float = 1.25
+    smallest_step: float = 0.1
+    negligible: float = 1e-10
+
+    def __post_init__(self) -> None:
+        for name in ("judged_seconds", "cross_fade_seconds"):
+            seconds = getattr(self, name)
+            if not 0.0 < seconds < np.inf:
+                raise ValueError(f"The acceptance's {name} is {seconds:g} s; it must be finite and greater than 0.")
+        if not (1.0 <= self.tolerance < np.inf and 1.0 <= self.larger_step < np.inf):
+            raise ValueError(
+                f"The acceptance's tolerance is {self.tolerance:g} and its larger step {self.larger_step:g}; both must "
+                "be finite and 1 or more."
+            )
+        if not (0.0 < self.smaller_step < 1.0 and 0.0 < self.smallest_step <= 1.0):
+            raise ValueError(
+                f"The acceptance's smaller step is {self.smaller_step:g}, in (0, 1), and its smallest "
+                f"{self.smallest_step:g}, in (0, 1]."
+            )
+        if not 0.0 <= self.negligible < 1.0:
+            raise ValueError(f"The negligible share of energy is {self.negligible:g}; it must be 0 or more, below 1.")
+
+
+@dataclass(frozen=True)
+class AcceptedIterate:
+    """Where the next step starts.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        Best so far, stretch by stretch.
+    response : ndarray, shape (n_y, samples)
+        Of that drive.
+    step_gain : ndarray, shape (samples,)
+        How much of a step is made at each instant, above 0 and at most 1.
+    rolled_back : ndarray of bool, shape (samples,)
+        Where the last playback was worse and its drive was left.
+    """
+
+    drive: NDArray[np.float64]
+    response: NDArray[np.float64]
+    step_gain: NDArray[np.float64]
+    rolled_back: NDArray[np.bool_]
+
+
+def accept_segments(
+    history: IterationHistory,
+    *,
+    response_scale: NDArray[np.float64],
+    sample_rate: float,
+    settings: AcceptanceSettings,
+) -> AcceptedIterate:
+    """Compose the best drive so far from all playbacks, stretch by stretch.
+
+    Parameters
+    ----------
+    history : IterationHistory
+        With one playback or more; all are gone through again, so the result depends on nothing else.
+    response_scale : ndarray, shape (n_y,)
+        What each response's error is multiplied by before channels are added: one over its target's RMS; 0 where it is
+        watched only.
+    sample_rate : float
+        Of all records, Hz.
+    settings : AcceptanceSettings
+        Tolerance, widths and step factors.
+
+    Returns
+    -------
+    AcceptedIterate
+        The start of the next step.
+
+    Raises
+    ------
+    ValueError
+        There is no playback yet.
+    """
+    if not history.playbacks:
+        raise ValueError("There is no playback to accept; play the first drive before.")
+    judged = _hann(settings.judged_seconds, sample_rate)
+    blend = _hann(settings.cross_fade_seconds, sample_rate)
+    rounding = settings.negligible * float(np.mean(_power(history.target, response_scale)))
+    best = _local_energy(history.target, history.playbacks[0].response, response_scale, judged)
+    gain = np.ones(best.size)
+    failures, growth = np.zeros(best.size), np.full(best.size, settings.larger_step)
+    worse = np.zeros(best.size, dtype=bool)
+    fades: list[NDArray[np.float64] | None] = [None]
+    for playback in history.playbacks[1:]:
+        energy = _local_energy(history.target, playback.response, response_scale, judged)
+        worse = energy > settings.tolerance * best + rounding
+        back = _cross_fade(worse, blend) if worse.any() else None
+        fades.append(back)
+        if back is not None:
+            failed = back > 0.0
+            failures[failed] += back[failed]
+            # Where the step was too large before, it grows half as fast: it would be too large again, and again.
+            growth[failed] = settings.larger_step ** (0.5 ** failures[failed])
+        larger = np.minimum(1.0, growth * gain)
+        smaller = np.maximum(settings.smallest_step, settings.smaller_step * gain)
+        gain = larger if back is None else larger + back * (smaller - larger)
+        best = np.where(worse, best, np.minimum(best, energy))
+    shares = _shares(fades, best.size)
+    return AcceptedIterate(
+        drive=_composed([playback.drive for playback in history.playbacks], shares),
+        response=_composed([playback.response for playback in history.playbacks], shares),
+        step_gain=gain,
+        rolled_back=worse,
+    )
+
+
+def _hann(seconds: float, sample_rate: float) -> NDArray[np.float64]:
+    """Hann window of odd length and sum 1, without its zeros at the ends."""
+    half = max(1, round(seconds * sample_rate / 2.0))
+    window = np.hanning(2 * half + 1)[1:-1]
+    return window / window.sum()
+
+
+def _cross_fade(chosen: NDArray[np.bool_], window: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Average of 1 where chosen and 0 elsewhere, over a window; exactly 1 and 0 where no edge is within its reach.
+
+    The first and last value hold on beyond the ends: nothing fades towards a record that does not exist.
+    """
+    half, count = window.size // 2, chosen.size
+    share = chosen.astype(np.float64)
+    # What the average of a step up is above the step, around the step's first sample.
+    ramp = np.cumsum(window)[:-1]
+    ramp[half:] -= 1.0
+    for edge in np.flatnonzero(np.diff(chosen)) + 1:
+        reach = slice(max(0, edge - half), min(count, edge + half))
+        sign = 1.0 if chosen[edge] else -1.0
+        share[reach] += sign * ramp[reach.start - edge + half : reach.stop - edge + half]
+    return np.clip(share, 0.0, 1.0)
+
+
+def _shares(fades: list[NDArray[np.float64] | None], samples: int) -> list[NDArray[np.float64] | None]:
+    """Share of each playback in the best drive, from how much each went back to those before it; None for nothing."""
+    shares: list[NDArray[np.float64] | None] = [None] * len(fades)
+    remaining = np.ones(samples)
+    for number in reversed(range(len(fades))):
+        back = fades[number]
+        if back is None:
+            shares[number] = remaining
+            break
+        shares[number] = remaining * (1.0 - back)
+        remaining = remaining * back
+    return shares
+
+
+def _composed(records: list[NDArray[np.float64]], shares: list[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    result = np.zeros_like(records[0])
+    for record, share in zip(records, shares, strict=True):
+        if share is None:
+            continue
+        # Most of a record comes from one playback: the others are added where they count only.
+        edges = np.flatnonzero(np.diff(share > 0.0, prepend=False, append=False))
+        for start, end in edges.reshape(-1, 2):
+            result[:, start:end] += share[start:end] * record[:, start:end]
+    return result
+
+
+def _power(
+    samples: NDArray[np.float64], scale: NDArray[np.float64], *, without: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Sum of the squares of all channels, each scaled; one after the other, so that what is worked on stays small."""
+    power = np.zeros(samples.shape[1])
+    scaled = np.empty_like(power)
+    for channel in np.flatnonzero(scale):
+        if without is None:
+            np.multiply(samples[channel], scale[channel], out=scaled)
+        else:
+            np.subtract(samples[channel], without[channel], out=scaled)
+            scaled *= scale[channel]
+        scaled *= scaled
+        power += scaled
+    return power
+
+
+def _local_energy(
+    target: NDArray[np.float64],
+    response: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    window: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    half, count = window.size // 2, target.shape[1]
+    # One transform of the whole: scipy.signal has a convolution as well, and takes a second to import.
+    padded = fast_length(count + window.size - 1)
+    power = _power(target, scale, without=response)
+    energy = backward(forward(power, padded) * forward(window, padded), padded)[half : half + count]
+    # Rounding of the transform leaves tiny negative energies where there is none.
+    return np.maximum(energy, 0.0)

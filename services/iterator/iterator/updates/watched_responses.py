@@ -1,0 +1,130 @@
+"""Responses that are watched: measured and told, but unknown to update, acceptance and end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iterator.model import ModelUncertainty, RigModel
+from iterator.updates.gains import GainCurve
+from iterator.updates.settings import UpdateSettings
+
+
+def controlled_responses(model: RigModel) -> NDArray[np.bool_]:
+    """Return which responses are controlled: all but those of weight 0.
+
+    Parameters
+    ----------
+    model : RigModel
+        Its weights tell.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_y,)
+        False for a response that is watched.
+    """
+    if model.response_weight is None:
+        return np.ones(model.frf.shape[1], dtype=bool)
+    return model.response_weight > 0.0
+
+
+def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel:
+    """Return the model of the controlled responses alone.
+
+    A full correction would otherwise answer for a controlled response with a watched one.
+
+    Parameters
+    ----------
+    model : RigModel
+        Of all responses; watched ones have no part in its inverse.
+    controlled : ndarray of bool, shape (n_y,)
+        From `controlled_responses`.
+
+    Returns
+    -------
+    RigModel
+        The same object where all are controlled.
+    """
+    if controlled.all():
+        return model
+    weight, uncertainty = model.response_weight, model.uncertainty
+    identified, square = model.identified_frf, model.square_frf
+    return replace(
+        model,
+        frf=np.ascontiguousarray(model.frf[:, controlled]),
+        inverse_frf=np.ascontiguousarray(model.inverse_frf[:, :, controlled]),
+        response_weight=None if weight is None else weight[controlled],
+        uncertainty=None
+        if uncertainty is None
+        else ModelUncertainty(
+            residual_psd=np.ascontiguousarray(uncertainty.residual_psd[:, controlled]),
+            row_covariance=uncertainty.row_covariance,
+        ),
+        identified_frf=None if identified is None else np.ascontiguousarray(identified[:, controlled]),
+        square_frf=None if square is None else np.ascontiguousarray(square[:, controlled]),
+    )
+
+
+def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np.bool_]) -> RigModel:
+    """Return the model of all responses: those that an update bent, and the watched ones as identified.
+
+    Parameters
+    ----------
+    model : RigModel
+        Of the controlled responses.
+    identified : RigModel
+        Of all responses, before the first update.
+    controlled : ndarray of bool, shape (n_y,)
+        From `controlled_responses`.
+
+    Returns
+    -------
+    RigModel
+        The inverse takes nothing from watched responses; `model` itself where all are controlled.
+    """
+    if controlled.all():
+        return model
+    frf, inverse = identified.frf.copy(), np.zeros_like(identified.inverse_frf)
+    frf[:, controlled], inverse[:, :, controlled] = model.frf, model.inverse_frf
+    anchor = None if model.identified_frf is None else identified.frf
+    square = None
+    if model.square_frf is not None:
+        square = np.zeros_like(identified.frf)
+        square[:, controlled] = model.square_frf
+    return replace(identified, frf=frf, inverse_frf=inverse, identified_frf=anchor, square_frf=square)
+
+
+def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_]) -> UpdateSettings:
+    """Return the settings of the controlled responses alone.
+
+    Parameters
+    ----------
+    settings : UpdateSettings
+        With a gain for every response.
+    controlled : ndarray of bool, shape (n_y,)
+        From `controlled_responses`.
+
+    Returns
+    -------
+    UpdateSettings
+        The same object where all are controlled.
+
+    Raises
+    ------
+    ValueError
+        The settings are for another number of responses.
+    """
+    if settings.iteration_gain.size != controlled.size:
+        raise ValueError(
+            f"There are {settings.iteration_gain.size} iteration gains for {controlled.size} responses; give one each."
+        )
+    if controlled.all():
+        return settings
+    curve = settings.gain_curve
+    return replace(
+        settings,
+        iteration_gain=settings.iteration_gain[controlled],
+        gain_curve=None if curve is None else GainCurve(frequency=curve.frequency, share=curve.share[:, controlled]),
+    )
