@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
@@ -37,7 +37,6 @@ from iterator.campaign import (
     require_same_rig,
     same_campaign,
 )
-from iterator.campaign_figures import CampaignFigures
 from labbus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
 
 SERVICE: Final = "iterator"
@@ -63,6 +62,59 @@ class _Entry:
     board: StatusBoard
 
 
+class _CampaignMetrics:
+    """Progress of the running campaigns; an ended one is only counted, so that the metrics do not grow for months.
+
+    Parameters
+    ----------
+    bus : Bus
+        Its process publishes them.
+    running : callable
+        Returns the status of every campaign that has not ended.
+    """
+
+    def __init__(self, bus: Bus, running: Callable[[], Iterable[iterator_pb2.CampaignStatus]]) -> None:
+        self._ended = bus.metrics.count(
+            "duralab_campaigns_ended_total", "Campaigns that ended, by phase", labels=("phase",)
+        )
+        no_labels: tuple[str, ...] = ()
+        bus.metrics.follow(
+            "duralab_campaigns_running", "Campaigns under way", lambda: {no_labels: float(len(list(running())))}
+        )
+        readings: tuple[tuple[str, str, Callable[[iterator_pb2.CampaignStatus], float | None]], ...] = (
+            ("fraction", "Share of the campaign that is done", lambda status: status.fraction),
+            ("playbacks", "Playbacks of the target that are done", lambda status: len(status.iterations)),
+            ("relative_rms_error", "Error of the last playback over all channels", _last_error),
+            ("remaining_seconds", "Expected time to the end", _remaining),
+        )
+        for name, what, read in readings:
+            bus.metrics.follow(
+                f"duralab_campaign_{name}",
+                what,
+                lambda read=read: _by_campaign(running(), read),
+                labels=("campaign",),
+            )
+
+    def ended(self, status: iterator_pb2.CampaignStatus) -> None:
+        """Count a campaign that ended."""
+        self._ended.add(iterator_pb2.CampaignPhase.Name(status.phase).removeprefix("CAMPAIGN_PHASE_"))
+
+
+def _by_campaign(
+    statuses: Iterable[iterator_pb2.CampaignStatus], read: Callable[[iterator_pb2.CampaignStatus], float | None]
+) -> Mapping[tuple[str, ...], float]:
+    values = ((status.id, read(status)) for status in statuses)
+    return {(id,): float(value) for id, value in values if value is not None}
+
+
+def _last_error(status: iterator_pb2.CampaignStatus) -> float | None:
+    return status.iterations[-1].overall_relative_rms_error if status.iterations else None
+
+
+def _remaining(status: iterator_pb2.CampaignStatus) -> float | None:
+    return status.remaining_seconds if status.remaining_seconds >= 0.0 else None
+
+
 class IteratorService:
     """Keeps the campaigns of this process; one at a time on each rig. A context manager: leaving it stops all.
 
@@ -80,7 +132,7 @@ class IteratorService:
         self._taken_rigs: dict[str, str] = {}
         # Campaigns that a resume reads back and checks now.
         self._resumed: set[str] = set()
-        self._figures = CampaignFigures(bus.metrics, self._running)
+        self._metrics = _CampaignMetrics(bus, self._running)
         keys = bus.keys
         bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
@@ -218,12 +270,12 @@ class IteratorService:
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Go on with a campaign that a crash broke off, or take one up again as a new campaign; answer at once.
+        """Go on with a campaign that a crash broke off, or resume one as a new campaign; answer at once.
 
         Parameters
         ----------
         request : ResumeCampaignRequest
-            Empty to go on; with the id of the new campaign to take up again.
+            Empty to go on; with `new_id` to resume as a new campaign.
         call : Call
             Its key names the campaign.
 
@@ -347,7 +399,7 @@ class IteratorService:
                 # Nor may a recorder that is away for a night end the campaign that waits for it.
                 structlog.get_logger(SERVICE).warning("An event was not published.", campaign=campaign, why=str(error))
             if is_final(status):
-                self._figures.ended(status)
+                self._metrics.ended(status)
                 publisher.close()
 
         return publish
