@@ -107,12 +107,12 @@ def _judge_with_watched(
     target: NDArray[np.float64], response: NDArray[np.float64], *, level: float, controlled: NDArray[np.bool_]
 ) -> IterationMetrics:
     # A silent target of a controlled response goes in all the same, and is refused there.
-    told = controlled | np.any(target != 0.0, axis=1)
-    found = judge_response(target[told], response[told], level=level)
+    judged = controlled | np.any(target != 0.0, axis=1)
+    found = judge_response(target[judged], response[judged], level=level)
 
     def of_all(figures: NDArray[np.float64]) -> NDArray[np.float64]:
-        result = np.full((told.size, *figures.shape[1:]), np.nan)
-        result[told] = figures
+        result = np.full((judged.size, *figures.shape[1:]), np.nan)
+        result[judged] = figures
         return result
 
     return IterationMetrics(

@@ -270,10 +270,10 @@ class Campaign:
         recorded = self._before.confirmations
         for _ in recorded:
             self._estimate.step_was_done()
-        for told in confirmed(
+        for shown in confirmed(
             best, plan=self._plan, outcome=outcome, metrics=self._metrics, recorded=recorded, play=self._again
         ):
-            self._board.add_confirmation(told.repeatability, metrics=told.metrics, remarks=told.remarks)
+            self._board.add_confirmation(shown.repeatability, metrics=shown.metrics, remarks=shown.remarks)
 
     def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
         """Play the best drive once more and store it; return the step."""
@@ -341,8 +341,8 @@ class Campaign:
         except FaultError as fault:
             # The recorder may hold the end all the same: another one beside it would say that a whole result failed.
             self._journal.warning("The recording of a finished campaign was not closed.", why=fault.message)
-            told = f"{fault.message} All playbacks are made and stored: resume it, and it ends without a motion."
-            return self._final_fault(FaultError(fault.code, told, field=fault.field, service=fault.service))
+            message = f"{fault.message} All playbacks are made and stored: resume it, and it ends without a motion."
+            return self._final_fault(FaultError(fault.code, message, field=fault.field, service=fault.service))
         return final
 
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
@@ -380,5 +380,5 @@ class Campaign:
             activity = f"failed while {self._step}"
             sentence = f"The campaign failed while {self._step}: {fault.message}"
         service = fault.service or self._bus.service
-        told = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
-        return self._board.final_status(phase, activity, fault=told)
+        final_fault = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
+        return self._board.final_status(phase, activity, fault=final_fault)

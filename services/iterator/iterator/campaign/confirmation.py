@@ -28,8 +28,8 @@ from labbus import FaultError
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is known after one of the playbacks.
+class ConfirmationReport:
+    """What is known after one of the playbacks that confirm the result.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def confirmed(
     metrics: Sequence[IterationMetrics],
     recorded: Sequence[iterator_pb2.ConfirmationStep],
     play: Callable[[Iteration, int], iterator_pb2.ConfirmationStep],
-) -> Iterator[Told]:
+) -> Iterator[ConfirmationReport]:
     """Play the best drive again, as often as the campaign asks and nothing speaks against it.
 
     Parameters
@@ -74,7 +74,7 @@ def confirmed(
 
     Yields
     ------
-    Told
+    ConfirmationReport
         After each of them, the recorded ones too; the last one where a controlled response stood still.
 
     Raises
@@ -89,21 +89,25 @@ def confirmed(
         else:
             against = reason_against(outcome, spent, plan.settings.stop)
             if against is not None:
-                yield Told(remarks=(f"The best drive was played {number - 1} of {asked} times again: {against}.",))
+                yield ConfirmationReport(
+                    remarks=(f"The best drive was played {number - 1} of {asked} times again: {against}.",)
+                )
                 return
             step = play(best, number)
         response = recorded_confirmation(step, plan=plan)
         stood_still = _stood_still(step, plan=plan)
-        told = tuple(
+        remarks = tuple(
             f"Confirmation {number} of {asked}: {sentence}"
             for sentence in standstills_in_words(stood_still, plan=plan, then="resume to confirm the result")
         )
         if any(plan.response_weight[found.response] > 0.0 for found in stood_still):
-            yield Told(metrics=step.metrics, remarks=told)
+            yield ConfirmationReport(metrics=step.metrics, remarks=remarks)
             return
         responses.append(response)
         spent = (*spent, judge_confirmation(response, plan=plan))
-        yield Told(repeatability_message(responses, iteration=best.number, plan=plan), step.metrics, told)
+        yield ConfirmationReport(
+            repeatability_message(responses, iteration=best.number, plan=plan), step.metrics, remarks
+        )
 
 
 def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> tuple[Standstill, ...]:

@@ -57,7 +57,7 @@ class CampaignPlan:
     limits : DriveLimits
         Of the rig.
     experiment : ExperimentPlan
-        Of the identification, as the identifier told it.
+        Of the identification, as the identifier answered.
     response_weight : ndarray, shape (n_y,)
         The specification's over the target's RMS, so that responses count alike whatever their units; 0 for a response
         that is watched.

@@ -28,7 +28,7 @@ def remarks_of(
     plan : CampaignPlan
         Names the channels.
     recorded : sequence of IterationStep
-        The first playbacks, where they were not made again: what their drives met is told in these steps alone.
+        The first playbacks, where they were not made again: only these steps hold the remarks on their drives.
 
     Returns
     -------
@@ -41,9 +41,9 @@ def remarks_of(
         return list(recorded[iteration.number - 1].remarks)
     of_it = f"Playback {iteration.number}: "
     remarks = [
-        # What is predicted of the next playback is told anew: it may be made with other settings.
+        # The prediction of the next playback is made again: it may be made with other settings.
         *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
-        *(f"{of_it}{told}" for told in _projected(iteration, plan)),
+        *(f"{of_it}{sentence}" for sentence in _projected(iteration, plan)),
         *(
             f"{of_it}the target of {plan.description.responses[found.response].name} from "
             f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
@@ -51,14 +51,16 @@ def remarks_of(
             for found in iteration.unreachable
         ),
         *(
-            f"{of_it}{told}"
-            for told in standstills_in_words(iteration.stood_still, plan=plan, then=_way_on_without(iteration.number))
+            f"{of_it}{sentence}"
+            for sentence in standstills_in_words(
+                iteration.stood_still, plan=plan, then=_way_on_without(iteration.number)
+            )
         ),
-        *(f"{of_it}{told}" for told in _not_reproduced(iteration, plan)),
+        *(f"{of_it}{sentence}" for sentence in _not_reproduced(iteration, plan)),
         *_bound_passed(iteration, plan),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
-    # What stood still in a recorded playback is told in its step and seen again.
+    # What stood still in a recorded playback stands in its step and is found again.
     return list(dict.fromkeys(remarks))
 
 
@@ -79,16 +81,16 @@ def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, the
     list of str
         One sentence each.
     """
-    told: list[str] = []
+    sentences: list[str] = []
     for standstill in found:
         i, when = standstill.response, standstill.segment
         watched = plan.response_weight[i] == 0.0
-        told.append(
+        sentences.append(
             f"{'the watched response ' if watched else ''}{plan.description.responses[i].name} stood still from "
             f"{when.start:.2f} s for {when.end - when.start:.2f} s while its target moved; check the sensor and its "
             f"cable{'' if watched else f', then {then}'}."
         )
-    return told
+    return sentences
 
 
 def _way_on_without(number: int) -> str:

@@ -12,8 +12,8 @@ from duralab_proto.v1 import rig_pb2
 from iterator.band import ControlBand
 from spectra import rms
 
-# Relative to the RMS of what is reproduced; less is no news.
-_TOLD_SHARE: Final = 0.1
+# Relative to the RMS of what is reproduced; less is not reported.
+_REPORTED_SHARE: Final = 0.1
 
 
 def static_remarks(
@@ -39,7 +39,7 @@ def static_remarks(
     Returns
     -------
     tuple of str
-        One sentence each, for the static part and for the drift; a channel whose target is silent is not told.
+        One sentence each, for the static part and for the drift; a channel whose target is silent is not reported.
 
     Raises
     ------
@@ -58,8 +58,10 @@ def static_remarks(
         ),
         (drift, "The static part of the target drifts from start to end, which is not reproduced; it drifts by"),
     ):
-        told = np.flatnonzero((dynamic > 0.0) & (np.abs(values) > _TOLD_SHARE * dynamic))
-        parts = (f"{values[i]:+.3g} {description.responses[i].unit} in {description.responses[i].name}" for i in told)
-        if told.size:
+        reported = np.flatnonzero((dynamic > 0.0) & (np.abs(values) > _REPORTED_SHARE * dynamic))
+        parts = (
+            f"{values[i]:+.3g} {description.responses[i].unit} in {description.responses[i].name}" for i in reported
+        )
+        if reported.size:
             remarks.append(f"{beginning} {', '.join(parts)}.")
     return tuple(remarks)

@@ -1,4 +1,4 @@
-"""Responses that are watched: measured and told, but unknown to update, acceptance and end."""
+"""Watched responses: measured and reported, but neither controlled nor used for acceptance and end."""
 
 from __future__ import annotations
 
