@@ -13,10 +13,11 @@ import matplotlib as mpl
 import numpy as np
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.specimens.full_vehicle import WHEELBASE
 from rig_sim.structure.rig import StructureRig, load_structure
 
 mpl.use("Agg")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts" / "specimens"))
+from full_vehicle import WHEELBASE
 from matplotlib import pyplot as plt
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "rigs"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import reprlib
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -246,5 +247,5 @@ def problems_in_words(error: ValidationError) -> str:
 
 def shipped_specimens() -> dict[str, Path]:
     """Return the YAML files that ship with the project, by rig name."""
-    folder = Path(__file__).with_name("specimens")
+    folder = Path(str(files("rig_sim"))) / "specimen" / "shipped"
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}

@@ -8,7 +8,8 @@ import pytest
 
 from rig_sim import Engine, EngineChoice, load_rig, shipped_specimens
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[2] / "scripts" / "specimens")]
 
 
 def without_noise(rig):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from axles import MACPHERSON
+from macpherson import write_sdf
 from scipy import signal
 
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.compile.runge_kutta import amplification
-from rig_sim.specimens.axles import MACPHERSON
-from rig_sim.specimens.macpherson import write_sdf
 
 RIGS = {
     "front_axle": (6, 6),

@@ -1,6 +1,6 @@
 """The shipped axles in numbers: hard points, masses, stiffnesses. What is changed here changes their SDFs.
 
-An axle of this layout takes no more than these; `rig_sim.specimens.double_wishbone` makes the SDF of it. Axes follow
+An axle of this layout takes no more than these; `double_wishbone.py` makes the SDF of it. Axes follow
 ISO 8855: x forward, y left, z up; the origin lies on the ground below the middle of the axle.
 """
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import numpy as np
+from axles import Point
 
-from rig_sim.specimens.axles import Point
+_SHIPPED = Path(__file__).parents[2] / "services" / "rig_sim" / "rig_sim" / "specimen" / "shipped"
 
 
 def _numbers(values: tuple[float, ...] | np.ndarray) -> str:
@@ -226,5 +228,12 @@ def new_sdf(name: str) -> tuple[Xml.Element, Xml.Element]:
 def sdf_text(root: Xml.Element, generator: str) -> str:
     """Return an SDF as text, ending in a newline; the first line says which module made it."""
     Xml.indent(root)
+    # `rig_sim.specimens` is where these modules were first. The line stays: with any other byte, the content hash of
+    # every shipped rig is another one.
     note = f"<!-- Made from hard points by rig_sim.specimens.{generator}; change it in axles.py. -->\n"
     return note + Xml.tostring(root, encoding="unicode") + "\n"
+
+
+def write_shipped(name: str, text: str) -> None:
+    """Write the SDF of a shipped specimen beside its YAML."""
+    (_SHIPPED / f"{name}.sdf").write_text(text)

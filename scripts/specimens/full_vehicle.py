@@ -1,6 +1,6 @@
 """Write the SDF of a whole car on four double wishbones: the predecessor's front axle, a rear axle, one body.
 
-`python -m rig_sim.specimens.full_vehicle` writes the shipped one again. The body heaves, pitches and rolls about its
+`python scripts/specimens/full_vehicle.py` writes the shipped one again. The body heaves, pitches and rolls about its
 centre of mass, which stays above one place of the road: the car rolls straight ahead at the speed of its drives, and
 what would push it sideways or slow it down is taken up there.
 """
@@ -8,13 +8,11 @@ what would push it sideways or slow it down is taken up there.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-
-from rig_sim.specimens.axles import PREDECESSOR, Axle, Stiffnesses
-from rig_sim.specimens.double_wishbone import add_side
-from rig_sim.specimens.sdf_writing import add_joint, add_link, new_sdf, sdf_text
+from axles import PREDECESSOR, Axle, Stiffnesses
+from double_wishbone import add_side
+from sdf_writing import add_joint, add_link, new_sdf, sdf_text, write_shipped
 
 WHEELBASE = 2.8
 
@@ -78,8 +76,8 @@ def write_sdf(body: VehicleBody) -> str:
 
 
 def main() -> None:
-    """Write the shipped car into this folder."""
-    Path(__file__).with_name("full_vehicle.sdf").write_text(write_sdf(VehicleBody()))
+    """Write the shipped SDF over the old one."""
+    write_shipped("full_vehicle", write_sdf(VehicleBody()))
 
 
 if __name__ == "__main__":

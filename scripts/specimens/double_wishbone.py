@@ -1,6 +1,6 @@
 """Write the SDF of a double-wishbone front axle from its hard points.
 
-`python -m rig_sim.specimens.double_wishbone` writes the shipped ones again: `front_axle` with its body held and six
+`python scripts/specimens/double_wishbone.py` writes the shipped ones again: `front_axle` with its body held and six
 actuators at the wheels, the same axle with two more that brake, and `predecessor`, an earlier vehicle of other geometry
 whose body is free to heave and roll. A user's specimen needs no such program: any SDF will do.
 
@@ -12,15 +12,13 @@ two-force link, held by the body or by a steering rack.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import numpy as np
+from axles import DOUBLE_WISHBONES, Axle, Rack
+from bench import add_actuator, add_body, add_wheel, mirror_of
 from numpy.typing import NDArray
-
-from rig_sim.specimens.axles import DOUBLE_WISHBONES, Axle, Rack
-from rig_sim.specimens.bench import add_actuator, add_body, add_wheel, mirror_of
-from rig_sim.specimens.sdf_writing import (
+from sdf_writing import (
     add_bushing,
     add_frame,
     add_joint,
@@ -30,6 +28,7 @@ from rig_sim.specimens.sdf_writing import (
     new_sdf,
     point_masses_inertia,
     sdf_text,
+    write_shipped,
 )
 
 Points = Mapping[str, NDArray[np.float64]]
@@ -143,9 +142,9 @@ def write_sdf(axle: Axle) -> str:
 
 
 def main() -> None:
-    """Write the shipped specimens into this folder."""
+    """Write the shipped SDFs over the old ones."""
     for axle in DOUBLE_WISHBONES:
-        Path(__file__).with_name(f"{axle.name}.sdf").write_text(write_sdf(axle))
+        write_shipped(axle.name, write_sdf(axle))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Write the SDF of a MacPherson front axle from its hard points: `python -m rig_sim.specimens.macpherson`.
+"""Write the SDF of a MacPherson front axle from its hard points: `python scripts/specimens/macpherson.py`.
 
 Strut tube, knuckle and spindle are one body. The damper's rod slides in the tube and ends in a rubber top mount on the
 body, in which it turns freely. A lower arm in two rubber bushings and a tie rod hold the rest; nothing joins the sides.
@@ -6,14 +6,12 @@ body, in which it turns freely. A lower arm in two rubber bushings and a tie rod
 
 from __future__ import annotations
 
-from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import numpy as np
-
-from rig_sim.specimens.axles import MACPHERSON, MacPhersonAxle
-from rig_sim.specimens.bench import add_actuator, add_body, add_wheel, mirror_of
-from rig_sim.specimens.sdf_writing import (
+from axles import MACPHERSON, MacPhersonAxle
+from bench import add_actuator, add_body, add_wheel, mirror_of
+from sdf_writing import (
     add_bushing,
     add_frame,
     add_joint,
@@ -23,6 +21,7 @@ from rig_sim.specimens.sdf_writing import (
     new_sdf,
     point_masses_inertia,
     sdf_text,
+    write_shipped,
 )
 
 
@@ -105,8 +104,8 @@ def write_sdf(axle: MacPhersonAxle) -> str:
 
 
 def main() -> None:
-    """Write the shipped specimen into this folder."""
-    Path(__file__).with_name(f"{MACPHERSON.name}.sdf").write_text(write_sdf(MACPHERSON))
+    """Write the shipped SDF over the old one."""
+    write_shipped(MACPHERSON.name, write_sdf(MACPHERSON))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,8 @@ from __future__ import annotations
 from xml.etree import ElementTree as Xml
 
 import numpy as np
-
-from rig_sim.specimens.axles import ActuatorMount, Point, Stiffnesses
-from rig_sim.specimens.sdf_writing import add_joint, add_link, add_rod, draw_cylinder
+from axles import ActuatorMount, Point, Stiffnesses
+from sdf_writing import add_joint, add_link, add_rod, draw_cylinder
 
 #: Radius of the disc that takes the tyre's place on a rig, in m.
 _DISC_RADIUS = 0.16
