@@ -3,16 +3,44 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
+
+_PACKAGE = "rig_sim"
+_OWN_IMPORT = re.compile(rf"^[ ]*from {_PACKAGE}(?:\.\w+)* import (?:\(([^)]*)\)|(.*))\n", re.MULTILINE)
+_OWN_MODULE = re.compile(rf"\b{_PACKAGE}\.(?:\w+\.)*(?=\w)")
 
 
 @cache
 def software_hash() -> str:
-    """Return the SHA-256 of this package's own sources; any change of them may change what a rig answers."""
-    folder = Path(__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(f"{path.relative_to(folder).as_posix()}\n".encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
+    """Return the SHA-256 of this package's own sources; any change of them may change what a rig answers.
+
+    Where a module lies in the package does not count: one that only moves leaves every rig's content hash as it is.
+    """
+    return sources_hash(Path(str(files(_PACKAGE))))
+
+
+def sources_hash(folder: Path) -> str:
+    """Return the SHA-256 of the modules in a folder: what they say and which names they import, not where they lie.
+
+    Parameters
+    ----------
+    folder : Path
+        Of a copy of this package. The `__init__.py` do not count: they only name what is said elsewhere.
+
+    Returns
+    -------
+    str
+        In hexadecimal digits.
+    """
+    modules = [_module_hash(path) for path in folder.rglob("*.py") if path.name != "__init__.py"]
+    return hashlib.sha256("\n".join(sorted(modules)).encode()).hexdigest()
+
+
+def _module_hash(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    names = {name.strip() for pair in _OWN_IMPORT.findall(text) for name in "".join(pair).split(",") if name.strip()}
+    said = _OWN_MODULE.sub("", _OWN_IMPORT.sub("", text))
+    return hashlib.sha256(f"{' '.join(sorted(names))}\n{said}".encode()).hexdigest()

@@ -1,0 +1,51 @@
+"""The software's part of a content hash: every change of the sources counts, where a module lies does not."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import rig_sim
+from rig_sim.software import software_hash, sources_hash
+
+
+@pytest.fixture
+def copy(tmp_path):
+    return Path(shutil.copytree(Path(rig_sim.__file__).parent, tmp_path / "rig_sim"))
+
+
+def rewrite(folder, old, new):
+    changed = 0
+    for path in folder.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        changed += text.count(old)
+        path.write_text(text.replace(old, new), encoding="utf-8")
+    assert changed > 0
+
+
+def test_a_copy_of_the_sources_has_the_hash_of_the_software(copy):
+    assert sources_hash(copy) == software_hash()
+
+
+def test_a_module_that_only_moves_leaves_the_hash_as_it_is(copy):
+    (copy / "multibody" / "spatial.py").rename(copy / "elements" / "geometry.py")
+    rewrite(copy, "rig_sim.multibody.spatial", "rig_sim.elements.geometry")
+    assert sources_hash(copy) == software_hash()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("_GROWTH = 1.0e-6", "_GROWTH = 2.0e-6"),
+        ("from rig_sim.compile.numeric import atan2, cos, sin, sqrt", "from rig_sim.compile.numeric import cos, sin"),
+        ("import numpy as np\n", "import numpy as np\nimport math\n"),
+    ],
+)
+def test_a_change_of_what_a_module_says_changes_the_hash(copy, old, new):
+    rewrite(copy, old, new)
+    assert sources_hash(copy) != software_hash()
+
+
+def test_two_modules_that_say_the_same_are_not_one(copy):
+    shutil.copy(copy / "multibody" / "spatial.py", copy / "multibody" / "another.py")
+    assert sources_hash(copy) != software_hash()
