@@ -31,9 +31,7 @@ from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_
 from startup import measure_startup
 from sweep import measure_sweep
 
-from rig_sim import shipped_specimens
-from rig_sim.loading import load_any_rig
-from rig_sim.player import Rig
+from rig_sim import Rig, load_any_rig, shipped_specimens
 
 SECONDS = 60.0
 ERROR_SECONDS = 10.0

@@ -29,8 +29,7 @@ from identifier.excitation import design_experiment
 from identifier.experiment import estimate_experiment
 from iterator import iterate
 from iterator.campaign import checked_model, identification_request, plan_campaign
-from rig_sim import shipped_specimens
-from rig_sim.loading import load_any_rig
+from rig_sim import load_any_rig, shipped_specimens
 
 CAMPAIGN = "front_axle_demo"
 TURNS = 3

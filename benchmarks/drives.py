@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rig_sim.playable import PlayableRig
-from rig_sim.player import RigFaultError
+from rig_sim import PlayableRig, RigFaultError
 
 LOWEST, HIGHEST = 0.7, 40.0
 FADE_SECONDS = 0.5

@@ -55,7 +55,7 @@ def _measure_memory(path: Path, share: float) -> Memory:
     from drives import noise_drive
     from speed import play
 
-    from rig_sim.loading import load_any_rig
+    from rig_sim import load_any_rig
 
     rig = load_any_rig(path)
     play(rig, noise_drive(rig, seconds=5.0, share=share))
@@ -74,7 +74,7 @@ def main() -> None:
     if len(sys.argv) > 2:
         sys.stdout.write(json.dumps(asdict(_measure_memory(path, float(sys.argv[2])))))
         return
-    from rig_sim.loading import load_any_rig
+    from rig_sim import load_any_rig
 
     load_any_rig(path)
 

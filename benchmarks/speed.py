@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_sim.engine import Engine, EngineChoice
-from rig_sim.playable import PlayableRig
-from rig_sim.player import Rig, load_rig
+from rig_sim import Engine, EngineChoice, PlayableRig, Rig, load_rig
 
 #: The best of them counts: what else the machine does can only make a playback slower.
 REPETITIONS = 5

@@ -19,12 +19,12 @@ import yaml
 from marked_numbers import write_numbers
 from rig_data_sheet import linearise
 
-from rig_sim import Rig, load_rig, shipped_specimens
+from rig_sim import Rig, load_rig, load_specimen, shipped_specimens
+from rig_sim.hydraulics import Accumulator, PowerUnit, Servovalve
 from rig_sim.hydraulics.actuator import DisplacementActuator, HydraulicActuator
 from rig_sim.hydraulics.bench import Bench
-from rig_sim.hydraulics.servovalve import Servovalve, port_flows
-from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
-from rig_sim.specimen import load_specimen
+from rig_sim.hydraulics.servovalve import port_flows
+from rig_sim.hydraulics.supply import HydraulicSupply, Supply
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

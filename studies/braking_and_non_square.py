@@ -28,7 +28,7 @@ from sensor_targets import (
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from iterator import RigModel
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig
 
 
 @dataclass(frozen=True)

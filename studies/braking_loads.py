@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from identifier import EstimatorKind, EstimatorSettings, White
 from iterator import RigModel
-from rig_sim import load_any_rig, shipped_specimens
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig, load_any_rig, shipped_specimens
 
 #: RMS of the identification: vertical in m, lateral and longitudinal in N, left and right; then both brakes in N.
 LEVELS: Final = np.array([0.004, 300.0, 300.0] * 2 + [150.0] * 2)

@@ -37,8 +37,7 @@ from iterator import (
     iterate,
     rig_model,
 )
-from rig_sim import RigFaultError, load_any_rig, shipped_specimens
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig, RigFaultError, load_any_rig, shipped_specimens
 
 SAMPLE_RATE: Final = 1000.0
 #: Studies look at rigs that are held far below what a target needs.

@@ -19,9 +19,8 @@ from studied_rigs import front_axle
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from iterator import DriveLimits, Iteration, Repeatability, judge_repeatability, judge_response, project_drive
-from rig_sim import load_any_rig, shipped_specimens
-from rig_sim.faults import Fault, FaultKind, NoisySensor, ValveSaturation
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig, load_any_rig, shipped_specimens
+from rig_sim.playing import Fault, FaultKind, NoisySensor, ValveSaturation
 
 
 @dataclass(frozen=True)

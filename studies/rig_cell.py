@@ -21,7 +21,7 @@ from identifier import (
     design_experiment,
     estimate_experiment,
 )
-from rig_sim.playable import KnowsItsFrf, PlayableRig
+from rig_sim import KnowsItsFrf, PlayableRig
 
 _NOISE_STREAM = 7919
 """Sets the sensors' noise apart from the drives, which count their seeds from 1."""

@@ -17,9 +17,9 @@ import numpy as np
 from marked_numbers import write_numbers
 
 from rig_sim import Rig, load_rig, shipped_specimens
+from rig_sim.checks import largest_stable_step
 from rig_sim.multibody.dynamics import inertia_in_world
 from rig_sim.multibody.kinematics import move
-from rig_sim.step_check import largest_stable_step
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

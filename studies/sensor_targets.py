@@ -15,8 +15,7 @@ from low_level_campaigns import BAND, IDENTIFIED, OPERATIONAL, identify, play, p
 from numpy.typing import NDArray
 
 from iterator import RigModel, rig_model
-from rig_sim import load_any_rig, shipped_specimens
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig, load_any_rig, shipped_specimens
 from spectra import rms
 
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rig_cell import RigCell
 
 from identifier import EstimatorKind, ExcitationKind, PowerSpectrum, White, WhitePink
-from rig_sim import load_any_rig, shipped_specimens
-from rig_sim.playable import PlayableRig
+from rig_sim import PlayableRig, load_any_rig, shipped_specimens
 
 #: The band of a durability test; displacement falls above the corner as it does on a road.
 LOWEST, HIGHEST = 0.5, 45.0

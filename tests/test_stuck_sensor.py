@@ -28,7 +28,7 @@ from iterator import (
     run_campaign,
 )
 from rig_sim import Rig, load_rig, shipped_specimens
-from rig_sim.faults import FaultKind, StuckSensor
+from rig_sim.playing import FaultKind, StuckSensor
 
 CHANNEL = "left_lateral"
 SPECTRA = (WhitePink(0.4, 45.0, 2.0, 3.0),) * 6

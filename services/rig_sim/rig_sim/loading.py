@@ -7,13 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from duralab_proto.keys import LONGEST_NAME
-from rig_sim.engine import EngineChoice
-from rig_sim.faults import Fault
-from rig_sim.playable import PlayableRig
-from rig_sim.player import load_rig
-from rig_sim.specimen import SpecimenError, read_document, shipped_specimens
+from rig_sim.engines import EngineChoice
+from rig_sim.playing import Fault, PlayableRig, load_rig
+from rig_sim.specimen import SpecimenError, shipped_specimens
+from rig_sim.specimen.documents import read_document
+from rig_sim.structure import KIND
 from rig_sim.structure.rig import load_structure
-from rig_sim.structure.specimen import KIND
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 

@@ -16,19 +16,17 @@ from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
-from rig_sim.drive_check import DriveError, check_drive
-from rig_sim.engine import EngineChoice
-from rig_sim.faults import Fault
-from rig_sim.frf_query import answer_frf
-from rig_sim.interlock import Interlock
+from rig_sim.bus.frf_query import answer_frf
+from rig_sim.bus.interlock import Interlock
+from rig_sim.bus.playback_session import Performance, published_samples
+from rig_sim.bus.view_messages import describe_view
+from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
-from rig_sim.performance import Performance, published_samples
-from rig_sim.playable import PlayableRig, PlayableSpecimen
-from rig_sim.player import Rig
+from rig_sim.playing import Fault, PlayableRig, PlayableSpecimen, Rig, check_drive
+from rig_sim.playing.drive_check import DriveError
 from rig_sim.refused import serve_refusal
 from rig_sim.rig_figures import RigFigures
 from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
-from rig_sim.view_messages import describe_view
 
 SERVICE = "rig_sim"
 

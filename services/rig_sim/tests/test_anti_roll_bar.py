@@ -5,17 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rig_sim.assembly import assemble
+from rig_sim.checks.equilibrium import find_equilibrium
 from rig_sim.compile.model import compile_model
-from rig_sim.effect import Effect
 from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw, Lever
-from rig_sim.equilibrium import find_equilibrium
+from rig_sim.model.assembly import assemble
+from rig_sim.model.rig_model import RigModel
+from rig_sim.multibody.effect import Effect
 from rig_sim.multibody.forces import stretch
 from rig_sim.multibody.kinematics import Motion, move
 from rig_sim.multibody.spatial import ZERO, Spatial, cross, rotation_about, rotation_from_roll_pitch_yaw
 from rig_sim.multibody.tree import Pose
-from rig_sim.rig_model import RigModel
-from rig_sim.specimen import SpecimenError
+from rig_sim.specimen.specimen import SpecimenError
 
 LAW = AntiRollBarLaw(stiffness=1200.0, damping=3.0)
 AXIS = np.array([0.0, 1.0, 0.0])

@@ -12,15 +12,15 @@ import pytest
 from scipy import signal
 
 from rig_sim import shipped_specimens
-from rig_sim.assembly import assemble
+from rig_sim.checks.equilibrium import find_equilibrium
 from rig_sim.compile.compiled_model import CompiledModel
 from rig_sim.compile.model import compile_model
-from rig_sim.documents import read_document
-from rig_sim.equilibrium import find_equilibrium
 from rig_sim.hydraulics.actuator import ForceActuator, HydraulicActuator
+from rig_sim.model.assembly import assemble
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.rig_model import RigModel
-from rig_sim.specimen import Specimen, load_specimen
+from rig_sim.specimen.documents import read_document
+from rig_sim.specimen.specimen import Specimen, load_specimen
 
 MINUS_3_DB = np.sqrt(0.5)
 FREQUENCY = np.arange(0.5, 60.0, 0.25)

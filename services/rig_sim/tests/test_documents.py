@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.documents import SpecimenError, document_files, read_document
 from rig_sim.loading import shipped_documents
-from rig_sim.specimen import load_specimen
+from rig_sim.specimen.documents import SpecimenError, document_files, read_document
+from rig_sim.specimen.specimen import load_specimen
 
 
 def written(folder, name, content):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-import rig_sim.player
+import rig_sim.playing.player
 from rig_sim import EngineChoice, RigFaultError, load_rig, shipped_specimens
 from rig_sim.compile import Method
-from rig_sim.documents import read_document
-from rig_sim.drake_engine import DrakeEngine
+from rig_sim.engines.drake_engine import DrakeEngine
 from rig_sim.multibody.drake_reader import load_plant
+from rig_sim.specimen.documents import read_document
 
 RATE = 1000.0
 MULTIBODY_RIGS = sorted(name for name, path in shipped_specimens().items() if "sdf" in read_document(path))
@@ -134,7 +134,7 @@ def test_blocks_are_contiguous_and_their_size_changes_no_bit(front_axle_by_drake
     np.testing.assert_array_equal(np.hstack([block.response for block in blocks]), playback.response)
     assert [use.drive for use in playback.uses()] == list(rig.model.input_names)
     assert playback.uses()[0].largest_following_error > 0.0
-    monkeypatch.setattr(rig_sim.player, "DRAKE_BLOCK_SAMPLES", 9)
+    monkeypatch.setattr(rig_sim.playing.player, "DRAKE_BLOCK_SAMPLES", 9)
     again, blocks = played()
     assert len(blocks) == 6
     assert again.response.tobytes() == playback.response.tobytes()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rig_sim import shipped_specimens
-from rig_sim.approach import Approach
-from rig_sim.drive_check import DriveError, check_drive
-from rig_sim.specimen import Specimen, read_specimen
+from rig_sim.playing.drive_check import DriveError, check_drive
+from rig_sim.specimen.approach import Approach
+from rig_sim.specimen.specimen import Specimen, read_specimen
 from rig_sim.structure.specimen import StructureSpecimen
 
 NAMES = ["left_vertical", "left_lateral", "left_longitudinal", "right_vertical", "right_lateral", "right_longitudinal"]

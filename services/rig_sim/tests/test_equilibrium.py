@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rig_sim.assembly import assemble
+from rig_sim.checks.equilibrium import NoEquilibriumError, find_equilibrium
 from rig_sim.compile.model import compile_model
-from rig_sim.equilibrium import NoEquilibriumError, find_equilibrium
+from rig_sim.model.assembly import assemble
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.kinematics import move
-from rig_sim.rig_model import RigModel
 
 MIRRORED = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 """Signs of vertical, lateral, longitudinal left and right, seen in a mirror at y = 0."""

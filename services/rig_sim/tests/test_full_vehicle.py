@@ -5,7 +5,7 @@ import pytest
 from full_vehicle import WHEELBASE, VehicleBody, write_sdf
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.proof import LARGEST_ERROR
+from rig_sim.checks.proof import LARGEST_ERROR
 
 PATH = shipped_specimens()["full_vehicle"]
 RATE, SPEED = 1000.0, 15.0

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig_sim.effect import Effect, Line
 from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, LoadCell
 from rig_sim.hydraulics.cylinder import Cushion, Cylinder
 from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop
 from rig_sim.hydraulics.servovalve import Servovalve
+from rig_sim.multibody.effect import Effect, Line
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import ZERO, Spatial
 from rig_sim.multibody.tree import Pose, SpringDamper

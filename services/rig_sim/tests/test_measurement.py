@@ -8,17 +8,17 @@ import pytest
 import yaml
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.assembly import assemble
+from rig_sim.checks.equilibrium import find_equilibrium
+from rig_sim.checks.proof import ProofError, prove
 from rig_sim.compile.model import compile_model
-from rig_sim.drake_measurement import drake_responses
-from rig_sim.equilibrium import find_equilibrium
-from rig_sim.measurement import Accelerometer, BushingForce, SpindleMoment
+from rig_sim.engines.drake_measurement import drake_responses
+from rig_sim.model.assembly import assemble
+from rig_sim.model.measurement import Accelerometer, BushingForce, SpindleMoment
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant
 from rig_sim.multibody.kinematics import move
-from rig_sim.proof import ProofError, prove
-from rig_sim.responses import SpindleChannel
-from rig_sim.rig_model import RigModel
-from rig_sim.specimen import SpecimenError, load_specimen
+from rig_sim.specimen.responses import SpindleChannel
+from rig_sim.specimen.specimen import SpecimenError, load_specimen
 
 MOMENTS = tuple(
     SpindleChannel(

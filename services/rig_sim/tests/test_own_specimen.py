@@ -13,8 +13,8 @@ import pytest
 
 import labbus
 from rig_sim import SpecimenError, load_rig
-from rig_sim.equilibrium import NoEquilibriumError
-from rig_sim.stability import UnstableError, check_stability
+from rig_sim.checks.equilibrium import NoEquilibriumError
+from rig_sim.checks.stability import UnstableError, check_stability
 
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "own-specimen.md"
 # The campaign needs the other services: tests/test_own_specimen_campaign.py runs it.

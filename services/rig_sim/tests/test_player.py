@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-import rig_sim.player
+import rig_sim.playing.player
 from rig_sim import RigFaultError
 
 TIME = np.arange(1234) / 1000.0
@@ -34,7 +34,7 @@ def played(rig, drive, seed=1):
 def test_blocks_are_contiguous_and_make_up_drive_and_response(rig):
     drive = moving(rig)
     playback, blocks = played(rig, drive)
-    assert [block.first_sample for block in blocks] == list(range(0, 1234, rig_sim.player.BLOCK_SAMPLES))
+    assert [block.first_sample for block in blocks] == list(range(0, 1234, rig_sim.playing.player.BLOCK_SAMPLES))
     np.testing.assert_array_equal(np.hstack([block.drive for block in blocks]), drive)
     np.testing.assert_array_equal(np.hstack([block.response for block in blocks]), playback.response)
     assert playback.samples_done == 1234
@@ -43,7 +43,7 @@ def test_blocks_are_contiguous_and_make_up_drive_and_response(rig):
 @pytest.mark.parametrize("samples", [1, 7, 333, 5000])
 def test_the_size_of_blocks_changes_no_bit(front_axle, monkeypatch, samples):
     whole, _ = played(front_axle, moving(front_axle))
-    monkeypatch.setattr(rig_sim.player, "BLOCK_SAMPLES", samples)
+    monkeypatch.setattr(rig_sim.playing.player, "BLOCK_SAMPLES", samples)
     other, blocks = played(front_axle, moving(front_axle))
     assert blocks[0].drive.shape == (6, min(samples, 1234))
     assert other.response.tobytes() == whole.response.tobytes()
@@ -97,7 +97,7 @@ def test_a_piston_at_its_end_stop_is_a_fault_with_actuator_and_time(front_axle):
     assert message.endswith(" s; lower the drive.")
     # Nothing that is not physical was given out: the block with the fault is not part of the response.
     assert np.isfinite(playback.response[:, : playback.samples_done]).all()
-    assert playback.samples_done % rig_sim.player.BLOCK_SAMPLES == 0
+    assert playback.samples_done % rig_sim.playing.player.BLOCK_SAMPLES == 0
 
 
 def test_two_pistons_at_their_stops_are_both_named(front_axle):

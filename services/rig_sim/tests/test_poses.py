@@ -5,10 +5,10 @@ from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
 from rig_sim import shipped_specimens
+from rig_sim.bus.pose_stream import PoseStream
+from rig_sim.checks.proof import random_state
 from rig_sim.multibody.drake_reader import load_plant
-from rig_sim.pose_stream import PoseStream
-from rig_sim.poses import to_poses
-from rig_sim.proof import random_state
+from rig_sim.view.poses import to_poses
 
 
 def test_poses_are_drakes(rig):

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rig_sim.assembly import assemble
+from rig_sim.checks.proof import ProofError, drake_answers, prove, random_state
 from rig_sim.compile.model import compile_model
+from rig_sim.model.assembly import assemble
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.proof import ProofError, drake_answers, prove, random_state
-from rig_sim.rig_model import RigModel
-from rig_sim.specimen import shipped_specimens
+from rig_sim.specimen.specimen import shipped_specimens
 
 
 def compiled(model):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import rig_sim
-from rig_sim.software import software_hash, sources_hash
+from rig_sim.playing.software import software_hash, sources_hash
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from axles import DOUBLE_WISHBONES
 from double_wishbone import write_sdf
 
 from duralab_proto.keys import check_rig
-from rig_sim.assembly import assemble
 from rig_sim.loading import rig_name
-from rig_sim.player import load_rig
-from rig_sim.specimen import SpecimenError, load_specimen, shipped_specimens
+from rig_sim.model.assembly import assemble
+from rig_sim.playing.player import load_rig
+from rig_sim.specimen.specimen import SpecimenError, load_specimen, shipped_specimens
 
 
 @pytest.mark.parametrize("axle", DOUBLE_WISHBONES, ids=lambda axle: axle.name)

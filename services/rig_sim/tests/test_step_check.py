@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rig_sim.checks.linearisation import linearise
+from rig_sim.checks.step_check import MARGIN, StepError, check_step, largest_stable_step
 from rig_sim.compile import Method, compile_model
-from rig_sim.linearisation import linearise
-from rig_sim.player import load_rig
-from rig_sim.specimen import shipped_specimens
-from rig_sim.step_check import MARGIN, StepError, check_step, largest_stable_step
+from rig_sim.playing.player import load_rig
+from rig_sim.specimen.specimen import shipped_specimens
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig_sim.effect import Effect
 from rig_sim.hydraulics.actuator import DisplacementActuator
 from rig_sim.hydraulics.bench import Bench
 from rig_sim.hydraulics.cylinder import Cushion, Cylinder, cushion_force, seal_friction
 from rig_sim.hydraulics.loops import DisplacementLoop
 from rig_sim.hydraulics.servovalve import Servovalve, edge_opening, signed_root
 from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
+from rig_sim.multibody.effect import Effect
 
 BACK = 5e5
 GAS = Accumulator(gas_volume=0.01, precharge=180e5, polytropic_exponent=1.25)

@@ -8,11 +8,11 @@ import pytest
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
-from rig_sim.assembly import assemble
+from rig_sim.bus.view_messages import describe_view
+from rig_sim.model.assembly import assemble
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.specimen import load_specimen
-from rig_sim.view_geometry import BoxSolid, LinkKind, MeshSolid, ShapeRole, SphereSolid, view_geometry
-from rig_sim.view_messages import describe_view
+from rig_sim.specimen.specimen import load_specimen
+from rig_sim.view.geometry import BoxSolid, LinkKind, MeshSolid, ShapeRole, SphereSolid, view_geometry
 
 CUBE = """v 0 0 0
 v 1 0 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig_sim.watchdogs import Lookout, Range, Source, WatchdogLimits, set_up_watchdogs
+from rig_sim.specimen.watchdogs import Lookout, Range, Source, WatchdogLimits, set_up_watchdogs
 
 
 def dogs(**limits):

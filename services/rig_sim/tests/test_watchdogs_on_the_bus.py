@@ -10,8 +10,8 @@ from served_rig import RIG, served, wave
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
-from rig_sim.watchdogs import WatchdogLimits, set_up_watchdogs
+from rig_sim.playing.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
+from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
 
 RAMP_SAMPLES = 600
 

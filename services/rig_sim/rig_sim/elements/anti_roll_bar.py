@@ -16,7 +16,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile.numeric import atan2, cos, sin, sqrt
-from rig_sim.effect import Effect, Input
+from rig_sim.multibody.effect import Effect, Input
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import Array, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive

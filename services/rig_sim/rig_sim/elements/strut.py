@@ -9,7 +9,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile.numeric import absolute, maximum, select_positive, tanh
-from rig_sim.effect import Effect, Input
+from rig_sim.multibody.effect import Effect, Input
 from rig_sim.multibody.forces import stretch
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import Array, wrench_at

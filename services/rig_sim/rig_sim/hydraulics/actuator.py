@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rig_sim.compile.numeric import select_positive
-from rig_sim.effect import Effect, Input
 from rig_sim.hydraulics.cylinder import Cylinder, load_pressure, piston_force, pressure_rates
 from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop, Loop, Piston, control, initial_loop_state
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
+from rig_sim.multibody.effect import Effect, Input
 from rig_sim.multibody.forces import stretch
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import Array, dot

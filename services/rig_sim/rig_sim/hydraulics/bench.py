@@ -12,9 +12,9 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rig_sim.effect import Effect
 from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.supply import HydraulicSupply
+from rig_sim.multibody.effect import Effect
 from rig_sim.multibody.kinematics import Motion
 
 

@@ -1,1 +1,10 @@
 """Lightly damped structures: beams into modes, modes into a state space that is played exactly."""
+
+from rig_sim.structure.modal_model import ModalModel
+from rig_sim.structure.specimen import KIND, StructureSpecimen
+
+__all__ = [
+    "KIND",
+    "ModalModel",
+    "StructureSpecimen",
+]

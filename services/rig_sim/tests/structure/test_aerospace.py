@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 import rig_sim.structure.rig
-from rig_sim.drive_check import DriveError, check_drive
 from rig_sim.loading import load_any_rig
-from rig_sim.specimen import SpecimenError, shipped_specimens
+from rig_sim.playing.drive_check import DriveError, check_drive
+from rig_sim.specimen.specimen import SpecimenError, shipped_specimens
 from rig_sim.structure import finite_elements
 
 PATH = shipped_specimens()["aerospace"]

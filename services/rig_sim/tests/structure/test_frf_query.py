@@ -6,9 +6,9 @@ import pytest
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import rig_pb2
 from labbus import FaultError
-from rig_sim.frf_query import answer_frf
+from rig_sim.bus.frf_query import answer_frf
 from rig_sim.loading import load_any_rig
-from rig_sim.specimen import shipped_specimens
+from rig_sim.specimen.specimen import shipped_specimens
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from rig_sim import SpecimenError, load_any_rig, shipped_specimens
-from rig_sim.faults import Fault
-from rig_sim.specimen import Specimen, read_specimen
-from rig_sim.watchdogs import Lookout
+from rig_sim.playing.faults import Fault
+from rig_sim.specimen.specimen import Specimen, read_specimen
+from rig_sim.specimen.watchdogs import Lookout
 
 PATH = shipped_specimens()["aerospace"]
 

@@ -9,27 +9,27 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_sim.actuator_use import Use, UseMeter
-from rig_sim.assembly import assemble
+from rig_sim.checks.equilibrium import find_equilibrium
+from rig_sim.checks.linearisation import linearise
+from rig_sim.checks.proof import Proof, prove
+from rig_sim.checks.stability import check_stability
+from rig_sim.checks.step_check import check_step
 from rig_sim.compile.model import CompiledModel, compile_model
-from rig_sim.documents import document_files
-from rig_sim.drake_engine import DrakeEngine
-from rig_sim.engine import Engine, EngineChoice, Player
-from rig_sim.equilibrium import find_equilibrium
-from rig_sim.faults import Fault, FaultySensors, break_specimen
+from rig_sim.engines.choice import Engine, EngineChoice, Player
+from rig_sim.engines.drake_engine import DrakeEngine
 from rig_sim.hydraulics.actuator import HydraulicActuator
-from rig_sim.linearisation import linearise
+from rig_sim.model.assembly import assemble
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.playback import BLOCK_SAMPLES, Block, DrivePlayback
-from rig_sim.poses import Poses
-from rig_sim.proof import Proof, prove
-from rig_sim.rig_model import RigModel
-from rig_sim.software import software_hash
-from rig_sim.specimen import Specimen, SpecimenError, load_specimen
-from rig_sim.stability import check_stability
-from rig_sim.step_check import check_step
-from rig_sim.view_geometry import ViewGeometry, view_geometry
-from rig_sim.watchdogs import Watchdog, set_up_watchdogs, when
+from rig_sim.playing.actuator_use import Use, UseMeter
+from rig_sim.playing.faults import Fault, FaultySensors, break_specimen
+from rig_sim.playing.playback import BLOCK_SAMPLES, Block, DrivePlayback
+from rig_sim.playing.software import software_hash
+from rig_sim.specimen.documents import document_files
+from rig_sim.specimen.specimen import Specimen, SpecimenError, load_specimen
+from rig_sim.specimen.watchdogs import Watchdog, set_up_watchdogs, when
+from rig_sim.view.geometry import ViewGeometry, view_geometry
+from rig_sim.view.poses import Poses
 
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20

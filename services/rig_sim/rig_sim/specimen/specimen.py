@@ -1,7 +1,7 @@
 """A specimen's YAML: what is mounted, what drives it, what is measured.
 
 The SDF beside it holds bodies, joints and bushings. Whether the names in the YAML exist there is checked by
-:mod:`rig_sim.assembly`.
+:mod:`rig_sim.model.assembly`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from typing import Annotated, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from rig_sim.approach import Approach
 from rig_sim.compile.runge_kutta import Method
-from rig_sim.documents import SpecimenError, read_document
 from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
 from rig_sim.elements.rubber import RubberLaw
 from rig_sim.elements.strut import StrutLaw
@@ -25,9 +23,11 @@ from rig_sim.elements.tyre import TyreLaw
 from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
 from rig_sim.hydraulics.supply import Supply
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
-from rig_sim.quantities import UNIT_OF, Quantity
-from rig_sim.responses import KINDS, SPINDLE, ResponseChannel
-from rig_sim.watchdogs import WatchdogLimits
+from rig_sim.specimen.approach import Approach
+from rig_sim.specimen.documents import SpecimenError, read_document
+from rig_sim.specimen.quantities import UNIT_OF, Quantity
+from rig_sim.specimen.responses import KINDS, SPINDLE, ResponseChannel
+from rig_sim.specimen.watchdogs import WatchdogLimits
 
 SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
 

@@ -7,7 +7,7 @@ import numpy as np
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import FaultError
-from rig_sim.playable import KnowsItsFrf, PlayableRig
+from rig_sim.playing.playable import KnowsItsFrf, PlayableRig
 
 #: Of one answer; each line of a 6 by 4 rig takes 384 bytes.
 MOST_LINES = 200_000

@@ -11,12 +11,12 @@ import structlog
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, FaultError, SpoolFullError, SpoolSpace, StreamPublisher
-from rig_sim.interlock import Interlock
-from rig_sim.playable import PlayableRig, PlayableRun
-from rig_sim.playback import Block
-from rig_sim.player import Playback, Rig, RigFaultError
-from rig_sim.pose_stream import PoseStream
-from rig_sim.watchdogs import Lookout, Trip
+from rig_sim.bus.interlock import Interlock
+from rig_sim.bus.pose_stream import PoseStream
+from rig_sim.playing.playable import PlayableRig, PlayableRun
+from rig_sim.playing.playback import Block
+from rig_sim.playing.player import Playback, Rig, RigFaultError
+from rig_sim.specimen.watchdogs import Lookout, Trip
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5

@@ -54,7 +54,7 @@ class EngineChoice(BaseModel):
 
 
 class Player(Protocol):
-    """What advances a rig: `rig_sim.compile.CompiledModel`, or `rig_sim.drake_engine.DrakeEngine`."""
+    """What advances a rig: `rig_sim.compile.CompiledModel`, or `rig_sim.engines.drake_engine.DrakeEngine`."""
 
     @property
     def output_names(self) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig_sim.playable import PlayableSpecimen
-from rig_sim.specimen import InputChannel
+from rig_sim.playing.playable import PlayableSpecimen
+from rig_sim.specimen.specimen import InputChannel
 
 
 class DriveError(ValueError):

@@ -9,12 +9,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, LinearBushingRollPitchYaw
 from pydrake.systems.framework import Context
 
-from rig_sim.measurement import BushingForce, Sensor, StrutTravel
+from rig_sim.model.measurement import BushingForce, Sensor, StrutTravel
+from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.kinematics import move
 from rig_sim.multibody.spatial import Array
-from rig_sim.quantities import Quantity
-from rig_sim.responses import AccelerationChannel, BushingChannel, ResponseChannel, SpindleChannel, StrutChannel
-from rig_sim.rig_model import RigModel
+from rig_sim.specimen.quantities import Quantity
+from rig_sim.specimen.responses import (
+    AccelerationChannel,
+    BushingChannel,
+    ResponseChannel,
+    SpindleChannel,
+    StrutChannel,
+)
 
 
 def drake_responses(model: RigModel, plant: MultibodyPlant, context: Context, state: Array) -> np.ndarray:

@@ -6,14 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rig_sim.effect import Element
 from rig_sim.elements.rubber import Rubber
 from rig_sim.elements.strut import Strut
-from rig_sim.measurement import Accelerometer, BushingForce, Sensor, SpindleForce, SpindleMoment, StrutTravel
+from rig_sim.model.measurement import Accelerometer, BushingForce, Sensor, SpindleForce, SpindleMoment, StrutTravel
+from rig_sim.multibody.effect import Element
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.tree import Bushing, JointKind, MultibodyTree, Pose
-from rig_sim.quantities import Quantity
-from rig_sim.responses import AccelerationChannel, BushingChannel, ResponseChannel, SpindleChannel, StrutChannel
+from rig_sim.specimen.quantities import Quantity
+from rig_sim.specimen.responses import (
+    AccelerationChannel,
+    BushingChannel,
+    ResponseChannel,
+    SpindleChannel,
+    StrutChannel,
+)
 
 
 def mount_sensor(channel: ResponseChannel, tree: MultibodyTree, design: Motion, elements: Sequence[Element]) -> Sensor:

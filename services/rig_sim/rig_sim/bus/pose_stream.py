@@ -7,7 +7,7 @@ import numpy as np
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
 from labbus import Bus, SpoolSpace
-from rig_sim.poses import Poses, to_poses
+from rig_sim.view.poses import Poses, to_poses
 
 LARGEST_RATE = 60.0
 _POSES = 10

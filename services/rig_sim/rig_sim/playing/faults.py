@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from rig_sim.hydraulics.mounting import all_supplies
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
-from rig_sim.specimen import Specimen, SpecimenError, problems_in_words
+from rig_sim.specimen.specimen import Specimen, SpecimenError, problems_in_words
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 

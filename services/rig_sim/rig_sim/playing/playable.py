@@ -7,11 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from rig_sim.actuator_use import Use
-from rig_sim.approach import Approach
-from rig_sim.playback import Block
-from rig_sim.specimen import InputChannel, Quantity
-from rig_sim.watchdogs import Watchdog, WatchdogLimits
+from rig_sim.playing.actuator_use import Use
+from rig_sim.playing.playback import Block
+from rig_sim.specimen.approach import Approach
+from rig_sim.specimen.specimen import InputChannel, Quantity
+from rig_sim.specimen.watchdogs import Watchdog, WatchdogLimits
 
 
 class Response(Protocol):

@@ -18,9 +18,9 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
 from rig_sim.compile.model import CompiledModel
-from rig_sim.drake_measurement import drake_responses
+from rig_sim.engines.drake_measurement import drake_responses
+from rig_sim.model.rig_model import Evaluation, RigModel
 from rig_sim.multibody.tree import JointKind
-from rig_sim.rig_model import Evaluation, RigModel
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24

@@ -10,9 +10,8 @@ import numpy as np
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim.multibody.tree import Pose
-from rig_sim.player import Rig
-from rig_sim.poses import to_poses
-from rig_sim.view_geometry import (
+from rig_sim.playing.player import Rig
+from rig_sim.view.geometry import (
     BoxSolid,
     CylinderSolid,
     Link,
@@ -22,6 +21,7 @@ from rig_sim.view_geometry import (
     ShapeRole,
     SphereSolid,
 )
+from rig_sim.view.poses import to_poses
 
 _ROLES: Final = {
     ShapeRole.SPECIMEN: rig_pb2.SHAPE_ROLE_SPECIMEN,

@@ -16,10 +16,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from rig_sim.compile.compiled_model import Playback
 from rig_sim.compile.runge_kutta import Method
-from rig_sim.drake_elements import ElementsSystem, OwnEffects
-from rig_sim.drake_measurement import drake_responses
-from rig_sim.engine import EngineChoice
-from rig_sim.rig_model import RigModel
+from rig_sim.engines.choice import EngineChoice
+from rig_sim.engines.drake_elements import ElementsSystem, OwnEffects
+from rig_sim.engines.drake_measurement import drake_responses
+from rig_sim.model.rig_model import RigModel
 
 _SCHEME = "runge_kutta3"
 _ACCURACY = 1.0e-5
@@ -92,7 +92,7 @@ class DrakeEngine:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: np.ndarray,
     ) -> Playback:
-        """Advance over a record of commands; see :class:`rig_sim.engine.Player`. Drake chooses its steps by itself.
+        """Advance over a record of commands; see :class:`rig_sim.engines.Player`. Drake chooses its steps by itself.
 
         Parameters
         ----------

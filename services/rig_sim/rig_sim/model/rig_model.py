@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.assembly import Assembly
-from rig_sim.effect import Effect, Offering
-from rig_sim.measurement import Instant
+from rig_sim.model.assembly import Assembly
+from rig_sim.model.measurement import Instant
 from rig_sim.multibody.dynamics import Accelerations, accelerate
+from rig_sim.multibody.effect import Effect, Offering
 from rig_sim.multibody.forces import add_linear_elements
 from rig_sim.multibody.kinematics import Motion, move
 from rig_sim.multibody.spatial import ZERO, Array

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig_sim.approach import Approach, lead_in, lead_out
-from rig_sim.specimen import InputChannel
+from rig_sim.specimen.approach import Approach, lead_in, lead_out
+from rig_sim.specimen.specimen import InputChannel
 
 #: Of every block but the last.
 BLOCK_SAMPLES = 100

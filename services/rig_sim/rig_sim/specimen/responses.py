@@ -1,7 +1,7 @@
 """Response channels of a specimen's YAML: which sensor is where. The key that names the place decides the kind.
 
 `transducer` is a wheel-force transducer, `body` an accelerometer, `strut` a displacement, `frame_a` a load cell in the
-mount of a bushing. What they measure is said in :mod:`rig_sim.measurement`.
+mount of a bushing. What they measure is said in :mod:`rig_sim.model.measurement`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Discriminator, Tag
 
 from rig_sim.parameters import STRICT, Name, NotNegative, Positive, Vector
-from rig_sim.quantities import UNIT_OF, Quantity
+from rig_sim.specimen.quantities import UNIT_OF, Quantity
 
 
 class _ResponseChannel(BaseModel):

@@ -1,0 +1,19 @@
+"""Checks of a rig before it plays: equations against Drake, rest, stability, and the length of the step."""
+
+from rig_sim.checks.equilibrium import NoEquilibriumError, find_equilibrium
+from rig_sim.checks.linearisation import linearise
+from rig_sim.checks.proof import ProofError
+from rig_sim.checks.stability import UnstableError, check_stability
+from rig_sim.checks.step_check import StepError, check_step, largest_stable_step
+
+__all__ = [
+    "NoEquilibriumError",
+    "ProofError",
+    "StepError",
+    "UnstableError",
+    "check_stability",
+    "check_step",
+    "find_equilibrium",
+    "largest_stable_step",
+    "linearise",
+]

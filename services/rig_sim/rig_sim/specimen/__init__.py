@@ -1,0 +1,21 @@
+"""What a specimen's YAML may hold, the limits and ramps in it, and the specimens that ship with the project."""
+
+from rig_sim.specimen.approach import Approach
+from rig_sim.specimen.documents import SpecimenError
+from rig_sim.specimen.quantities import Quantity
+from rig_sim.specimen.responses import ResponseChannel
+from rig_sim.specimen.specimen import InputChannel, Specimen, load_specimen, shipped_specimens
+from rig_sim.specimen.watchdogs import Lookout, WatchdogLimits
+
+__all__ = [
+    "Approach",
+    "InputChannel",
+    "Lookout",
+    "Quantity",
+    "ResponseChannel",
+    "Specimen",
+    "SpecimenError",
+    "WatchdogLimits",
+    "load_specimen",
+    "shipped_specimens",
+]
