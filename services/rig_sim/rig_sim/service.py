@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Self
+from typing import Final, NoReturn, Self
 
 import structlog
 from pydantic import Field, model_validator
@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, Call, ConfigError, FaultError, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
+from labbus import Bus, Call, ConfigError, FaultError, Metrics, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
 from rig_sim.bus.frf_query import answer_frf
 from rig_sim.bus.interlock import Interlock
 from rig_sim.bus.playback_session import Performance, published_samples
@@ -24,11 +24,12 @@ from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
 from rig_sim.playing import Fault, PlayableRig, PlayableSpecimen, Rig, check_drive
 from rig_sim.playing.drive_check import DriveError
-from rig_sim.refused import serve_refusal
-from rig_sim.rig_figures import RigFigures
 from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
 
 SERVICE = "rig_sim"
+
+#: Label of a rig's metrics.
+_RIG: Final = ("rig",)
 
 _KINDS = {
     Quantity.ACCELERATION: array_pb2.CHANNEL_KIND_ACCELERATION,
@@ -92,6 +93,53 @@ def find_rigs(config: RigSimConfig) -> dict[str, Path]:
     return rigs
 
 
+class RigMetrics:
+    """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended.
+
+    Parameters
+    ----------
+    figures : Metrics
+        Of the process.
+    rig : str
+        Its name.
+    state : callable
+        Returns its state now.
+    """
+
+    def __init__(self, figures: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
+        self._rig = rig
+        self._factor: dict[tuple[str, ...], float] = {}
+        self._playbacks = figures.count(
+            "duralab_rig_playbacks_total", "Playbacks that ended, by rig and code", labels=("rig", "code")
+        )
+        self._seconds = figures.count(
+            "duralab_rig_played_seconds_total", "Length of the drives played to their end", labels=_RIG
+        )
+        readings: tuple[tuple[str, str, Callable[[rig_pb2.RigState], float]], ...] = (
+            ("interlocked", "1 while the rig is latched", lambda now: now.mode == rig_pb2.RIG_MODE_INTERLOCKED),
+            ("playing", "1 while a run moves the rig", lambda now: now.run != ""),
+            ("run_fraction", "Share of the run that is played", lambda now: now.fraction),
+        )
+        for name, what, read in readings:
+            figures.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
+        figures.follow(
+            "duralab_rig_real_time_factor", "Seconds of drive a second, of the last playback", self._read, labels=_RIG
+        )
+
+    def played(self, result: rig_pb2.PlayResult, *, seconds: float) -> None:
+        """Count a playback that came to its end."""
+        self._playbacks.add(self._rig, "OK")
+        self._seconds.add(self._rig, amount=seconds)
+        self._factor = {(self._rig,): result.real_time_factor}
+
+    def broken_off(self, code: str) -> None:
+        """Count one that did not, with the fault's code."""
+        self._playbacks.add(self._rig, code)
+
+    def _read(self) -> Mapping[tuple[str, ...], float]:
+        return self._factor
+
+
 class RigServer:
     """Serves one rig: description, play, stop, reset, state and its signal stream."""
 
@@ -104,7 +152,7 @@ class RigServer:
         self._name = rig.specimen.name
         self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
         self._interlock = Interlock(self._name)
-        self._figures = RigFigures(bus.metrics, self._name, self._interlock.state)
+        self._metrics = RigMetrics(bus.metrics, self._name, self._interlock.state)
         self._publishing = threading.Lock()
         keys = bus.keys
         self._states = bus.publisher(keys.rig_state(self._name))
@@ -165,10 +213,10 @@ class RigServer:
             self._publish_state()
             real_time = self._real_time or request.real_time
             result = self._performance.play(request, drive, call, real_time=real_time)
-            self._figures.played(result, seconds=drive.shape[1] / sample_rate)
+            self._metrics.played(result, seconds=drive.shape[1] / sample_rate)
             return result
         except FaultError as fault:
-            self._figures.broken_off(fault.code_name)
+            self._metrics.broken_off(fault.code_name)
             raise
         finally:
             self._interlock.end()
@@ -269,12 +317,40 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
             raise ConfigError(" ".join(refused.values()))
         for name, reason in refused.items():
             log.error("refused", rig=name, reason=reason)
-            serve_refusal(bus, name, reason)
+            _serve_refusal(bus, name, reason)
             bus.declare_live(SERVICE, name)
         yield servers
     finally:
         for server in servers:
             server.close()
+
+
+def _serve_refusal(bus: Bus, rig: str, reason: str) -> None:
+    """Answer every query of a rig with the fault FAILED_PRECONDITION.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where it would have been served.
+    rig : str
+        Its name.
+    reason : str
+        Why it cannot be used, one sentence.
+    """
+
+    def refuse(_request: object, _call: Call) -> NoReturn:
+        raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"{rig} cannot be used: {reason}")
+
+    keys = bus.keys
+    for key, request in (
+        (keys.rig_description(rig), rig_pb2.DescriptionRequest),
+        (keys.rig_frf(rig), rig_pb2.RigFrfRequest),
+        (keys.rig_play(rig), rig_pb2.PlayRequest),
+        (keys.rig_stop(rig), rig_pb2.StopRequest),
+        (keys.rig_reset(rig), rig_pb2.ResetRequest),
+        (keys.rig_state(rig), rig_pb2.StateRequest),
+    ):
+        bus.serve(key, request, refuse)
 
 
 def _open_spools(bus: Bus, config: RigSimConfig) -> SpoolSpace:
