@@ -18,7 +18,7 @@ from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, ConfigError, FaultError, Metrics, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
 from rig_sim.bus.frf_query import answer_frf
 from rig_sim.bus.interlock import Interlock
-from rig_sim.bus.playback_session import Performance, published_samples
+from rig_sim.bus.playback_session import PlaybackSession, published_samples
 from rig_sim.bus.view_messages import describe_view
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
@@ -156,12 +156,12 @@ class RigServer:
         self._publishing = threading.Lock()
         keys = bus.keys
         self._states = bus.publisher(keys.rig_state(self._name))
-        self._performance = Performance(
+        self._session = PlaybackSession(
             bus,
             rig,
             self._interlock,
             responses=_response_channels(rig.specimen),
-            tell_state=self._publish_state,
+            report_state=self._publish_state,
             spools=spools,
             spool_wait_seconds=spool_wait_seconds,
         )
@@ -212,7 +212,7 @@ class RigServer:
         try:
             self._publish_state()
             real_time = self._real_time or request.real_time
-            result = self._performance.play(request, drive, call, real_time=real_time)
+            result = self._session.play(request, drive, call, real_time=real_time)
             self._metrics.played(result, seconds=drive.shape[1] / sample_rate)
             return result
         except FaultError as fault:

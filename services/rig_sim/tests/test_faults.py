@@ -76,7 +76,7 @@ def test_faults_do_not_depend_on_the_size_of_blocks(block_samples):
 
     def spoil(size):
         sensors = FaultySensors(faults, channels=["a"], sample_rate=1000.0, seed=1)
-        return np.hstack([sensors.spoil(k, healthy[:, k : k + size]) for k in range(0, 1000, size)])
+        return np.hstack([sensors.inject_faults(k, healthy[:, k : k + size]) for k in range(0, 1000, size)])
 
     assert spoil(block_samples).tobytes() == spoil(1000).tobytes()
 

@@ -34,7 +34,7 @@ def in_background(client, run, drive, *, real_time):
 def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_time, monkeypatch):
     """Whatever this machine does meanwhile: counted in samples played after the stop was heard."""
     looked = []
-    watched = rig_sim.bus.playback_session.Lookout.first_trip
+    watched = rig_sim.bus.playback_session.WatchdogMonitor.first_trip
 
     def watching(*arguments, **options):
         looked.append((options["first_sample"], options["response"].shape[1]))
@@ -43,7 +43,7 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_tim
             client.server.stop("enough")
         return watched(*arguments, **options)
 
-    monkeypatch.setattr(rig_sim.bus.playback_session.Lookout, "first_trip", watching)
+    monkeypatch.setattr(rig_sim.bus.playback_session.WatchdogMonitor, "first_trip", watching)
     drive = wave(20.0)
     run = f"stopped-{real_time}".lower()
     assert client.fault(run, drive, real_time=real_time).code_name == "CANCELLED"

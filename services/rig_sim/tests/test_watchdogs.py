@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig_sim.specimen.watchdogs import Lookout, Range, Source, WatchdogLimits, set_up_watchdogs
+from rig_sim.specimen.watchdogs import Range, Source, WatchdogLimits, WatchdogMonitor, set_up_watchdogs
 
 
 def dogs(**limits):
@@ -18,7 +18,7 @@ def dogs(**limits):
 
 
 def look(watchdogs, *, response=None, following=None, monitored=None, first_sample=0):
-    return Lookout(watchdogs, sample_rate=1000.0).first_trip(
+    return WatchdogMonitor(watchdogs, sample_rate=1000.0).first_trip(
         first_sample=first_sample,
         response=np.zeros((2, 100)) if response is None else response,
         following_error=np.zeros((2, 100)) if following is None else following,

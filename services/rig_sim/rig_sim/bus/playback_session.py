@@ -16,7 +16,7 @@ from rig_sim.bus.pose_stream import PoseStream
 from rig_sim.playing.playable import PlayableRig, PlayableRun
 from rig_sim.playing.playback import Block
 from rig_sim.playing.player import Playback, Rig, RigFaultError
-from rig_sim.specimen.watchdogs import Lookout, Trip
+from rig_sim.specimen.watchdogs import Trip, WatchdogMonitor
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5
@@ -33,8 +33,8 @@ def published_samples(rig: PlayableRig) -> int:
     return _BLOCKS_TOGETHER * rig.block_samples
 
 
-class Performance:
-    """Plays drives on one rig; one at a time, which the interlock sees to."""
+class PlaybackSession:
+    """Playbacks of drives on one rig; the interlock admits one at a time."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class Performance:
         interlock: Interlock,
         *,
         responses: Sequence[array_pb2.Channel],
-        tell_state: Callable[[], None],
+        report_state: Callable[[], None],
         spools: SpoolSpace,
         spool_wait_seconds: float,
     ) -> None:
@@ -52,9 +52,9 @@ class Performance:
         self._spool_wait_seconds = spool_wait_seconds
         self._rig = rig
         self._interlock = interlock
-        self._lookout = Lookout(rig.watchdogs, sample_rate=rig.specimen.sample_rate)
+        self._monitor = WatchdogMonitor(rig.watchdogs, sample_rate=rig.specimen.sample_rate)
         self._responses = list(responses)
-        self._tell_state = tell_state
+        self._report_state = report_state
         self._poses = PoseStream(bus, rig.specimen.name, rig.poses) if isinstance(rig, Rig) else None
         self._log = structlog.get_logger("rig_sim").bind(rig=rig.specimen.name)
 
@@ -155,7 +155,7 @@ class Performance:
 
     def _perform(self, run: str, playback: PlayableRun, publish: _Publishing, clock: _Clock, call: Call) -> None:
         self._interlock.enter(rig_pb2.RIG_MODE_PLAYING)
-        self._tell_state()
+        self._report_state()
         samples = playback.response.shape[1]
         began = told = time.monotonic()
         for block in playback.blocks():
@@ -177,7 +177,7 @@ class Performance:
             call.progress("playing", done / samples, remaining_seconds=left, detail=run)
             if now - told >= _STATE_SECONDS:
                 told = now
-                self._tell_state()
+                self._report_state()
 
     def _come_to_rest(self, run: str, playback: PlayableRun, clock: _Clock, call: Call) -> None:
         """Bring the rig back to zero after a drive that ended elsewhere; all of it was played, whatever happens now."""
@@ -185,7 +185,7 @@ class Performance:
             return
         self._interlock.fraction = 1.0
         self._interlock.enter(rig_pb2.RIG_MODE_RAMPING_DOWN)
-        self._tell_state()
+        self._report_state()
         try:
             for block in playback.ramp_down():
                 time.sleep(clock.ahead(block))
@@ -210,7 +210,7 @@ class Performance:
         return ""
 
     def _watch(self, block: Block) -> Trip | None:
-        return self._lookout.first_trip(
+        return self._monitor.first_trip(
             first_sample=block.first_sample,
             response=block.response,
             following_error=block.following_error,
@@ -252,7 +252,7 @@ class Performance:
 
     def _latch(self, reason: str) -> None:
         self._interlock.trip(reason)
-        self._tell_state()
+        self._report_state()
 
     def _show(self, playback: PlayableRun) -> None:
         if self._poses is not None and isinstance(playback, Playback):

@@ -140,7 +140,7 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
                     supplies[name]["supply_pressure"] *= fault.share
             case _:
                 _check_channel(fault, rig=specimen.name, channels=[channel.name for channel in specimen.responses])
-    document["title"] += told_in_a_title(faults)
+    document["title"] += title_suffix(faults)
     try:
         return Specimen.model_validate(document)
     except ValidationError as error:
@@ -164,7 +164,7 @@ def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str])
     return tuple(broken)
 
 
-def told_in_a_title(faults: Sequence[Fault]) -> str:
+def title_suffix(faults: Sequence[Fault]) -> str:
     """Return what the title of a rig says of its faults; nothing where it has none."""
     return f" [FAULTS INJECTED: {'; '.join(fault.sentence for fault in faults)}]" if faults else ""
 
@@ -179,7 +179,7 @@ def _unknown(rig: str, fault: Fault, name: str, known: Sequence[str]) -> Specime
 
 
 class FaultySensors:
-    """Spoils a measured response, block after block; the same bytes however the record is cut into blocks."""
+    """Sensors with faults, applied block by block; the same bytes however the record is cut into blocks."""
 
     def __init__(self, faults: Sequence[Fault], *, channels: Sequence[str], sample_rate: float, seed: int) -> None:
         self._faults = [fault for fault in faults if isinstance(fault, SensorFault)]
@@ -192,7 +192,7 @@ class FaultySensors:
             if isinstance(fault, NoisySensor)
         }
 
-    def spoil(self, first_sample: int, response: np.ndarray) -> np.ndarray:
+    def inject_faults(self, first_sample: int, response: np.ndarray) -> np.ndarray:
         """Return what the broken sensors say.
 
         Parameters
@@ -209,10 +209,10 @@ class FaultySensors:
         """
         if not self._faults:
             return response
-        spoilt = response.copy()
+        faulty = response.copy()
         for index, (fault, row) in enumerate(zip(self._faults, self._rows, strict=True)):
             begin = max(round(fault.start * self._rate) - first_sample, 0)
-            values = spoilt[row, begin:]
+            values = faulty[row, begin:]
             if values.size == 0:
                 continue
             match fault:
@@ -223,4 +223,4 @@ class FaultySensors:
                 case DriftingGain():
                     seconds = (first_sample + begin + np.arange(values.size)) / self._rate - fault.start
                     values *= 1.0 + fault.rate * seconds
-        return spoilt
+        return faulty

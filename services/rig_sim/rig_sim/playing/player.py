@@ -243,7 +243,7 @@ class Playback(DrivePlayback):
         return Block(
             first_sample=first,
             drive=commands[:, :-1],
-            response=self._sensors.spoil(first, measured),
+            response=self._sensors.inject_faults(first, measured),
             following_error=following_error,
             monitored=played.outputs[responses:],
         )

@@ -5,17 +5,17 @@ from rig_sim.specimen.documents import SpecimenError
 from rig_sim.specimen.quantities import Quantity
 from rig_sim.specimen.responses import ResponseChannel
 from rig_sim.specimen.specimen import InputChannel, Specimen, load_specimen, shipped_specimens
-from rig_sim.specimen.watchdogs import Lookout, WatchdogLimits
+from rig_sim.specimen.watchdogs import WatchdogLimits, WatchdogMonitor
 
 __all__ = [
     "Approach",
     "InputChannel",
-    "Lookout",
     "Quantity",
     "ResponseChannel",
     "Specimen",
     "SpecimenError",
     "WatchdogLimits",
+    "WatchdogMonitor",
     "load_specimen",
     "shipped_specimens",
 ]

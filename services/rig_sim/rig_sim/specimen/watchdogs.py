@@ -148,8 +148,8 @@ def set_up_watchdogs(
     return tuple(dogs)
 
 
-class Lookout:
-    """Looks at a playback with all watchdogs of a rig, block by block.
+class WatchdogMonitor:
+    """Monitor of a playback: all watchdogs of a rig, block by block.
 
     Parameters
     ----------

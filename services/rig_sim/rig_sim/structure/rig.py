@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rig_sim.playing.actuator_use import Use
-from rig_sim.playing.faults import Fault, FaultySensors, SensorFault, sensor_faults, told_in_a_title
+from rig_sim.playing.faults import Fault, FaultySensors, SensorFault, sensor_faults, title_suffix
 from rig_sim.playing.playback import BLOCK_SAMPLES, Block, DrivePlayback
 from rig_sim.playing.software import software_hash
 from rig_sim.specimen.documents import document_files
@@ -68,7 +68,7 @@ def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """
     whole = read_specimen(path, StructureSpecimen)
     broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])
-    specimen = whole.model_copy(update={"title": whole.title + told_in_a_title(faults)})
+    specimen = whole.model_copy(update={"title": whole.title + title_suffix(faults)})
     try:
         modes = find_modes(specimen)
         watchdogs = set_up_watchdogs(
@@ -127,7 +127,7 @@ class StructurePlayback(DrivePlayback):
         return Block(
             first_sample=first,
             drive=drive,
-            response=self._sensors.spoil(first, self._measured(commands)),
+            response=self._sensors.inject_faults(first, self._measured(commands)),
             following_error=np.zeros(drive.shape),
             monitored=np.empty((0, drive.shape[1])),
         )

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from rig_sim import SpecimenError, load_any_rig, shipped_specimens
 from rig_sim.playing.faults import Fault
 from rig_sim.specimen.specimen import Specimen, read_specimen
-from rig_sim.specimen.watchdogs import Lookout
+from rig_sim.specimen.watchdogs import WatchdogMonitor
 
 PATH = shipped_specimens()["aerospace"]
 
@@ -37,9 +37,9 @@ def played(rig, given):
 
 
 def tripped(rig, given):
-    lookout = Lookout(rig.watchdogs, sample_rate=512.0)
+    monitor = WatchdogMonitor(rig.watchdogs, sample_rate=512.0)
     return [
-        lookout.first_trip(
+        monitor.first_trip(
             first_sample=block.first_sample,
             response=block.response,
             following_error=block.following_error,
