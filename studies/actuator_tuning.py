@@ -20,11 +20,17 @@ from marked_numbers import write_numbers
 from rig_data_sheet import linearise
 
 from rig_sim import Rig, load_rig, load_specimen, shipped_specimens
-from rig_sim.hydraulics import Accumulator, PowerUnit, Servovalve
-from rig_sim.hydraulics.actuator import DisplacementActuator, HydraulicActuator
-from rig_sim.hydraulics.bench import Bench
-from rig_sim.hydraulics.servovalve import port_flows
-from rig_sim.hydraulics.supply import HydraulicSupply, Supply
+from rig_sim.hydraulics import (
+    Accumulator,
+    Bench,
+    DisplacementActuator,
+    HydraulicActuator,
+    HydraulicSupply,
+    PowerUnit,
+    Servovalve,
+    Supply,
+    port_flows,
+)
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

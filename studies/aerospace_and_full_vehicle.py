@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.structure.rig import StructureRig, load_structure
+from rig_sim.structure import StructureRig, load_structure
 
 mpl.use("Agg")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts" / "specimens"))

@@ -15,7 +15,7 @@ from studied_rigs import AEROSPACE_BLOCK, aerospace
 from study_page import COLOURS, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from identifier import EstimatorKind, ExcitationKind, FrfEstimate
-from rig_sim.structure.rig import StructureRig
+from rig_sim.structure import StructureRig
 
 #: Around the two torsion modes of the wing, where the damping is least.
 ZOOM = (29.5, 35.0)

@@ -18,8 +18,7 @@ from marked_numbers import write_numbers
 
 from rig_sim import Rig, load_rig, shipped_specimens
 from rig_sim.checks import largest_stable_step
-from rig_sim.multibody.dynamics import inertia_in_world
-from rig_sim.multibody.kinematics import move
+from rig_sim.multibody import inertia_in_world, move
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

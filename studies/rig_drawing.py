@@ -22,7 +22,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from scipy.spatial import ConvexHull
 
 from rig_sim import Rig, load_rig, shipped_specimens
-from rig_sim.specimen.specimen import mirrored_name
+from rig_sim.specimen import mirrored_name
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -16,14 +16,10 @@ from duralab_proto.arrays import from_record, to_array
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 from labbus import Bus, Call, ConfigError, FaultError, Metrics, ServiceConfig, SpoolFolder, SpoolFullError, SpoolSpace
-from rig_sim.bus.frf_query import answer_frf
-from rig_sim.bus.interlock import Interlock
-from rig_sim.bus.playback_session import PlaybackSession, published_samples
-from rig_sim.bus.view_messages import describe_view
+from rig_sim.bus import Interlock, PlaybackSession, answer_frf, describe_view, published_samples
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
-from rig_sim.playing import Fault, PlayableRig, PlayableSpecimen, Rig, check_drive
-from rig_sim.playing.drive_check import DriveError
+from rig_sim.playing import DriveError, Fault, PlayableRig, PlayableSpecimen, Rig, check_drive
 from rig_sim.specimen import InputChannel, Quantity, SpecimenError, shipped_specimens
 
 SERVICE = "rig_sim"

@@ -16,6 +16,18 @@ MOST_LINES = 200_000
 def answer_frf(rig: PlayableRig, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
     """Answer the query.
 
+    Parameters
+    ----------
+    rig : PlayableRig
+        The rig that is asked.
+    request : rig_pb2.RigFrfRequest
+        Frequencies in Hz.
+
+    Returns
+    -------
+    rig_pb2.RigFrf
+        FRF at these frequencies, (frequencies, responses, drives).
+
     Raises
     ------
     FaultError

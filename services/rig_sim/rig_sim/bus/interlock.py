@@ -18,7 +18,13 @@ REMEMBERED_RUNS = 10_000
 
 
 class Interlock:
-    """Mode, latch and runs of one rig."""
+    """Mode, latch and runs of one rig.
+
+    Parameters
+    ----------
+    rig : str
+        Name of the rig.
+    """
 
     def __init__(self, rig: str) -> None:
         self._rig = rig

@@ -29,12 +29,41 @@ _ROOM_POLL_SECONDS = 0.01
 
 
 def published_samples(rig: PlayableRig) -> int:
-    """Return how many samples a full block of the signal stream has; paced in real time it is published in parts."""
+    """Return how many samples a full block of the signal stream has; paced in real time it is published in parts.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+        Whose signal stream it is.
+
+    Returns
+    -------
+    int
+        Samples of a block.
+    """
     return _BLOCKS_TOGETHER * rig.block_samples
 
 
 class PlaybackSession:
-    """Playbacks of drives on one rig; the interlock admits one at a time."""
+    """Playbacks of drives on one rig; the interlock admits one at a time.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where signal blocks and poses are published.
+    rig : PlayableRig
+        The rig that plays.
+    interlock : Interlock
+        Its latch.
+    responses : sequence of array_pb2.Channel
+        Response channels of a result, in order.
+    report_state : callable
+        Publishes the state of the rig.
+    spools : SpoolSpace
+        Where signal blocks are kept until the recorder has stored them.
+    spool_wait_seconds : float
+        How long a simulation waits for room in the spool, in s.
+    """
 
     def __init__(
         self,

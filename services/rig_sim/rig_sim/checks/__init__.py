@@ -2,12 +2,13 @@
 
 from rig_sim.checks.equilibrium import NoEquilibriumError, find_equilibrium
 from rig_sim.checks.linearisation import linearise
-from rig_sim.checks.proof import ProofError
+from rig_sim.checks.proof import Proof, ProofError, prove
 from rig_sim.checks.stability import UnstableError, check_stability
 from rig_sim.checks.step_check import StepError, check_step, largest_stable_step
 
 __all__ = [
     "NoEquilibriumError",
+    "Proof",
     "ProofError",
     "StepError",
     "UnstableError",
@@ -16,4 +17,5 @@ __all__ = [
     "find_equilibrium",
     "largest_stable_step",
     "linearise",
+    "prove",
 ]

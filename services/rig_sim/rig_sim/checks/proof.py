@@ -35,13 +35,23 @@ class ProofError(RuntimeError):
 
 @dataclass(frozen=True)
 class Proof:
-    """Largest differences over all random states, relative to the largest value of each kind at its state."""
+    """Largest differences over all random states, relative to the largest value of each kind at its state.
+
+    Parameters
+    ----------
+    position_rate_error, acceleration_error : float
+        Of the rates of the positions, and of the accelerations of the freedoms.
+    force_error : float
+        Of the responses, each kind by itself.
+    element_rate_error : float
+        Of the rates of the elements' own states, against plain numpy.
+    states : int
+        Number of random states.
+    """
 
     position_rate_error: float
     acceleration_error: float
-    #: Of the responses, each kind by itself.
     force_error: float
-    #: Of the elements' own states, against plain numpy.
     element_rate_error: float
     states: int
 
@@ -57,6 +67,17 @@ class DrakeAnswers:
 
 def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
     """Compare the compiled player with Drake at random states around the design position.
+
+    Parameters
+    ----------
+    model : RigModel
+        The equations, evaluated with floats for the elements' own states.
+    compiled : CompiledModel
+        The same equations as machine code.
+    plant : MultibodyPlant
+        Drake's, finalised.
+    seed : int
+        Of the random states.
 
     Returns
     -------

@@ -1,13 +1,17 @@
-"""Force elements that SDF has no word for: struts, rubber with friction, anti-roll bars, tyres; laws and equations."""
+"""Force elements that SDF has no word for: struts, rubber with friction, anti-roll bars and tyres, with their laws."""
 
-from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
-from rig_sim.elements.rubber import RubberLaw
-from rig_sim.elements.strut import StrutLaw
-from rig_sim.elements.tyre import TyreLaw
+from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw
+from rig_sim.elements.rubber import Rubber, RubberLaw
+from rig_sim.elements.strut import Strut, StrutLaw
+from rig_sim.elements.tyre import Tyre, TyreLaw
 
 __all__ = [
+    "AntiRollBar",
     "AntiRollBarLaw",
+    "Rubber",
     "RubberLaw",
+    "Strut",
     "StrutLaw",
+    "Tyre",
     "TyreLaw",
 ]

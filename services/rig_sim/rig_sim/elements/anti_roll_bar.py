@@ -112,7 +112,25 @@ class Lever:
 
 @dataclass(frozen=True)
 class AntiRollBar:
-    """An anti-roll bar on a body, with a lever at the left and one at the right."""
+    """An anti-roll bar on a body, with a lever at the left and one at the right.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig.
+    body : int
+        Index of the body that the bar turns on.
+    levers : (Lever, Lever)
+        The left one and the right one.
+    law : AntiRollBarLaw
+        Parameters.
+    settles : bool
+        Whether the own states have one value at rest.
+    initial_state : tuple of float
+        Own states at design position and rest.
+    inputs : tuple of Input
+        Drives that the element takes.
+    """
 
     name: str
     body: int

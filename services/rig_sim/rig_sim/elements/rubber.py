@@ -41,7 +41,29 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rubber:
-    """Rubber between frame A on one body and the origin of frame C on another, along an axis of A."""
+    """Rubber between frame A on one body and the origin of frame C on another, along an axis of A.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig.
+    body_a, body_c : int
+        Index of the body of frame A, and of that of frame C.
+    frame_a : Pose
+        Frame A in its body.
+    point_c : ndarray, (3,)
+        Origin of frame C in its body, in m.
+    axis : ndarray, (3,)
+        Unit vector in frame A.
+    law : RubberLaw
+        Parameters.
+    settles : bool
+        Whether the own states have one value at rest.
+    initial_state : tuple of float
+        Own states at design position and rest.
+    inputs : tuple of Input
+        Drives that the element takes.
+    """
 
     name: str
     body_a: int

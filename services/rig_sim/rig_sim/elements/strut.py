@@ -55,7 +55,27 @@ def strut_force(law: StrutLaw, compression: Any, speed: Any) -> Any:
 
 @dataclass(frozen=True)
 class Strut:
-    """A strut between a point on body a and a point on body b, both in their body's frame, in metres."""
+    """A strut between a point on body a and a point on body b, both in their body's frame, in metres.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig.
+    body_a, body_b : int
+        Index of each end's body.
+    point_a, point_b : ndarray, (3,)
+        The ends in their body's frame, in m.
+    design_length : float
+        Length at design position, in m.
+    law : StrutLaw
+        Parameters.
+    settles : bool
+        Whether the own states have one value at rest.
+    initial_state : tuple of float
+        Own states at design position and rest.
+    inputs : tuple of Input
+        Drives that the element takes.
+    """
 
     name: str
     body_a: int

@@ -44,6 +44,21 @@ class Tyre:
     Inputs: height of the effective road under the wheel [m], its slope [1], positive uphill, its camber [1], positive
     when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force keeps whatever value
     it has, as a standing tyre does.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig.
+    wheel : int
+        Index of the wheel's body.
+    law : TyreLaw
+        Parameters.
+    inputs : (Input, Input, Input, Input)
+        Drives of height, slope, camber and speed.
+    settles : bool
+        Whether the own states have one value at rest.
+    initial_state : tuple of float
+        Side force at rest, in kN.
     """
 
     name: str
@@ -52,7 +67,6 @@ class Tyre:
     inputs: tuple[Input, ...]
 
     settles: bool = False
-    #: Side force in kilonewtons.
     initial_state: tuple[float, ...] = (0.0,)
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:

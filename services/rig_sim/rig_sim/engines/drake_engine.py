@@ -32,16 +32,23 @@ class DrakeEngine:
 
     Every sample begins anew from state and drive, without the memory of an integrator: the same samples give the same
     bytes, however a record is cut.
+
+    Parameters
+    ----------
+    model : RigModel
+        The equations; the elements of the YAML are taken from them.
+    plant : MultibodyPlant
+        Finalised; belongs to the engine from now on.
+    choice : EngineChoice
+        Accuracy or fixed step.
+
+    Raises
+    ------
+    ValueError
+        If the fixed step is longer than a sample.
     """
 
     def __init__(self, model: RigModel, plant: MultibodyPlant, choice: EngineChoice) -> None:
-        """Build the diagram around a finalised plant, which belongs to it from now on.
-
-        Raises
-        ------
-        ValueError
-            Where the fixed step is longer than a sample.
-        """
         interval = 1.0 / model.assembly.specimen.sample_rate
         if choice.fixed_step is not None and choice.fixed_step > interval:
             raise ValueError(

@@ -1,10 +1,21 @@
 """Servo-hydraulic actuators: servovalve, cylinder, supply and the control loop in front of them."""
 
-from rig_sim.hydraulics.servovalve import Servovalve
-from rig_sim.hydraulics.supply import Accumulator, PowerUnit
+from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator
+from rig_sim.hydraulics.bench import Bench
+from rig_sim.hydraulics.cylinder import Cylinder
+from rig_sim.hydraulics.servovalve import Servovalve, port_flows
+from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
 
 __all__ = [
     "Accumulator",
+    "Bench",
+    "Cylinder",
+    "DisplacementActuator",
+    "ForceActuator",
+    "HydraulicActuator",
+    "HydraulicSupply",
     "PowerUnit",
     "Servovalve",
+    "Supply",
+    "port_flows",
 ]

@@ -62,6 +62,25 @@ class HydraulicActuator(ABC):
     States: spool position and scaled velocity, what the pilot stage asks for (where the valve has one), chamber
     pressures A and B in MPa, low-passed load pressure in MPa, the integral of the error, and the filtered command with
     its scaled rate (where the loop feeds it forward).
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig; the drive has the same name.
+    joint_position, joint_velocity : int
+        Index of the piston's joint among the states.
+    valve : Servovalve
+        Parameters of the valve.
+    cylinder : Cylinder
+        Parameters of the cylinder.
+    loop : Loop
+        Parameters of the control loop.
+    supply : str
+        Name of the supply that feeds it.
+    middle_pressure : float
+        Half-way pressure in Pa, from which the search for rest begins.
+    settles : bool
+        Whether the own states have one value at rest.
     """
 
     name: str
@@ -70,7 +89,6 @@ class HydraulicActuator(ABC):
     valve: Servovalve
     cylinder: Cylinder
     loop: Loop
-    #: The supply's name, and the half-way pressure in Pa from which the search for rest begins.
     supply: str
     middle_pressure: float
 
@@ -146,7 +164,13 @@ class HydraulicActuator(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class DisplacementActuator(HydraulicActuator):
-    """An actuator whose input is the wanted stroke in metres."""
+    """An actuator whose input is the wanted stroke in metres.
+
+    Parameters
+    ----------
+    loop : DisplacementLoop
+        The control loop; all others as of `HydraulicActuator`.
+    """
 
     loop: DisplacementLoop
 
@@ -167,10 +191,17 @@ class DisplacementActuator(HydraulicActuator):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceActuator(HydraulicActuator):
-    """An actuator whose input is the wanted force on the specimen in newtons, positive along a positive stroke."""
+    """An actuator whose input is the wanted force on the specimen in newtons, positive along a positive stroke.
+
+    Parameters
+    ----------
+    loop : ForceLoop
+        The control loop; all others as of `HydraulicActuator`.
+    load_cell : LoadCell or None
+        Where the loop's feedback is a load cell.
+    """
 
     loop: ForceLoop
-    #: Where the loop's feedback is a load cell.
     load_cell: LoadCell | None = None
 
     @property

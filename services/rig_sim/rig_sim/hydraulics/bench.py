@@ -20,7 +20,21 @@ from rig_sim.multibody.kinematics import Motion
 
 @dataclass(frozen=True)
 class Bench:
-    """An actuator on joint 0 against a body: mass in kg, spring in N/m, damper in N*s/m."""
+    """An actuator on joint 0 against a body: mass in kg, spring in N/m, damper in N*s/m.
+
+    Parameters
+    ----------
+    actuator : HydraulicActuator
+        On joint 0.
+    supply : HydraulicSupply
+        Feeds it.
+    mass : float
+        In kg.
+    stiffness : float
+        In N/m.
+    damping : float
+        In N*s/m.
+    """
 
     actuator: HydraulicActuator
     supply: HydraulicSupply

@@ -81,6 +81,8 @@ def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supp
 
     Parameters
     ----------
+    valve : Servovalve
+        Parameters of the valve.
     opening : the spool's travel as a share of full stroke, -1 to 1; positive connects the supply with chamber A
     pressures : pressures of chambers A and B, in Pa
     supply, back : supply and return pressure, in Pa

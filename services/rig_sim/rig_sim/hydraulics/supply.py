@@ -50,7 +50,13 @@ class PowerUnit:
 
 @parameters(config=STRICT)
 class Supply:
-    """Pressures of the hydraulic power unit, in Pa; constant, unless a `unit` makes the supply's pressure."""
+    """Pressures of the hydraulic power unit, in Pa; constant, unless a `unit` makes the supply's pressure.
+
+    Raises
+    ------
+    ValueError
+        If the pressures of return, precharge, supply and relief are not in this order.
+    """
 
     supply_pressure: Positive
     return_pressure: NotNegative
@@ -100,6 +106,17 @@ class HydraulicSupply:
 
     States, where it has a power unit: the natural logarithm of the pressure over the precharge (the polytropic law is
     then an exponential), and the pump's flow as a share of its most.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig.
+    law : Supply
+        Pressures and, where it has one, the power unit.
+    settles : bool
+        Whether the own states have one value at rest.
+    inputs : tuple of Input
+        Drives that the element takes: none.
     """
 
     name: str

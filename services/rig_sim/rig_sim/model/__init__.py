@@ -1,7 +1,12 @@
 """The equations of a rig: the specimen's parts and sensors on the tree of the SDF, as one function to trace."""
 
+from rig_sim.model.assembly import Assembly, assemble
 from rig_sim.model.measurement import Sensor
+from rig_sim.model.rig_model import RigModel
 
 __all__ = [
+    "Assembly",
+    "RigModel",
     "Sensor",
+    "assemble",
 ]

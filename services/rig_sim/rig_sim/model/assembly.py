@@ -34,17 +34,40 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Assembly:
-    """A tree with everything mounted on it."""
+    """A tree with everything mounted on it.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        Whose parts are mounted.
+    tree : MultibodyTree
+        What they are mounted on.
+    elements : tuple of Element
+        Supplies come last: they see what all actuators have drawn.
+    transducers : tuple of Sensor
+        One per response, in order.
+    """
 
     specimen: Specimen
     tree: MultibodyTree
     elements: tuple[Element, ...]
-    #: One per response, in order.
     transducers: tuple[Sensor, ...]
 
 
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
     """Mount the parts of a specimen.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        Whose parts to mount.
+    tree : MultibodyTree
+        Bodies, joints and frames of its SDF.
+
+    Returns
+    -------
+    Assembly
+        With one element per part, a mirrored part giving two.
 
     Raises
     ------

@@ -35,6 +35,11 @@ class RigModel:
     """State layout and equations of an assembled rig.
 
     The state is Drake's positions and velocities, then the states of each element in the order of the assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The tree with its elements and sensors.
     """
 
     def __init__(self, assembly: Assembly) -> None:

@@ -41,6 +41,16 @@ _KINDS = {
 def load_plant(sdf: Path) -> MultibodyPlant:
     """Parse an SDF or a URDF into a finalised continuous plant; what Drake would only warn of is an error.
 
+    Parameters
+    ----------
+    sdf : Path
+        The SDF or URDF.
+
+    Returns
+    -------
+    MultibodyPlant
+        Finalised, continuous.
+
     Raises
     ------
     ValueError
@@ -65,6 +75,16 @@ def load_plant(sdf: Path) -> MultibodyPlant:
 
 def read_tree(plant: MultibodyPlant) -> MultibodyTree:
     """Copy bodies, joints, springs, bushings and gravity out of a finalised plant.
+
+    Parameters
+    ----------
+    plant : MultibodyPlant
+        Finalised.
+
+    Returns
+    -------
+    MultibodyTree
+        The same bodies, in Drake's order.
 
     Raises
     ------

@@ -38,7 +38,20 @@ class Inertia:
 
 
 def inertia_in_world(body: Body, pose: Pose) -> Inertia:
-    """Carry a body's inertia from its own frame to the world's origin."""
+    """Carry a body's inertia from its own frame to the world's origin.
+
+    Parameters
+    ----------
+    body : Body
+        Whose inertia to carry.
+    pose : Pose
+        Of the body in the world.
+
+    Returns
+    -------
+    Inertia
+        About the world's origin in world axes.
+    """
     rotation, origin = pose.rotation, pose.origin
     own_moment = rotation @ (body.mass * body.centre)
     first = own_moment + origin * body.mass
@@ -93,6 +106,10 @@ def accelerate(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial], joi
 
     Parameters
     ----------
+    tree : MultibodyTree
+        The bodies and joints.
+    motion : Motion
+        Of the tree, from `move`.
     wrenches : one per body
         Sum of the external wrenches on the body about the world's origin, in N*m and N, without gravity.
     joint_forces : (n_v,) generic scalars

@@ -20,15 +20,23 @@ class Line:
 
 @dataclass
 class Effect:
-    """Sum of what the elements do; elements add to it."""
+    """Sum of what the elements do; elements add to it.
 
-    #: Wrench on each body about the world's origin, in N*m and N.
+    Parameters
+    ----------
+    wrenches : list of Spatial
+        Wrench on each body about the world's origin, in N*m and N.
+    joint_forces : list
+        Generalised force on each freedom, in N or N*m.
+    monitored : dict
+        Named values beside the responses, e.g. a valve's opening.
+    lines : dict of str to Line
+        Hydraulic supplies by name, offered before any element is applied; elements add what they draw.
+    """
+
     wrenches: list[Spatial]
-    #: Generalised force on each freedom, in N or N*m.
     joint_forces: list[Any]
-    #: Named values an engineer may want to see besides the responses, e.g. a valve's opening.
     monitored: dict[str, Any] = field(default_factory=dict)
-    #: Hydraulic supplies by name. They are offered before any element is applied; elements add what they draw.
     lines: dict[str, Line] = field(default_factory=dict)
 
     def between(self, body_a: int, body_b: int, wrench: Spatial) -> None:
@@ -39,7 +47,15 @@ class Effect:
 
 @dataclass(frozen=True)
 class Input:
-    """One input of an element: the drive channel it is, and that channel's unit."""
+    """One input of an element: the drive channel it is, and that channel's unit.
+
+    Parameters
+    ----------
+    name : str
+        Name of the drive channel.
+    unit : str
+        Unit of that channel.
+    """
 
     name: str
     unit: str

@@ -24,19 +24,29 @@ _WORLD = Pose(np.eye(3), np.zeros(3))
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the bodies are and how they move."""
+    """Where the bodies are and how they move.
 
-    #: Pose of each body in the world.
+    Parameters
+    ----------
+    poses : list of Pose
+        Pose of each body in the world.
+    velocities : list of Spatial
+        Velocity of each body.
+    axes : list of list of Spatial
+        Of each joint: one spatial velocity per freedom.
+    bias_accelerations : list of Spatial
+        Acceleration of each child without any joint acceleration.
+    position_rates : list of (n,) generic scalars
+        Of each joint's positions.
+    joint_positions, joint_velocities : (n_q,), (n_v,) generic scalars
+        As given.
+    """
+
     poses: list[Pose]
-    #: Spatial velocity of each body.
     velocities: list[Spatial]
-    #: Axes of each joint: one spatial velocity per freedom.
     axes: list[list[Spatial]]
-    #: Part of each child's acceleration that is there without any joint acceleration.
     bias_accelerations: list[Spatial]
-    #: Rates of the positions.
     position_rates: list[Array]
-    #: The positions and velocities themselves, as given.
     joint_positions: Array
     joint_velocities: Array
 
@@ -51,6 +61,8 @@ def move(tree: MultibodyTree, positions: Array, velocities: Array) -> Motion:
 
     Parameters
     ----------
+    tree : MultibodyTree
+        The bodies and joints.
     positions : (n_q,) generic scalars
         Drake's positions, in m, rad or quaternion elements.
     velocities : (n_v,) generic scalars

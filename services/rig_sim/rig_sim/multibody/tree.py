@@ -32,7 +32,15 @@ def velocity_count(kind: JointKind) -> int:
 
 @dataclass(frozen=True)
 class Pose:
-    """A frame in another frame: rotation (3, 3) and origin (3,) in metres."""
+    """A frame in another frame: rotation (3, 3) and origin (3,) in metres.
+
+    Parameters
+    ----------
+    rotation : ndarray, (3, 3)
+        Axes of the frame as columns.
+    origin : ndarray, (3,)
+        In m.
+    """
 
     rotation: np.ndarray
     origin: np.ndarray
@@ -107,7 +115,27 @@ class Bushing:
 
 @dataclass(frozen=True)
 class MultibodyTree:
-    """Bodies (the world is body 0), joints from the world outward, force elements, gravity in m/s^2, default pose."""
+    """Bodies (the world is body 0), joints from the world outward, force elements, gravity in m/s^2, default pose.
+
+    Parameters
+    ----------
+    bodies : tuple of Body
+        The world first.
+    joints : tuple of Joint
+        Every parent is reached before its children.
+    springs : tuple of SpringDamper
+        Linear springs and dampers of the SDF.
+    bushings : tuple of Bushing
+        Bushings of the SDF.
+    gravity : ndarray, (3,)
+        In m/s^2.
+    default_positions : ndarray, (n_q,)
+        Positions of the design position.
+    velocity_count : int
+        n_v, the number of freedoms.
+    frames : dict of str to (int, Pose)
+        Named frames: index of the body and pose in it.
+    """
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
@@ -116,7 +144,6 @@ class MultibodyTree:
     gravity: np.ndarray
     default_positions: np.ndarray
     velocity_count: int
-    #: Named frames: body and pose in the body.
     frames: dict[str, tuple[int, Pose]]
 
     def body_index(self, name: str) -> int:

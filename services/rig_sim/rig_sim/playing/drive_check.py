@@ -11,6 +11,11 @@ from rig_sim.specimen.specimen import InputChannel
 class DriveError(ValueError):
     """A drive that must not be played, in one sentence.
 
+    Parameters
+    ----------
+    message : str
+        What is wrong, in one sentence.
+
     Attributes
     ----------
     field : str

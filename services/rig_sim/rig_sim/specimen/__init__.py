@@ -1,11 +1,18 @@
 """What a specimen's YAML may hold, the limits and ramps in it, and the specimens that ship with the project."""
 
 from rig_sim.specimen.approach import Approach
-from rig_sim.specimen.documents import SpecimenError
+from rig_sim.specimen.documents import SpecimenError, document_files, read_document
 from rig_sim.specimen.quantities import Quantity
 from rig_sim.specimen.responses import ResponseChannel
-from rig_sim.specimen.specimen import InputChannel, Specimen, load_specimen, shipped_specimens
-from rig_sim.specimen.watchdogs import WatchdogLimits, WatchdogMonitor
+from rig_sim.specimen.specimen import (
+    InputChannel,
+    Specimen,
+    load_specimen,
+    mirrored_name,
+    read_specimen,
+    shipped_specimens,
+)
+from rig_sim.specimen.watchdogs import Trip, Watchdog, WatchdogLimits, WatchdogMonitor
 
 __all__ = [
     "Approach",
@@ -14,8 +21,14 @@ __all__ = [
     "ResponseChannel",
     "Specimen",
     "SpecimenError",
+    "Trip",
+    "Watchdog",
     "WatchdogLimits",
     "WatchdogMonitor",
+    "document_files",
     "load_specimen",
+    "mirrored_name",
+    "read_document",
+    "read_specimen",
     "shipped_specimens",
 ]

@@ -21,6 +21,16 @@ def read_document(path: Path) -> Any:
 
     What a variant says is added to the other's lists and mappings, and takes the place of its single values.
 
+    Parameters
+    ----------
+    path : Path
+        The YAML.
+
+    Returns
+    -------
+    Any
+        What it says, not checked.
+
     Raises
     ------
     SpecimenError
@@ -39,7 +49,18 @@ def read_document(path: Path) -> Any:
 
 
 def document_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that a document is made of: its own, and the one it is a variant of."""
+    """Return the files that a document is made of: its own, and the one it is a variant of.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML.
+
+    Returns
+    -------
+    tuple of Path
+        One file or two.
+    """
     base = _base(path, _read(path))
     return (path,) if base is None else (path, base)
 

@@ -56,7 +56,21 @@ class WatchdogLimits(BaseModel):
 
 @dataclass(frozen=True)
 class Watchdog:
-    """One limit: which row of its source, and where its values have to stay."""
+    """One limit: which row of its source, and where its values have to stay.
+
+    Parameters
+    ----------
+    source : Source
+        What it looks at.
+    name : str
+        Name of the channel or monitored value.
+    row : int
+        Row of its source.
+    unit : str
+        Unit of the limits; empty for a monitored value.
+    minimum, maximum : float
+        Range in which the values have to stay.
+    """
 
     source: Source
     name: str
@@ -68,7 +82,19 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Trip:
-    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s."""
+    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s.
+
+    Parameters
+    ----------
+    watchdog : Watchdog
+        The one that tripped.
+    value : float
+        The first value outside, in the watchdog's unit.
+    limit : float
+        The limit that it passed.
+    seconds : float
+        Time within the run, in s; negative before the drive's first sample.
+    """
 
     watchdog: Watchdog
     value: float

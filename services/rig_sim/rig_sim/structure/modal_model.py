@@ -20,7 +20,19 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class SampledModel:
-    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn."""
+    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn.
+
+    Parameters
+    ----------
+    a : ndarray, (states, states)
+        Transition over a sample.
+    b0, b1 : ndarray, (states, drives)
+        Effect of the drives at the sample's start, and at its end.
+    c : ndarray, (responses, states)
+        Responses to the states.
+    d : ndarray, (responses, drives)
+        Direct responses to the drives.
+    """
 
     a: np.ndarray
     b0: np.ndarray

@@ -23,15 +23,29 @@ from rig_sim.structure.specimen import StructureSpecimen
 
 @dataclass(frozen=True)
 class StructureRig:
-    """A structure ready to play."""
+    """A structure ready to play.
+
+    Parameters
+    ----------
+    specimen : StructureSpecimen
+        As its YAML says.
+    modes : ModalModel
+        Modes of the structure.
+    sampled : SampledModel
+        What plays.
+    content_hash : str
+        SHA-256 of everything that decides what the rig answers to a drive.
+    watchdogs : tuple of Watchdog
+        What stops a playback.
+    faults : tuple of SensorFault
+        Injected for tests and rehearsals.
+    """
 
     specimen: StructureSpecimen
     modes: ModalModel
     sampled: SampledModel
-    #: SHA-256 of everything that decides what the rig answers to a drive.
     content_hash: str
     watchdogs: tuple[Watchdog, ...] = ()
-    #: Injected for tests and rehearsals.
     faults: tuple[SensorFault, ...] = ()
 
     @property
@@ -60,6 +74,18 @@ class StructureRig:
 
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """Load a structure from its YAML, with faults of its sensors.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML.
+    faults : sequence of Fault
+        Of sensors, injected for tests and rehearsals.
+
+    Returns
+    -------
+    StructureRig
+        At rest.
 
     Raises
     ------

@@ -99,7 +99,15 @@ class Link:
 
 @dataclass(frozen=True)
 class ViewGeometry:
-    """Everything that is drawn of a rig."""
+    """Everything that is drawn of a rig.
+
+    Parameters
+    ----------
+    shapes : tuple of Shape
+        Solids on the bodies.
+    links : tuple of Link
+        Lines between bodies.
+    """
 
     shapes: tuple[Shape, ...]
     links: tuple[Link, ...]

@@ -14,7 +14,13 @@ _NUMBERS = 12
 
 
 class Poses:
-    """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world."""
+    """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world.
+
+    Parameters
+    ----------
+    tree : MultibodyTree
+        Whose bodies are shown.
+    """
 
     def __init__(self, tree: MultibodyTree) -> None:
         self.bodies = tuple(body.name for body in tree.bodies[1:])
