@@ -67,7 +67,7 @@ class RecorderService:
     def attach(self, bus: Bus) -> None:
         """Serve the recorder's keys and follow the streams."""
         keys = bus.keys
-        self._register_figures(bus.metrics)
+        self._register_metrics(bus.metrics)
         self._marking = {
             rig_pb2.SignalBlock: bus.subscribe(
                 keys.rig_signal(ANY, ANY), rig_pb2.SignalBlock, self._taking(self._take_block), repair=True
@@ -90,8 +90,8 @@ class RecorderService:
         bus.serve(keys.recording_signals(ANY), recorder_pb2.SignalWindowRequest, _granting(self.signals))
         bus.serve(keys.recording_verify(ANY), recorder_pb2.VerifyRecordingRequest, _granting(self.verify))
 
-    def _register_figures(self, figures: Metrics) -> None:
-        """Register the recorder's figures; all of them may be read on any thread."""
+    def _register_metrics(self, metrics: Metrics) -> None:
+        """Register the recorder's metrics; all of them may be read on any thread."""
         readings: tuple[tuple[str, str, Callable[[], float]], ...] = (
             ("waiting_jobs", "What waits for the writer's thread", lambda: self._writer.waiting),
             ("intake_bytes", "What was received and is not on the disk yet", lambda: self._intake.bytes),
@@ -101,8 +101,8 @@ class RecorderService:
             ("free_bytes", "Room on the disk of the recordings", lambda: shutil.disk_usage(self._folder).free),
         )
         for name, what, read in readings:
-            figures.follow(f"duralab_recorder_{name}", what, lambda read=read: {_NO_LABELS: float(read())})
-        figures.follow(
+            metrics.follow(f"duralab_recorder_{name}", what, lambda read=read: {_NO_LABELS: float(read())})
+        metrics.follow(
             "duralab_recorder_missing_blocks_total",
             "Signal blocks that no recording got",
             lambda: {_NO_LABELS: float(self._missing_blocks)},
