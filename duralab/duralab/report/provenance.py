@@ -78,7 +78,7 @@ def target_step_rows(specification: iterator_pb2.CampaignSpec) -> list[TargetSte
         TargetStepRow(
             number=number,
             name=record.name.replace("_", " "),
-            settings=record.settings,
+            settings="–" if record.settings == "{}" else record.settings,
             before=f"{record.seconds_before:g} s, {record.sample_rate_before:g} Hz",
             after=f"{record.seconds_after:g} s, {record.sample_rate_after:g} Hz",
             finding="see the table below" if record.name == READ_FILE else record.finding,

@@ -212,7 +212,7 @@ def test_a_static_part_and_a_drift_that_are_not_reproduced_are_told_with_their_s
     remarks = plan_campaign(spec, description(), experiment_plan(spec)).remarks
     assert [remark for remark in remarks if "static" in remark] == [
         "The static part of the target is not reproduced, the rig keeps what it carries at rest; it differs by "
-        "-3.1e+03 N in left_vertical, +480 N in right_vertical."
+        "-3100 N in left_vertical, +480 N in right_vertical."
     ]
     with_target(spec, lambda t: t - 500.0 + np.array([[3600.0], [20.0]]) + np.linspace([0, -150.0], [0, 150.0], 8000).T)
     (drift,) = (r for r in plan_campaign(spec, description(), experiment_plan(spec)).remarks if "static" in r)

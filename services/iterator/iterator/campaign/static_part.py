@@ -59,8 +59,10 @@ def static_remarks(
         (drift, "The static part of the target drifts from start to end, which is not reproduced; it drifts by"),
     ):
         reported = np.flatnonzero((dynamic > 0.0) & (np.abs(values) > _REPORTED_SHARE * dynamic))
+        # Three digits, without an exponent: -3100, not -3.1e+03.
         parts = (
-            f"{values[i]:+.3g} {description.responses[i].unit} in {description.responses[i].name}" for i in reported
+            f"{float(f'{values[i]:.3g}'):+g} {description.responses[i].unit} in {description.responses[i].name}"
+            for i in reported
         )
         if reported.size:
             remarks.append(f"{beginning} {', '.join(parts)}.")
