@@ -94,7 +94,7 @@ class RigMetrics:
 
     Parameters
     ----------
-    figures : Metrics
+    metrics : Metrics
         Of the process.
     rig : str
         Its name.
@@ -102,13 +102,13 @@ class RigMetrics:
         Returns its state now.
     """
 
-    def __init__(self, figures: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
+    def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
         self._rig = rig
         self._factor: dict[tuple[str, ...], float] = {}
-        self._playbacks = figures.count(
+        self._playbacks = metrics.count(
             "duralab_rig_playbacks_total", "Playbacks that ended, by rig and code", labels=("rig", "code")
         )
-        self._seconds = figures.count(
+        self._seconds = metrics.count(
             "duralab_rig_played_seconds_total", "Length of the drives played to their end", labels=_RIG
         )
         readings: tuple[tuple[str, str, Callable[[rig_pb2.RigState], float]], ...] = (
@@ -117,8 +117,8 @@ class RigMetrics:
             ("run_fraction", "Share of the run that is played", lambda now: now.fraction),
         )
         for name, what, read in readings:
-            figures.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
-        figures.follow(
+            metrics.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
+        metrics.follow(
             "duralab_rig_real_time_factor", "Seconds of drive a second, of the last playback", self._read, labels=_RIG
         )
 
