@@ -1,3 +1,4 @@
+import threading
 import time
 
 import numpy as np
@@ -76,6 +77,23 @@ def test_nothing_follows_the_final_status():
     assert [event.activity for event in published] == ["done"]
     assert status.snapshot().fraction == 1.0
     assert status.wait_ended(0.0)
+
+
+def test_a_campaign_has_ended_for_a_reader_of_its_final_status():
+    # Who reads the status while it is published, and asks for a resume, must not be told that the campaign runs.
+    seen = []
+
+    def publish(event):
+        reader = threading.Thread(target=lambda: seen.append(status.ended))
+        reader.start()
+        readers.append(reader)
+        reader.join(0.05)
+
+    readers, status = [], StatusBoard("try", publish=publish)
+    status.end(status.final_status(iterator_pb2.CAMPAIGN_PHASE_FINISHED, "done"))
+    for reader in readers:
+        reader.join()
+    assert seen == [True]
 
 
 def test_a_phase_that_goes_on_is_not_an_end():

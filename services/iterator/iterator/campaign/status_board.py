@@ -72,7 +72,9 @@ class StatusBoard:
     @property
     def ended(self) -> bool:
         """Whether the phase is final."""
-        return self._ended.is_set()
+        # Under the lock: the final status is published before it is set, and its reader may ask for a resume at once.
+        with self._lock:
+            return self._ended.is_set()
 
     def wait_ended(self, timeout_seconds: float) -> bool:
         """Wait for the final phase; return whether it is reached."""
