@@ -127,7 +127,7 @@ def bad_ends(tmp_path_factory: pytest.TempPathFactory, short_document: dict[str,
 def test_a_stopped_campaign_of_a_lab_without_a_place_stays_where_it_was_written(bad_ends, tmp_path: Path) -> None:
     sentence, _ = bad_ends["stopped"]
     holds_playbacks(named_in(sentence), at_least=1, report=tmp_path / "report.html")
-    assert f"`duralab resume {named_in(sentence)}` goes on with it." in sentence
+    assert f"`duralab resume {named_in(sentence)}` continues it." in sentence
 
 
 @pytest.mark.parametrize("kind", ["faulted", "given a folder", "given it again"])

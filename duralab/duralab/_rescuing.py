@@ -80,7 +80,7 @@ class Rescue:
                 path, _ = fetch_files(self.ask.bus, information, folder=self.folder)
                 self.place.fetched(self.id)
                 further = (
-                    f" The lab keeps it, too: {self._resume} goes on with it." if played and self.place.goes_on else ""
+                    f" The lab keeps it, too: {self._resume} continues it." if played and self.place.goes_on else ""
                 )
                 return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         except KeyboardInterrupt as again:
@@ -95,10 +95,10 @@ class Rescue:
 
     def _where_it_lies(self, *, played: bool) -> str:
         if (path := self.place.file(self.id)) is not None:
-            further = f" `duralab resume {shlex.quote(str(path))}` goes on with it." if played else ""
+            further = f" `duralab resume {shlex.quote(str(path))}` continues it." if played else ""
             return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         if self.place.goes_on:
-            further = f"; {self._resume} goes on with it" if played else ""
+            further = f"; {self._resume} continues it" if played else ""
             return f"{_PLAYED} stays with the recorder of the lab as {self.id!r}{further}."
         return ""
 

@@ -46,7 +46,7 @@ def recording_file(given: str | Path) -> Path | None:
 
 
 def expected_id(recording: Recording, *, is_changed: bool) -> str:
-    """Return the name of the campaign that goes on with a recording in a lab that holds no other.
+    """Return the name of the campaign that continues a recording in a lab that holds no other.
 
     Parameters
     ----------
