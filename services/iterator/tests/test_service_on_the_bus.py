@@ -120,8 +120,8 @@ def test_a_campaign_stores_every_step_and_converges(lab):
 def test_a_stopped_campaign_leaves_the_rig_at_rest_and_the_recording_closed(lab):
     with events_of(lab, "halted") as (events, ended):
         lab.start(specification("halted", rig="slow"))
-        lab.wait("halted", lambda status: status.activity.startswith("playing iteration 1"))
-        time.sleep(1.3)
+        # The identification is the first quarter: the first playback has begun to count.
+        lab.wait("halted", lambda status: status.fraction > 0.25)
         with pytest.raises(FaultError, match="in use by campaign 'halted'") as caught:
             lab.start(specification("second", rig="slow"))
         assert caught.value.code == query_pb2.FAULT_CODE_BUSY
