@@ -20,9 +20,9 @@ from pathlib import Path
 from campaign_time import seconds_by_activity
 
 import duralab
-from duralab.campaign_file import Campaign, Target
+from duralab.campaign import Campaign, Target
+from duralab.data import Signals
 from duralab.formats import write_signals
-from duralab.signals import Signals
 from duralab_proto.v1 import identifier_pb2
 from identifier.bus import settings_of
 from identifier.excitation import design_experiment

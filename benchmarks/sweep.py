@@ -25,9 +25,8 @@ from pathlib import Path
 import yaml
 from machine import machine
 
-from duralab.sweeps import load_sweep
+from duralab.sweeps import load_sweep, read_results
 from duralab.sweeps.cluster import open_workers
-from duralab.sweeps.results import read_results
 
 SHIPPED = "fifty_gains_and_seeds"
 EMPTY_TASKS = 500

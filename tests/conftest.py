@@ -28,7 +28,7 @@ def no_lab_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
 @pytest.fixture(scope="session")
 def short_document() -> dict[str, Any]:
     """The shipped demo campaign, cut down to a few seconds of everything."""
-    shipped = Path(duralab.__file__).with_name("campaigns") / "front_axle_demo.yaml"
+    shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     document = yaml.safe_load(shipped.read_text())
     document["target"]["road"].update(duration=12.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
     document["excitation"]["duration"] = 40.0

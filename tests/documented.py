@@ -279,7 +279,7 @@ def page_run(folder: Path, *, endpoint: str) -> Iterator[PageRun]:
 
 def fit_into_a_campaign(text: str, path: Path) -> None:
     """Hold that a part of a campaign file is taken as it stands by the shipped demo."""
-    shipped = Path(duralab.__file__).with_name("campaigns") / "front_axle_demo.yaml"
+    shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     part = yaml.safe_load(text)
     path.write_text(yaml.safe_dump(yaml.safe_load(shipped.read_text()) | part))
     loaded = duralab.load_campaign(path).model_dump(mode="json")

@@ -11,8 +11,8 @@ import pytest
 
 import duralab
 from duralab.conformance import Finding, Outcome, check_rig
-from duralab.lab_opening import join_bus
-from duralab.shipped_rigs import shipped_rigs
+from duralab.lab import join_bus
+from duralab.processes import shipped_rigs
 
 RIGS = tuple(shipped_rigs())
 #: Shakers have no slew limit, and the modes of a structure no bodies; everything else is tried.

@@ -17,10 +17,10 @@ import pytest
 import yaml
 
 import duralab
+from duralab.data import Channel, Signals
 from duralab.formats import write_signals
-from duralab.signals import Channel, Signals
+from duralab.sweeps import read_results
 from duralab.sweeps.cluster import open_workers
-from duralab.sweeps.results import read_results
 
 # Half a minute of processor time in all, most of it the start of processes, which a busy machine makes long.
 pytestmark = pytest.mark.timeout(600)

@@ -5,17 +5,40 @@ Everything is imported when it is first used, so that `import duralab` costs not
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from duralab.lazy_face import lazy_face
+
 if TYPE_CHECKING:
-    from duralab._following import RunProgress, Stage
-    from duralab.async_lab import AsyncLab, AsyncWatch, async_connect, async_start
-    from duralab.campaign_file import Campaign
-    from duralab.campaign_loading import load_campaign, shipped_campaigns
-    from duralab.campaign_result import CampaignResult
-    from duralab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
-    from duralab.comparison import ChannelComparison, ComparedRecording, Comparison, compare
+    from duralab.analysis import ChannelComparison, ComparedRecording, Comparison, compare
+    from duralab.campaign import (
+        Campaign,
+        EstimatorSettings,
+        ExcitationSettings,
+        Judgement,
+        Verdict,
+        load_campaign,
+        shipped_campaigns,
+    )
+    from duralab.data import (
+        ActuatorUse,
+        Channel,
+        Convergence,
+        ExperimentPlan,
+        IterationTable,
+        LevelAdvice,
+        LevelSeries,
+        Model,
+        ModelDifference,
+        Playback,
+        Played,
+        Rig,
+        RigMode,
+        Rigs,
+        RigState,
+        Signals,
+    )
+    from duralab.display import to_html
     from duralab.errors import (
         BusyError,
         CampaignFaultError,
@@ -27,74 +50,31 @@ if TYPE_CHECKING:
         StoppedError,
         UnavailableError,
     )
-    from duralab.identification import Identifier
-    from duralab.identification_results import (
-        Convergence,
-        ExperimentPlan,
-        LevelAdvice,
-        LevelSeries,
-        ModelDifference,
+    from duralab.lab import (
+        AsyncLab,
+        AsyncWatch,
+        CampaignEvent,
+        CampaignResult,
+        Catalogue,
+        CatalogueEntries,
+        CatalogueEntry,
+        Identifier,
+        Lab,
+        LabEvent,
+        Result,
+        RigEvent,
+        RunProgress,
+        SignalsEvent,
+        Stage,
+        Watch,
+        Watched,
+        async_connect,
+        async_start,
+        connect,
+        start,
     )
-    from duralab.identification_section import EstimatorSettings, ExcitationSettings
-    from duralab.iteration_table import IterationTable
-    from duralab.lab import Lab
-    from duralab.lab_opening import connect, start
-    from duralab.played import Played
-    from duralab.recorded_result import Result
     from duralab.recording import Recording, open_recording
-    from duralab.recording_content import ActuatorUse, Model, Playback
     from duralab.report import write_comparison, write_pdf, write_report
-    from duralab.rig import Rig, Rigs
-    from duralab.rig_state import RigMode, RigState
-    from duralab.showing.page import to_html
-    from duralab.signals import Channel, Signals
-    from duralab.verdict import Judgement, Verdict
-    from duralab.watching import CampaignEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
-
-_MODULES = {
-    "duralab._following": ("RunProgress", "Stage"),
-    "duralab.campaign_file": ("Campaign",),
-    "duralab.campaign_loading": ("load_campaign", "shipped_campaigns"),
-    "duralab.campaign_result": ("CampaignResult",),
-    "duralab.catalogue": ("Catalogue", "CatalogueEntries", "CatalogueEntry"),
-    "duralab.comparison": ("ChannelComparison", "ComparedRecording", "Comparison", "compare"),
-    "duralab.errors": (
-        "BusyError",
-        "CampaignFaultError",
-        "InputError",
-        "LabError",
-        "LabTimeoutError",
-        "NotReadyError",
-        "ServiceEndedError",
-        "StoppedError",
-        "UnavailableError",
-    ),
-    "duralab.identification": ("Identifier",),
-    "duralab.identification_results": (
-        "Convergence",
-        "ExperimentPlan",
-        "LevelAdvice",
-        "LevelSeries",
-        "ModelDifference",
-    ),
-    "duralab.identification_section": ("EstimatorSettings", "ExcitationSettings"),
-    "duralab.iteration_table": ("IterationTable",),
-    "duralab.lab": ("Lab",),
-    "duralab.lab_opening": ("connect", "start"),
-    "duralab.played": ("Played",),
-    "duralab.recording": ("Recording", "open_recording"),
-    "duralab.recording_content": ("ActuatorUse", "Model", "Playback"),
-    "duralab.report": ("write_comparison", "write_pdf", "write_report"),
-    "duralab.recorded_result": ("Result",),
-    "duralab.rig": ("Rig", "Rigs"),
-    "duralab.showing.page": ("to_html",),
-    "duralab.signals": ("Channel", "Signals"),
-    "duralab.verdict": ("Judgement", "Verdict"),
-    "duralab.async_lab": ("AsyncLab", "AsyncWatch", "async_connect", "async_start"),
-    "duralab.rig_state": ("RigMode", "RigState"),
-    "duralab.watching": ("CampaignEvent", "LabEvent", "RigEvent", "SignalsEvent", "Watch", "Watched"),
-}
-_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "ActuatorUse",
@@ -162,17 +142,81 @@ __all__ = [
     "write_report",
 ]
 
+_public = lazy_face(
+    __name__,
+    {
+        "analysis": ("ChannelComparison", "ComparedRecording", "Comparison", "compare"),
+        "campaign": (
+            "Campaign",
+            "EstimatorSettings",
+            "ExcitationSettings",
+            "Judgement",
+            "Verdict",
+            "load_campaign",
+            "shipped_campaigns",
+        ),
+        "data": (
+            "ActuatorUse",
+            "Channel",
+            "Convergence",
+            "ExperimentPlan",
+            "IterationTable",
+            "LevelAdvice",
+            "LevelSeries",
+            "Model",
+            "ModelDifference",
+            "Playback",
+            "Played",
+            "Rig",
+            "RigMode",
+            "RigState",
+            "Rigs",
+            "Signals",
+        ),
+        "display": ("to_html",),
+        "errors": (
+            "BusyError",
+            "CampaignFaultError",
+            "InputError",
+            "LabError",
+            "LabTimeoutError",
+            "NotReadyError",
+            "ServiceEndedError",
+            "StoppedError",
+            "UnavailableError",
+        ),
+        "lab": (
+            "AsyncLab",
+            "AsyncWatch",
+            "CampaignEvent",
+            "CampaignResult",
+            "Catalogue",
+            "CatalogueEntries",
+            "CatalogueEntry",
+            "Identifier",
+            "Lab",
+            "LabEvent",
+            "Result",
+            "RigEvent",
+            "RunProgress",
+            "SignalsEvent",
+            "Stage",
+            "Watch",
+            "Watched",
+            "async_connect",
+            "async_start",
+            "connect",
+            "start",
+        ),
+        "recording": ("Recording", "open_recording"),
+        "report": ("write_comparison", "write_pdf", "write_report"),
+    },
+)
+
 
 def __getattr__(name: str) -> object:
     """Import what is asked for; `duralab.open` is `open_recording`, and not one of those that `import *` takes."""
-    if name == "open":
-        return __getattr__("open_recording")
-    module = _MODULE_OF.get(name)
-    if module is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(module), name)
-    globals()[name] = value
-    return value
+    return _public("open_recording" if name == "open" else name)
 
 
 def __dir__() -> list[str]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 
 import duralab
-from duralab import async_lab
+from duralab.lab import async_lab
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import yaml
 from pydantic import BaseModel
 
 import duralab
-from duralab.campaign_file import Campaign
-from duralab.campaign_loading import load_campaign, parse_campaign, shipped_campaigns
+from duralab.campaign import Campaign, load_campaign, parse_campaign, shipped_campaigns
 from duralab.errors import InputError
 
 CONTENT = {

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from duralab._asking import Asking
-from duralab.catalogue import Catalogue
 from duralab.cli import app
 from duralab.errors import InputError
-from duralab.recorded_result import Result
+from duralab.lab import Catalogue, Result
+from duralab.lab.client import Asking
 from duralab_proto.arrays import to_record
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, iterator_pb2, recorder_pb2

@@ -10,10 +10,10 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from typer.testing import CliRunner
 
-from duralab.certificate_files import read_certificate, read_certificates
-from duralab.certificates import configure_router, init_authority, issue, renew
 from duralab.cli import app
 from duralab.errors import InputError
+from duralab.security import configure_router, init_authority, issue, read_certificates, renew
+from duralab.security.certificate_files import read_certificate
 from labbus import BusError, TlsConfig, check_identity
 
 

@@ -22,8 +22,8 @@ from duralab.cli import app
 from duralab.cli.campaign_summary import shown_playbacks
 from duralab.cli.run_display import remaining_words
 from duralab.formats import write_signals
+from duralab.processes import running_labs
 from duralab.recording import open_recording
-from duralab.running_labs import running_labs
 
 ZEROS = np.zeros((6, 100))
 COMMAND = [sys.executable, "-m", "duralab"]
@@ -283,7 +283,7 @@ def test_many_playbacks_are_cut_to_the_first_the_best_and_the_last():
 
 def test_viewer_is_started_on_loopback_and_ended(tmp_path, monkeypatch):
     pytest.importorskip("rerun_cli")
-    from duralab._viewer import Viewer, viewer_program
+    from duralab.processes import Viewer, viewer_program
 
     with Viewer(port=0, web_port=0, native=False) as viewer:
         binary = str(viewer_program())

@@ -230,7 +230,9 @@ def test_a_terminal_without_a_star_is_no_reason_for_a_traceback(tmp_path):
 def test_a_rig_that_is_not_shipped_is_said_before_a_lab_is_started(tmp_path, monkeypatch, command):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("duralab.shipped_rigs.shipped_rigs", lambda: dict.fromkeys(("front_axle", "predecessor"), ""))
+    monkeypatch.setattr(
+        "duralab.processes.rig_files.shipped_rigs", lambda: dict.fromkeys(("front_axle", "predecessor"), "")
+    )
     drive, campaign = tmp_path / "drive.csv", tmp_path / "campaign.yaml"
     drive.write_text("time [s],vertical [m]\n0,0\n0.001,0\n")
     assert invoke("init", campaign)[0] == 0

@@ -14,9 +14,9 @@ import labbus
 from duralab.cli import app
 from duralab.conformance import Outcome, all_passed, check_rig
 from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
+from duralab.data import RigMode
 from duralab.errors import StoppedError
 from duralab.lab import Lab
-from duralab.rig_state import RigMode
 from duralab_proto.v1 import array_pb2
 
 SECONDS = 1.2

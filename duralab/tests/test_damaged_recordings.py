@@ -12,8 +12,8 @@ from test_cli import invoke
 
 import duralab
 from duralab.errors import InputError
-from duralab.mcap_damage import damaged
-from duralab.mcap_whole_records import whole_records
+from duralab.recording.damage import damaged
+from duralab.recording.unfinished import whole_records
 from duralab_proto.v1 import iterator_pb2
 
 STEPS = 3

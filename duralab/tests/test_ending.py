@@ -16,7 +16,7 @@ import pytest
 from test_cli import COMMAND, children_of, finish, quick
 from test_supervisor import wait_until_gone
 
-from duralab._supervisor import last_lines
+from duralab.processes.supervisor import last_lines
 
 OTHER_USER = 54_321
 """A user without processes: the limit is one of all processes of a user, and there is none for root."""

@@ -5,9 +5,9 @@ import threading
 
 import pytest
 
-from duralab import _fetching
-from duralab._fetching import Part, fetch, fetch_result
 from duralab.errors import LabError
+from duralab.lab.campaigns import fetching
+from duralab.lab.campaigns.fetching import Part, fetch, fetch_result
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import FaultError
@@ -40,7 +40,7 @@ class Recorder:
 
 @pytest.fixture(autouse=True)
 def short_pieces(monkeypatch):
-    monkeypatch.setattr(_fetching, "PART_BYTES", 1000)
+    monkeypatch.setattr(fetching, "PART_BYTES", 1000)
 
 
 def fetched(bus, path, **options) -> bytes:
@@ -53,7 +53,7 @@ def test_the_pieces_are_put_together_in_their_order_and_checked(tmp_path):
     digest = hashlib.sha256(CONTENT).hexdigest()
     assert fetched(bus, tmp_path / "a.mcap", file_hash=digest, on_fraction=shares.append) == CONTENT
     assert sorted(bus.asked) == list(range(0, len(CONTENT), 1000)), "each piece once"
-    assert bus.most_at_once <= _fetching.PARTS_AHEAD
+    assert bus.most_at_once <= fetching.PARTS_AHEAD
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 

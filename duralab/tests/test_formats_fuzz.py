@@ -14,9 +14,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from duralab import Channel, Signals
-from duralab.formats import Format, FormatError, read_frequency_response, read_signals, write_signals
+from duralab.formats import (
+    Format,
+    FormatError,
+    FrequencyResponse,
+    read_frequency_response,
+    read_signals,
+    write_frequency_response,
+    write_signals,
+)
 from duralab.formats.rpc3_reading import read_rpc3
-from duralab.formats.uff58 import FrequencyResponse, write_frequency_response
 
 EXAMPLES = int(os.environ.get("DURALAB_FUZZ_EXAMPLES", "12"))
 FIRST_SEED = int(os.environ.get("DURALAB_FUZZ_SEED", "0"))

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from duralab.formats.exchange import Format, format_of
+from duralab.formats import Format, format_of
 
 GUIDE = (Path(__file__).resolve().parents[2] / "docs" / "guides" / "formats.md").read_text(encoding="utf-8")
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import labbus
-from duralab.health import health_of
+from duralab.lab.health import health_of
 
 
 @pytest.fixture

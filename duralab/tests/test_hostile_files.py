@@ -9,12 +9,10 @@ import synthetic_campaign
 from test_cli import invoke
 
 import duralab
-from duralab.campaign_loading import load_campaign, parse_campaign
-from duralab.certificate_files import load_certificate
+from duralab.campaign import load_campaign, load_identification, load_import_settings, parse_campaign
 from duralab.errors import InputError
 from duralab.formats import Format, read_frequency_response, read_signals
-from duralab.identification_loading import load_identification
-from duralab.import_settings import load_import_settings
+from duralab.security.certificate_files import load_certificate
 from duralab_proto.v1 import iterator_pb2, rig_pb2
 from labbus import BusConfig, ConfigError, load_config
 

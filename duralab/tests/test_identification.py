@@ -10,9 +10,9 @@ import synthetic_campaign
 from test_campaign_file import CONTENT
 from test_identification_section import RIG
 
+from duralab.campaign import EstimatorSettings, ExcitationSettings
 from duralab.errors import InputError
-from duralab.identification import Identifier
-from duralab.identification_section import EstimatorSettings, ExcitationSettings
+from duralab.lab import Identifier
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import identifier_pb2, query_pb2

@@ -4,12 +4,20 @@ import numpy as np
 import pytest
 from test_campaign_file import CONTENT, changed
 
-from duralab._specification import check_against_rig, estimator_message, excitation_message
-from duralab.campaign_loading import load_campaign, parse_campaign, shipped_campaigns
+from duralab.campaign import (
+    EstimatorSettings,
+    ExcitationSettings,
+    check_against_rig,
+    estimator_message,
+    excitation_message,
+    load_campaign,
+    parse_campaign,
+    shipped_campaigns,
+)
+from duralab.campaign.identification import EstimatorKind, ExcitationKind
+from duralab.data import Rig
 from duralab.errors import InputError
-from duralab.identification_section import EstimatorKind, EstimatorSettings, ExcitationKind, ExcitationSettings
 from duralab.report.identification_words import identification_in_words
-from duralab.rig import Rig
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2, rig_pb2
 

@@ -8,8 +8,9 @@ import synthetic_campaign
 from test_cli import invoke
 
 from duralab import Channel, Signals
+from duralab.analysis import summarize
+from duralab.analysis.signal_summary import COLUMNS
 from duralab.formats import Format, write_signals
-from duralab.signal_summary import COLUMNS, summarize
 
 RATE = 1000.0
 TIME = np.arange(20_000) / RATE

@@ -13,13 +13,18 @@ from test_cli import COMMAND, finish, invoke
 
 import labbus
 from duralab import Channel, Signals, load_campaign, shipped_campaigns
-from duralab._rig_experiment import level_of
-from duralab._specification import check_against_rig
-from duralab.campaign_loading import parse_campaign
-from duralab.campaign_template import campaign_name, campaign_text, measured_target, template_for
+from duralab.campaign import (
+    campaign_name,
+    campaign_text,
+    check_against_rig,
+    measured_target,
+    parse_campaign,
+    template_for,
+)
+from duralab.campaign.rig_experiment import level_of
+from duralab.data import Rig
 from duralab.errors import InputError
 from duralab.formats import write_signals
-from duralab.rig import Rig
 
 
 @pytest.mark.parametrize("template", shipped_campaigns())

@@ -180,7 +180,7 @@ def test_an_identification_shows_its_model_and_writes_it(lab, tmp_path):
 def test_settings_of_an_identification_are_two_sections(lab, tmp_path):
     from importlib.resources import files
 
-    campaign = yaml.safe_load((files("duralab") / "campaigns" / "front_axle_demo.yaml").read_text())
+    campaign = yaml.safe_load((files("duralab.campaign") / "shipped" / "front_axle_demo.yaml").read_text())
     sections = {name: campaign[name] for name in ("excitation", "estimator")}
     path = tmp_path / "settings.yaml"
     path.write_text(yaml.safe_dump(sections))

@@ -8,9 +8,9 @@ from test_catalogue import information
 
 from duralab.cli.run_display import RunDisplay
 from duralab.cli.status_command import _service_table
-from duralab.health import Figure, ServiceHealth
-from duralab.lab_status import LabStatus, lab_status
-from duralab.rig_state import RigMode
+from duralab.data import RigMode
+from duralab.lab import LabStatus, ServiceHealth, lab_status
+from duralab.lab.health import Figure
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from labbus import FaultError, FigureKind
@@ -109,7 +109,7 @@ def test_a_display_has_a_bar_for_each_stage_and_says_the_error_so_far(capsys):
     from rich.console import Console
 
     from duralab import RunProgress, Stage
-    from duralab.iteration_table import IterationTable
+    from duralab.data import IterationTable
 
     made = synthetic_campaign.make(seconds=4.0, iterations=2)
     table = IterationTable.from_messages([synthetic_campaign.metrics(made, row) for row in range(2)])

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import xarray
 
-from duralab._drive_signals import drive_signals
+from duralab.data import Channel, Rig, Signals
 from duralab.errors import InputError
-from duralab.rig import Rig
-from duralab.signals import Channel, Signals
+from duralab.lab.playing.drives import drive_signals
 
 CHANNELS = (Channel("a", "m", maximum=1.0, minimum=-1.0, label="stroke"), Channel("b", "N"))
 SIGNALS = Signals(CHANNELS, 500.0, np.random.default_rng(1).standard_normal((2, 400)))

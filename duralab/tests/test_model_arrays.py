@@ -5,8 +5,8 @@ import pytest
 
 from duralab.cli.frf_file import write_frf
 from duralab.cli.identify_command import _document
+from duralab.data import Model
 from duralab.formats import read_frequency_response
-from duralab.recording_content import Model
 from duralab.report.model_figures import contributions
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import identifier_pb2

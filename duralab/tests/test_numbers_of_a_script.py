@@ -5,9 +5,9 @@ import pytest
 from test_identification import ESTIMATOR, EXCITATION, Answers, identifier
 from test_labelled_signals import RIG
 
-from duralab._resuming import resume_campaign
-from duralab._rig_motion import play_drive
 from duralab.errors import InputError
+from duralab.lab.campaigns import resume_campaign
+from duralab.lab.playing import play_drive
 
 NOBODY = object()
 

@@ -7,8 +7,8 @@ import synthetic_campaign
 from test_cli import invoke
 
 import duralab
-from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
+from duralab.output_files import replace_when_complete
 
 
 @pytest.fixture(scope="module")

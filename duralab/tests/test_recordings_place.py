@@ -3,9 +3,10 @@
 import pytest
 
 import duralab
-from duralab._recordings_place import RecordingsPlace, own_recordings
 from duralab.cli.ending import ended_well
 from duralab.errors import InputError
+from duralab.lab import RecordingsPlace
+from duralab.lab.campaigns import own_recordings
 
 
 def recorded(place, *names):

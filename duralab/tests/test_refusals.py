@@ -5,7 +5,8 @@ import json
 from typer.testing import CliRunner
 
 from duralab.cli import app
-from duralab.refusals import Refusal, read_refusals
+from duralab.security import read_refusals
+from duralab.security.router_log import Refusal
 
 ACCESS = "zenoh::net::routing::interceptor::access_control"
 VIEWER = "9c68 on Interface(lo)+CertCommonName(viewer.main)+Transport(Tls)+9c68"

@@ -7,16 +7,15 @@ import pytest
 import synthetic_campaign
 from test_verdict import table_of
 
-from duralab._outputs import replace_when_complete, require_free
+from duralab.campaign import judge, repeatability_in_words
+from duralab.data import Channel, IterationTable, Signals
 from duralab.errors import InputError
-from duralab.iteration_table import IterationTable
+from duralab.output_files import replace_when_complete, require_free
 from duralab.recording import open_recording
 from duralab.report import write_report
 from duralab.report.model_figures import contributions
 from duralab.report.series import LARGEST_POINTS, thin_out
 from duralab.report.tables import channel_rows, playback_rows, repeatability_rows
-from duralab.signals import Channel, Signals
-from duralab.verdict import judge, repeatability_in_words
 from duralab_proto.v1 import iterator_pb2
 
 LARGEST_REPORT = 15_000_000

@@ -8,14 +8,23 @@ import numpy as np
 import pytest
 import synthetic_campaign
 
+from duralab.data import (
+    ActuatorUse,
+    Channel,
+    ChannelRecord,
+    Distortion,
+    Model,
+    Playback,
+    Signals,
+    SourceRecord,
+    StepRecord,
+    step_record,
+)
 from duralab.recording import open_recording
-from duralab.recording_content import ActuatorUse, Distortion, Model, Playback
 from duralab.report import load_figures, model_figures, write_report
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.held_drives import Limit, held_stretches, largest_speed
 from duralab.report.waveforms import Shown, held_bands
-from duralab.signals import Channel, Signals
-from duralab.target_step_record import ChannelRecord, SourceRecord, StepRecord, step_record
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 

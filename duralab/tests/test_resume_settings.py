@@ -4,9 +4,8 @@ import pytest
 import yaml
 
 import duralab
-from duralab.campaign_loading import load_campaign
+from duralab.campaign import PartialSettings, completed, load_campaign, load_settings
 from duralab.errors import InputError
-from duralab.resume_settings import PartialSettings, completed, load_settings
 from duralab_proto.v1 import iterator_pb2
 
 SHIPPED = load_campaign("front_axle_demo")

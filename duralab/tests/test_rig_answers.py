@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_labelled_signals import CHANNELS, RIG
 
-from duralab._rig_motion import play_drive
+from duralab.data import Signals
 from duralab.errors import LabError
-from duralab.signals import Signals
+from duralab.lab.playing import play_drive
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import rig_pb2
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import rpc3_files
 
-from duralab.formats.errors import FormatError
+from duralab.formats import FormatError
 from duralab.formats.rpc3_reading import PADDING_ATTRIBUTE, read_rpc3
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "pyRPC3_test1.rsp"

@@ -12,7 +12,7 @@ from test_supervisor import alive
 
 import duralab
 from duralab.errors import InputError, LabError
-from duralab.running_labs import end_lab, noted, notes_folder, running_labs, the_running_lab
+from duralab.processes import end_lab, noted, notes_folder, running_labs, the_running_lab
 
 ENDPOINT = "tcp/127.0.0.1:4711"
 

@@ -10,18 +10,21 @@ import pytest
 import synthetic_campaign
 
 import duralab
-from duralab.catalogue import CatalogueEntries, CatalogueEntry
-from duralab.identification_results import Convergence, ExperimentPlan, LevelAdvice
-from duralab.iteration_table import IterationTable
-from duralab.played import Played
-from duralab.recorded_result import Result
-from duralab.recording_content import ActuatorUse
+from duralab.data import (
+    ActuatorUse,
+    Channel,
+    Convergence,
+    ExperimentPlan,
+    IterationTable,
+    LevelAdvice,
+    Played,
+    Rig,
+    Rigs,
+    Signals,
+)
+from duralab.display import Axis, Curve, html_table, line_chart, text_table, to_html
+from duralab.lab import CatalogueEntries, CatalogueEntry, Result
 from duralab.report.actuator_rows import actuator_rows
-from duralab.rig import Rig, Rigs
-from duralab.showing.charts import Axis, Curve, line_chart
-from duralab.showing.page import to_html
-from duralab.showing.tables import html_table, text_table
-from duralab.signals import Channel, Signals
 
 RIG = Rig.from_message(synthetic_campaign.description("front_axle"))
 NASTY = "<b>&\"'</b>"

@@ -6,8 +6,8 @@ import pytest
 import synthetic_campaign
 
 import duralab
-from duralab import signal_windows, window_cache
 from duralab.errors import InputError
+from duralab.recording import window_cache, windows
 
 RUN = "demo.i01"
 
@@ -33,13 +33,13 @@ def path(campaign, blocks, tmp_path_factory):
 @pytest.fixture
 def chunks_read(monkeypatch):
     read = []
-    original = signal_windows._read
+    original = windows._read
 
     def counting(place):
         read.append(place)
         return original(place)
 
-    monkeypatch.setattr(signal_windows, "_read", counting)
+    monkeypatch.setattr(windows, "_read", counting)
     return read
 
 

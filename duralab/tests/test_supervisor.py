@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-import duralab._supervisor as supervisor_module
-from duralab._supervisor import ServicePlan, Supervisor, describe_exit, last_lines
+import duralab.processes.supervisor as supervisor_module
 from duralab.errors import LabError, ServiceEndedError
+from duralab.processes import ServicePlan, Supervisor
+from duralab.processes.supervisor import describe_exit, last_lines
 from labbus import open_bus
 
 
@@ -100,7 +101,7 @@ SCRIPT = """
 import sys, time
 from pathlib import Path
 from labbus import open_bus
-from duralab._supervisor import ServicePlan, Supervisor
+from duralab.processes import ServicePlan, Supervisor
 with open_bus(service="duralab") as bus, Supervisor(
     [ServicePlan("steady"), ServicePlan("identifier")], bus=bus, logs=Path(sys.argv[1])
 ) as supervisor:
@@ -123,7 +124,7 @@ def test_no_service_outlives_a_supervisor_that_is_killed(fake_services, tmp_path
 def test_viewer_guard_takes_its_program_with_it():
     program = [sys.executable, "-c", "import os, time; print(os.getpid(), flush=True); time.sleep(600)"]
     guard = subprocess.Popen(
-        [sys.executable, "-m", "duralab._viewer_guard", *program],
+        [sys.executable, "-m", "duralab.processes.viewer_guard", *program],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -12,10 +12,9 @@ import pytest
 from pyarrow import parquet
 
 from duralab.errors import InputError
-from duralab.sweeps import load_sweep
+from duralab.sweeps import PLAYBACKS, RESULTS, load_sweep, read_results, write_report
 from duralab.sweeps.outcome import Costs, Outcome, State, read_outcome, write_outcome
-from duralab.sweeps.report import write_report
-from duralab.sweeps.results import PLAYBACKS, RESULTS, read_results, write_results
+from duralab.sweeps.results import write_results
 
 
 def outcome(id, error):

@@ -4,13 +4,11 @@ import synthetic_campaign
 from fake_lab import describe
 from test_campaign_file import changed
 
-from duralab._target import describe_target, make_target, road_inputs
-from duralab._target_file import read_target_file
-from duralab.campaign_loading import parse_campaign
+from duralab.campaign import parse_campaign
+from duralab.data import Rig, Signals, StepRecord
 from duralab.errors import InputError
-from duralab.rig import Rig
-from duralab.signals import Signals
-from duralab.target_step_record import StepRecord
+from duralab.target import describe_target, make_target, read_target_file
+from duralab.target.making import road_inputs
 
 RIG = Rig.from_message(describe("front_axle"))
 VEHICLE = Rig.from_message(describe("predecessor"))

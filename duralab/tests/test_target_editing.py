@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
+from duralab.data import Channel, Signals, StepRecord
 from duralab.errors import InputError
 from duralab.report.provenance import target_step_rows
-from duralab.signals import Channel, Signals
-from duralab.target_editing import edit_signals
-from duralab.target_step_record import StepRecord
+from duralab.target import edit_signals
 from duralab_proto.v1 import iterator_pb2
 
 RATE = 500.0

@@ -5,8 +5,14 @@ import pytest
 import pyuff
 
 from duralab import Channel, InputError
-from duralab.formats import FormatError, FrequencyResponse, read_frequency_response, read_signals, write_signals
-from duralab.formats.uff58 import write_frequency_response
+from duralab.formats import (
+    FormatError,
+    FrequencyResponse,
+    read_frequency_response,
+    read_signals,
+    write_frequency_response,
+    write_signals,
+)
 
 DRIVES = (Channel("left", "m"), Channel("right", "m"))
 RESPONSES = (Channel("force", "N"), Channel("acceleration", "m/s^2"), Channel("strain", "1"))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from duralab import Channel, InputError, Signals
-from duralab.formats import convert_units
-from duralab.formats.units import SI_UNITS
+from duralab.formats import SI_UNITS, convert_units
 
 
 def one(unit, value=1.0, name="x"):

@@ -5,12 +5,12 @@ import pytest
 from test_campaign_file import CONTENT
 from test_target import RIG
 
-from duralab._specification import response_gains, response_weights, update_message
-from duralab._target_file import map_channels
+from duralab.campaign import update_message
+from duralab.campaign.iteration import UpdateSection
+from duralab.campaign.specification import response_gains, response_weights
+from duralab.data import Rig, Signals
 from duralab.errors import InputError
-from duralab.iteration_section import UpdateSection
-from duralab.rig import Rig
-from duralab.signals import Signals
+from duralab.target.measured import map_channels
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import synthetic_campaign
 
-from duralab.campaign_file import Acceptance
-from duralab.iteration_table import IterationTable
+from duralab.campaign import Criterion, Judgement, compare_with_first, judge, judged_rows
+from duralab.campaign.file import Acceptance
+from duralab.campaign.verdict import Finding, limits_of
+from duralab.data import IterationTable, Signals
 from duralab.recording import open_recording
 from duralab.report.tables import channel_rows
-from duralab.showing.campaigns import judged_rows
-from duralab.signals import Signals
-from duralab.verdict import Criterion, Finding, Judgement, compare_with_first, judge, limits_of
 from duralab_proto.v1 import iterator_pb2, query_pb2
 
 
@@ -45,7 +44,7 @@ def specification(stop=None, **accept):
     """Return a campaign whose file has this section `accept`; none where nothing is given."""
     scenario = synthetic_campaign.specification(np.zeros((6, 2))).scenario
     if accept:
-        from duralab.campaign_loading import load_campaign
+        from duralab.campaign import load_campaign
 
         campaign = load_campaign("front_axle_demo")
         scenario = campaign.model_copy(update={"accept": Acceptance(**accept)})

@@ -5,8 +5,8 @@ import synthetic_campaign
 from mcap.writer import Writer
 from test_cli import invoke
 
-from duralab._view_rebuilding import is_recording, rebuilt_view
 from duralab.errors import InputError
+from duralab.processes import is_recording, rebuilt_view
 
 
 def foreign(path):

@@ -9,9 +9,8 @@ import synthetic_campaign
 from browser import Browser, RefusedError, browser_program
 from PIL import Image
 
-from duralab._view_rebuilding import rebuilt_view
-from duralab._viewer import Viewer
 from duralab.errors import LabError
+from duralab.processes import Viewer, rebuilt_view
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
 

@@ -2,8 +2,8 @@ import tracemalloc
 
 import numpy as np
 
-from duralab import window_cache
-from duralab.window_cache import Window, WindowCache
+from duralab.recording import window_cache
+from duralab.recording.window_cache import Window, WindowCache
 
 RUN = "demo.i01"
 

@@ -6,8 +6,7 @@ from typing import Any
 
 from table_cells import cell
 
-from duralab.campaign_file import Campaign
-from duralab.campaign_loading import shipped_campaigns
+from duralab.campaign import Campaign, shipped_campaigns
 
 _BOUNDS = {
     "exclusiveMinimum": "above {}",

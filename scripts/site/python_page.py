@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from types import ModuleType
 
-PACKAGES = ("duralab", "duralab.formats", "duralab.target_editing")
+PACKAGES = ("duralab", "duralab.formats", "duralab.target")
 """What a script imports."""
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from duralab.certificates import init_authority, issue
+from duralab.security import init_authority, issue
 
 from .compose_file import ROOT
 from .containers_as_processes import ContainersAsProcesses, why_not

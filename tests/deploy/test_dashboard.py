@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import duralab
-from duralab.health import Figure
+from duralab.lab.health import Figure
 from labbus import FigureKind
 
 from .compose_file import ROOT

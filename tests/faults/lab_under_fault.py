@@ -17,7 +17,7 @@ from typing import Any
 import psutil
 import yaml
 
-from duralab._supervisor import ServicePlan, lab_services
+from duralab.processes import ServicePlan, lab_services
 from duralab_proto.v1 import health_pb2
 from labbus import Bus, BusConfig, BusError, BusMode, FaultError, open_bus
 

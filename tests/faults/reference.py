@@ -40,7 +40,7 @@ def playback_hashes(steps: Iterable[iterator_pb2.IterationStep]) -> tuple[str, .
 
 def campaign_document(iterations: int) -> dict[str, Any]:
     """The shipped demo with a target of 10 s, and a first model that is coarse enough to leave work for iterations."""
-    shipped = Path(duralab.__file__).with_name("campaigns") / "front_axle_demo.yaml"
+    shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     document: dict[str, Any] = yaml.safe_load(shipped.read_text())
     document["name"] = NAME
     document["target"]["road"].update(duration=10.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from duralab.certificates import init_authority, issue
+from duralab.security import init_authority, issue
 from duralab_proto.access import Role
 from labbus import BusConfig, BusMode, TlsConfig, open_bus
 

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from duralab.certificates import init_authority, issue
+from duralab.security import init_authority, issue
 from duralab_proto.access import ADMIN, ROUTER, Operation, Role, permits
 from duralab_proto.keys import Keys
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from duralab.certificates import init_authority, issue
+from duralab.security import init_authority, issue
 from duralab_proto.access import ADMIN, ROUTER, Role
 
 from .secured_router import SecuredRouter

@@ -14,7 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from duralab.refusals import Refusal, read_refusals
+from duralab.security import read_refusals
+from duralab.security.router_log import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGURATION = ROOT / "deploy" / "router" / "zenohd.json5"

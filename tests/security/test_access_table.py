@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from duralab.refusals import Refusal, read_refusals
+from duralab.security import read_refusals
+from duralab.security.router_log import Refusal
 from duralab_proto.access import Operation, Role, permits
 from duralab_proto.keys import Keys
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from duralab.refusals import Refusal
+from duralab.security.router_log import Refusal
 from duralab_proto.access import SMALL_QUERY_BYTES
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, rig_pb2

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from duralab.certificates import configure_router, init_authority, issue
+from duralab.security import configure_router, init_authority, issue
 from duralab_proto.access import Holder, Role
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import rig_pb2

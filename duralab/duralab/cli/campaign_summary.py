@@ -13,12 +13,11 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from duralab.campaign_result import CampaignResult
+from duralab.campaign import Judgement, judged_rows, repeatability_in_words
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.opening import open_hint, own_command
-from duralab.iteration_table import DAMAGE_SLOPES, counted_slope
-from duralab.showing.campaigns import judged_rows
-from duralab.verdict import Judgement, repeatability_in_words
+from duralab.data import DAMAGE_SLOPES, counted_slope
+from duralab.lab import CampaignResult
 
 LARGEST_COLUMNS = 8
 """Playbacks in a table for the terminal."""

@@ -16,14 +16,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from duralab._file_verification import findings_of
-from duralab.catalogue import CatalogueEntry
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
 from duralab.errors import InputError
-from duralab.lab_opening import connect
-from duralab.recorded_result import Result
+from duralab.lab import CatalogueEntry, Result, connect
+from duralab.processes import findings_of
 
 _MEBIBYTE: Final = 1024 * 1024
 _OPTIONS: Final = {"begun_from": "--from", "begun_before": "--before"}

@@ -14,12 +14,11 @@ from rich.console import Console
 from rich.table import Table
 
 import labbus
-from duralab import certificates as lab_certificates
-from duralab.certificate_files import AUTHORITY, CertificateFile, read_certificates
+from duralab import security
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
-from duralab.refusals import read_refusals
+from duralab.security import AUTHORITY, CertificateFile, read_certificates, read_refusals
 from duralab_proto.access import ROUTER
 from labbus import BusError
 
@@ -29,7 +28,7 @@ _WATCH_SECONDS = 0.25
 
 def init(folder: Path, *, lab: str, as_json: bool) -> None:
     """Make the authority of a lab."""
-    made = lab_certificates.init_authority(folder, lab=lab)
+    made = security.init_authority(folder, lab=lab)
     _tell(made, "made", as_json=as_json)
     _print(
         f"{made.key} makes anybody a member of this lab: keep it where certificates are issued, and nowhere else.",
@@ -39,12 +38,12 @@ def init(folder: Path, *, lab: str, as_json: bool) -> None:
 
 def issue(folder: Path, role: str, name: str, *, hosts: Sequence[str], days: int, as_json: bool) -> None:
     """Issue a certificate."""
-    _tell(lab_certificates.issue(folder, role, name, hosts=hosts, days=days), "issued", as_json=as_json)
+    _tell(security.issue(folder, role, name, hosts=hosts, days=days), "issued", as_json=as_json)
 
 
 def renew(folder: Path, name: str, *, days: int | None, as_json: bool) -> None:
     """Renew a certificate, or the authority."""
-    _tell(lab_certificates.renew(folder, name, days=days), "renewed", as_json=as_json)
+    _tell(security.renew(folder, name, days=days), "renewed", as_json=as_json)
 
 
 def show(folder: Path, *, as_json: bool) -> None:
@@ -88,9 +87,7 @@ def router(
     as_json: bool,
 ) -> None:
     """Write the configuration of a router."""
-    content = lab_certificates.configure_router(
-        folder, lab=lab, certificates=certificates or str(folder.resolve()), port=port
-    )
+    content = security.configure_router(folder, lab=lab, certificates=certificates or str(folder.resolve()), port=port)
     if out is None:
         if as_json:
             write_json({"configuration": content})
@@ -114,7 +111,7 @@ def router(
 
 def run_router(folder: Path, *, host: str, port: int, lab: str, as_json: bool) -> None:
     """Run a router for the certificates of a folder until it is interrupted, and say where it listens."""
-    content = lab_certificates.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
+    content = security.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
     endpoint = f"tls/{f'[{host}]' if ':' in host else host}:{port}"
     names = [file.name for file in read_certificates(folder)]
     members = [name for name in names if name != AUTHORITY and not name.startswith(f"{ROUTER}.")]

@@ -12,7 +12,7 @@ from duralab.cli.choosing_lab import endpoint_if_any
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
 from duralab.conformance import Finding, Outcome, all_passed, check_rig
-from duralab.lab_opening import FIND_SECONDS, join_bus, start
+from duralab.lab import FIND_SECONDS, join_bus, start
 from labbus import FaultError
 
 _SHOWN = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.NOT_TRIED: "dim"}

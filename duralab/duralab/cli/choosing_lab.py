@@ -32,7 +32,7 @@ def endpoint_if_any(given: str | None) -> str | None:
     """Return the endpoint that is given, or that of the one lab that runs; None where none does."""
     if given is not None:
         return given
-    from duralab.running_labs import the_running_lab
+    from duralab.processes import the_running_lab
 
     lab = the_running_lab()
     return None if lab is None else lab.endpoint
@@ -40,8 +40,8 @@ def endpoint_if_any(given: str | None) -> str | None:
 
 def open_lab(endpoint: str | None, *, rigs: Sequence[str] = ()) -> AbstractContextManager[Lab]:
     """Return the lab at an endpoint, or one of one's own with these rigs, or the usual ones, where none is given."""
-    from duralab.lab_opening import DEFAULT_RIGS, connect, start
-    from duralab.shipped_rigs import require_shipped
+    from duralab.lab import DEFAULT_RIGS, connect, start
+    from duralab.processes import require_shipped
 
     if endpoint is not None:
         return connect(endpoint)

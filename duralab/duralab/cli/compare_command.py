@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from duralab._outputs import require_free, require_other
+from duralab.analysis import compare as put_beside
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
-from duralab.comparison import compare as put_beside
 from duralab.errors import InputError
+from duralab.output_files import require_free, require_other
 from duralab.recording import open_recording
 from duralab.report import write_comparison, write_pdf
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from duralab._outputs import require_free, require_other
 from duralab.cli.json_output import write_json
+from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.signals import Signals
+from duralab.output_files import require_free, require_other
 
 if TYPE_CHECKING:
     from duralab.cli.export_origin import Origin
@@ -45,8 +45,7 @@ def convert(
     as_json: bool,
 ) -> None:
     """Read a file, convert it as asked for, write it, and say what the new one could not keep."""
-    from duralab.formats import read_signals, write_signals
-    from duralab.formats.exchange import format_of
+    from duralab.formats import format_of, read_signals, write_signals
 
     require_other([out], read=[source])
     # A wrong name or a file in the way is said before a long file is read.
@@ -71,8 +70,7 @@ def export(
 ) -> None:
     """Write what a recording holds into a file."""
     from duralab.cli.export_origin import Origin
-    from duralab.formats import Format, write_signals
-    from duralab.formats.exchange import format_of
+    from duralab.formats import Format, format_of, write_signals
     from duralab.recording import open_recording
 
     try:
@@ -139,8 +137,7 @@ def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
 
 def _in_units(signals: Signals, units: list[str]) -> Signals:
     """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
-    from duralab.formats import convert_units
-    from duralab.formats.units import SI_UNITS, named_units
+    from duralab.formats import SI_UNITS, convert_units, named_units
 
     named, plain = named_units(units)
     rest = [row for row, channel in enumerate(signals.channels) if channel.name not in named]
@@ -154,7 +151,7 @@ def _in_units(signals: Signals, units: list[str]) -> Signals:
 def _resampled(signals: Signals, rate: float | None) -> Signals:
     if rate is None or rate == signals.sample_rate:
         return signals
-    from duralab.target_editing import edit_signals
+    from duralab.target import edit_signals
 
     return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
 

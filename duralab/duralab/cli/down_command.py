@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
-from duralab.running_labs import RunningLab, end_lab, running_labs, the_running_lab
+from duralab.processes import RunningLab, end_lab, running_labs, the_running_lab
 
 
 def down(*, endpoint: str | None, all_labs: bool, as_json: bool) -> None:

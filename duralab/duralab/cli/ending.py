@@ -15,8 +15,7 @@ from typing import Final, NoReturn
 import typer
 
 from duralab.cli.exit_codes import ExitCode
-from duralab.errors import InputError, LabError
-from duralab.sentences import PROCESS_LIMIT, ended, is_process_limit
+from duralab.errors import PROCESS_LIMIT, InputError, LabError, ended, is_process_limit
 
 _NOTHING_STARTED: Final = f"A process or thread of this command could not be started: {PROCESS_LIMIT}."
 _STANDARD_OUTPUTS: Final = (1, 2)

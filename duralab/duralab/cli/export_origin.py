@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from duralab.campaign import Judgement
 from duralab.recording import Recording
-from duralab.verdict import Judgement
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from duralab._outputs import replace_when_complete, require_free
+from duralab.data import Model
 from duralab.errors import InputError
-from duralab.formats import Format, FrequencyResponse, write_frequency_response
-from duralab.formats.exchange import format_of
-from duralab.recording_content import Model
+from duralab.formats import Format, FrequencyResponse, format_of, write_frequency_response
+from duralab.output_files import replace_when_complete, require_free
 
 
 def require_frf_file(path: Path) -> None:

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from duralab._following import Stage
-from duralab._outputs import require_free
+from duralab.campaign import load_identification
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.frf_file import require_frf_file, write_frf
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.run_display import RunDisplay
-from duralab.identification_loading import load_identification
-from duralab.recording_content import Model
+from duralab.data import Model
+from duralab.lab import Stage
+from duralab.output_files import require_free
 
 
 def identify(

@@ -6,19 +6,15 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from duralab._near_files import did_you_mean
-from duralab._outputs import require_free, require_other
-from duralab._target import require_playable
-from duralab._target_file import read_target_file
+from duralab.campaign import ImportSettings, load_import_settings
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import console_beside, write_json
+from duralab.data import Signals, StepRecord
 from duralab.errors import InputError
-from duralab.formats import Written, write_signals
-from duralab.formats.exchange import format_of
-from duralab.import_settings import ImportSettings, load_import_settings
-from duralab.signals import Signals
-from duralab.target_editing import edit_signals
-from duralab.target_step_record import StepRecord
+from duralab.formats import Written, format_of, write_signals
+from duralab.near_files import did_you_mean
+from duralab.output_files import require_free, require_other
+from duralab.target import edit_signals, read_target_file, require_playable
 
 
 def import_target(

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from duralab.analysis import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
 from duralab.cli.json_output import console_beside, write_json
+from duralab.display import text_table
 from duralab.errors import InputError
-from duralab.showing.tables import text_table
-from duralab.signal_summary import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
 
 if TYPE_CHECKING:
+    from duralab.data import Signals
     from duralab.recording import Recording
-    from duralab.signals import Signals
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 _BLOCK_DB: Final = 6.0

@@ -6,22 +6,21 @@ import shlex
 from contextlib import suppress
 from pathlib import Path
 
-from duralab._outputs import replace_when_complete, require_free, require_other
-from duralab.campaign_loading import parse_campaign
-from duralab.campaign_template import (
+from duralab.campaign import (
     AWAITED_TARGET,
     DEFAULT_TEMPLATE,
     campaign_name,
     campaign_text,
     measured_target,
+    parse_campaign,
     shipped_text,
     template_for,
 )
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import own_command
-from duralab.rig import Rig
-from duralab.signals import Signals
+from duralab.data import Rig, Signals
+from duralab.output_files import replace_when_complete, require_free, require_other
 
 
 def init(
@@ -87,8 +86,7 @@ def _describe(rig: str, endpoint: str | None) -> Rig:
     if endpoint is None:
         with open_lab(endpoint_if_any(None), rigs=(rig,)) as lab:
             return lab.describe(rig)
-    from duralab.lab import Lab
-    from duralab.lab_opening import FIND_SECONDS, join_bus
+    from duralab.lab import FIND_SECONDS, Lab, join_bus
     from labbus import FaultError
 
     # A gateway alone answers as well: neither identifier nor recorder is needed yet.

@@ -10,13 +10,19 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from duralab._view_rebuilding import is_recording, rebuilt_view
-from duralab._viewer import GRPC_PORT, WEB_PORT, Viewer
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError
-from duralab.lab_opening import DEFAULT_RIGS, start
-from duralab.running_labs import noted, require_no_lab
-from duralab.shipped_rigs import require_shipped
+from duralab.lab import DEFAULT_RIGS, start
+from duralab.processes import (
+    GRPC_PORT,
+    WEB_PORT,
+    Viewer,
+    is_recording,
+    noted,
+    rebuilt_view,
+    require_no_lab,
+    require_shipped,
+)
 
 _WATCH_SECONDS = 0.25
 

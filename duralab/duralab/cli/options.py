@@ -40,14 +40,14 @@ DataType = Annotated[
 
 def complete_campaign(incomplete: str) -> list[str]:
     """Return the shipped campaigns that begin so, for the shell; it completes files by itself."""
-    from duralab.campaign_loading import shipped_campaigns
+    from duralab.campaign import shipped_campaigns
 
     return [name for name in shipped_campaigns() if name.startswith(incomplete)]
 
 
 def complete_rig(incomplete: str) -> list[str]:
     """Return the shipped rigs that begin so, for the shell."""
-    from duralab.shipped_rigs import shipped_rigs
+    from duralab.processes import shipped_rigs
 
     return [name for name in shipped_rigs() if name.startswith(incomplete)]
 

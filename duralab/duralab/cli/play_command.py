@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from duralab._drive_file import read_drive_file
-from duralab._following import Stage
-from duralab._outputs import require_free, require_other
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.run_display import RunDisplay
-from duralab.formats import Written, write_signals
-from duralab.formats.exchange import format_of
-from duralab.played import Played
+from duralab.data import Played
+from duralab.formats import Written, format_of, write_signals
+from duralab.lab import Stage, read_drive_file
+from duralab.output_files import require_free, require_other
 
 
 def play(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from duralab._outputs import require_free, require_other
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
+from duralab.output_files import require_free, require_other
 
 
 def write(recording: Path, *, out: Path | None, pdf: Path | None, replace: bool, as_json: bool) -> None:

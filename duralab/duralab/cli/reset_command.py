@@ -7,7 +7,7 @@ import secrets
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.errors import InputError, LabError
-from duralab.lab_opening import FIND_SECONDS, join_bus
+from duralab.lab import FIND_SECONDS, join_bus
 from duralab_proto.v1 import rig_pb2
 from labbus import FaultError
 

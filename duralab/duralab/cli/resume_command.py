@@ -6,18 +6,16 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from duralab._outputs import OUTPUTS, require_free, require_other
-from duralab._resuming import expected_id, recording_file
-from duralab.campaign_file import Campaign
+from duralab.campaign import Campaign, PartialSettings, completed, load_settings
 from duralab.cli.campaign_summary import campaign_document, exit_with, print_result
 from duralab.cli.choosing_lab import endpoint_of_lab
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.run_display import RunDisplay
 from duralab.errors import InputError
-from duralab.lab_opening import DEFAULT_RIGS, connect, start
+from duralab.lab import DEFAULT_RIGS, connect, expected_id, recording_file, start
+from duralab.output_files import OUTPUTS, require_free, require_other
+from duralab.processes import require_shipped
 from duralab.recording import open_recording
-from duralab.resume_settings import PartialSettings, completed, load_settings
-from duralab.shipped_rigs import require_shipped
 
 
 def resume(

@@ -8,10 +8,9 @@ from rich.table import Table
 
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
 from duralab.cli.json_output import write_json
+from duralab.data import Channel, Rig
 from duralab.errors import LabError
-from duralab.rig import Rig
-from duralab.shipped_rigs import shipped_rigs
-from duralab.signals import Channel
+from duralab.processes import shipped_rigs
 
 
 def list_rigs(*, endpoint: str | None, as_json: bool) -> None:

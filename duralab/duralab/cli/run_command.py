@@ -7,17 +7,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from duralab._outputs import OUTPUTS, require_free
-from duralab._viewer import Viewer
-from duralab.campaign_loading import load_campaign
+from duralab.campaign import load_campaign
 from duralab.cli.campaign_summary import campaign_document, exit_with, print_result
 from duralab.cli.ending import TerminatedError
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.lab_commands import open_viewer
 from duralab.cli.run_display import RunDisplay
 from duralab.errors import InputError
-from duralab.lab_opening import DEFAULT_RIGS, connect, start
-from duralab.shipped_rigs import require_shipped
+from duralab.lab import DEFAULT_RIGS, connect, start
+from duralab.output_files import OUTPUTS, require_free
+from duralab.processes import Viewer, require_shipped
 
 
 def run_campaign(

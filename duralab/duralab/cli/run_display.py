@@ -9,7 +9,7 @@ from typing import Final, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from duralab._following import RunProgress, Stage
+from duralab.lab import RunProgress, Stage
 
 CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
 """What a run of a campaign works on, one after the other."""

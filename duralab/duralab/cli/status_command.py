@@ -16,12 +16,10 @@ from rich.table import Table
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.json_output import write_json
 from duralab.cli.run_display import remaining_words
+from duralab.data import RigMode
 from duralab.errors import LabError, UnavailableError
-from duralab.health import ServiceHealth
-from duralab.lab_opening import join_bus
-from duralab.lab_status import LabStatus, lab_status
-from duralab.rig_state import RigMode
-from duralab.running_labs import running_labs
+from duralab.lab import LabStatus, ServiceHealth, join_bus, lab_status
+from duralab.processes import running_labs
 from duralab_proto.keys import MAIN_INSTANCE
 from labbus import BusError
 

@@ -20,10 +20,17 @@ from rich.progress import (
 from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
 from duralab.errors import InputError, LabError
-from duralab.sweeps.report import write_report
-from duralab.sweeps.results import PLAYBACKS, RESULTS, SweepResults, read_results
-from duralab.sweeps.sweep_loading import load_sweep
-from duralab.sweeps.sweeping import SweepProgress, default_folder, run_sweep
+from duralab.sweeps import (
+    PLAYBACKS,
+    RESULTS,
+    SweepProgress,
+    SweepResults,
+    default_folder,
+    load_sweep,
+    read_results,
+    run_sweep,
+    write_report,
+)
 
 REPORT: Final = "report.html"
 _LINES: Final = 20

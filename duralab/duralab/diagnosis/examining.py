@@ -14,7 +14,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from duralab._viewer import has_display, viewer_program
 from duralab.diagnosis.finding import Finding
 from duralab.diagnosis.network_checks import check_bus, check_ports, ports_free
 from duralab.diagnosis.package_checks import (
@@ -29,7 +28,7 @@ from duralab.diagnosis.place_checks import check_disk, check_locale, check_tempo
 from duralab.diagnosis.python_checks import check_command, check_python, check_services, check_shadows
 from duralab.diagnosis.viewer_checks import check_graphics, check_viewer, vulkan_drivers
 from duralab.errors import InputError
-from duralab.running_labs import notes_folder, running_labs
+from duralab.processes import has_display, notes_folder, running_labs, viewer_program
 
 _LOCK: Final = "requirements.lock"
 

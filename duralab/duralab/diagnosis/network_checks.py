@@ -6,8 +6,8 @@ import socket
 from collections.abc import Collection
 from typing import Final
 
-from duralab._viewer import GRPC_PORT, WEB_PORT
 from duralab.diagnosis.finding import Finding, fine, problem, warning
+from duralab.processes import GRPC_PORT, WEB_PORT
 from labbus import BusConfig, BusError, open_bus
 
 LAB_PORT: Final = 7474

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from duralab.diagnosis.finding import Finding, fine, problem, warning
-from duralab.lab_status import SERVICES
+from duralab.lab import SERVICES
 from duralab.python_version import python_fault
 
 _POINTER_BITS: Final = 64

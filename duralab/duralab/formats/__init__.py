@@ -2,44 +2,41 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from duralab.formats.errors import FormatError
-    from duralab.formats.exchange import Format, read_signals, write_signals
+    from duralab.formats.exchange import Format, format_of, read_signals, write_signals
     from duralab.formats.frequency_responses import FrequencyResponse
     from duralab.formats.uff58 import read_frequency_response, write_frequency_response
-    from duralab.formats.units import convert_units
+    from duralab.formats.units import SI_UNITS, convert_units, named_units
     from duralab.formats.written import Written
 
-_MODULE_OF = {
-    "Format": "exchange",
-    "FormatError": "errors",
-    "FrequencyResponse": "frequency_responses",
-    "Written": "written",
-    "convert_units": "units",
-    "read_frequency_response": "uff58",
-    "read_signals": "exchange",
-    "write_frequency_response": "uff58",
-    "write_signals": "exchange",
-}
-
 __all__ = [
+    "SI_UNITS",
     "Format",
     "FormatError",
     "FrequencyResponse",
     "Written",
     "convert_units",
+    "format_of",
+    "named_units",
     "read_frequency_response",
     "read_signals",
     "write_frequency_response",
     "write_signals",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Import what is asked for."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+__getattr__ = lazy_face(
+    __name__,
+    {
+        "errors": ("FormatError",),
+        "exchange": ("Format", "format_of", "read_signals", "write_signals"),
+        "frequency_responses": ("FrequencyResponse",),
+        "uff58": ("read_frequency_response", "write_frequency_response"),
+        "units": ("SI_UNITS", "convert_units", "named_units"),
+        "written": ("Written",),
+    },
+)

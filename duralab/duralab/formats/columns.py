@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from duralab.data import Channel, Signals
 from duralab.formats.channel_names import unique_names
 from duralab.formats.errors import FormatError
 from duralab.formats.sample_rates import rate_of_times
-from duralab.signals import Channel, Signals
 
 TIME: Final = "time [s]"
 

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
 from duralab.formats.errors import FormatError, opened, require_file
 from duralab.formats.written import Written
-from duralab.signals import Signals
 
 # Where a spreadsheet may begin a cell, whatever it takes for the separator, and would take the text for a formula.
 _BEGIN: Final = "(^|[;\t])"

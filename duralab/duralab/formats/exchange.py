@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from duralab._near_files import did_you_mean
-from duralab._outputs import replace_when_complete, require_free
+from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats.errors import FormatError
 from duralab.formats.written import Written
-from duralab.signals import Signals
+from duralab.near_files import did_you_mean
+from duralab.output_files import replace_when_complete, require_free
 
 if TYPE_CHECKING:
     from duralab.formats.rpc3_layout import DataType
@@ -56,6 +56,18 @@ _CODECS: Final = {
 
 def format_of(path: Path, given: str | None) -> Format:
     """Return the format that is given, or the one that the suffix stands for.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    given : str or None
+        Name of a format, or None.
+
+    Returns
+    -------
+    Format
+        The format.
 
     Raises
     ------

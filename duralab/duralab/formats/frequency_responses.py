@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duralab.signals import Channel
+from duralab.data import Channel
 
 
 @dataclass(frozen=True, eq=False)

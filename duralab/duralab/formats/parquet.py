@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from duralab.data import Signals
 from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
 from duralab.formats.written import Written
-from duralab.signals import Signals
 
 _EXPECTED: Final = "a Parquet table"
 _OWN: Final = b"duralab."

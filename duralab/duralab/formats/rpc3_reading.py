@@ -9,11 +9,11 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
+from duralab.data import Channel, Signals
 from duralab.formats.channel_names import unique_names
 from duralab.formats.errors import FormatError, opened, require_file
 from duralab.formats.rpc3_header import BLOCK, MOST_BLOCKS, RECORD, TRUE_LENGTH, Header, parse_header
 from duralab.formats.rpc3_layout import DataType, Layout, TimeType
-from duralab.signals import Channel, Signals
 
 PIECE_BYTES: Final = 1 << 18
 """Bytes of the file that are in memory at a time; small enough to stay in the cache of a processor."""

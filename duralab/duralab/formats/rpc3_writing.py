@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats.rpc3_header import INT_FULL_SCALE, TRUE_LENGTH, compose_header
 from duralab.formats.rpc3_layout import ByteOrder, DataType, Layout, TimeType, stored_type
 from duralab.formats.written import Written
-from duralab.signals import Signals
 
 CHANNELS_ALLOWED: Final = 128
 """As the description allows; the reader takes more."""

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from duralab.data import Channel, Signals
 from duralab.errors import InputError
 from duralab.formats.channel_names import unique_names
 from duralab.formats.columns import require_finite
@@ -21,7 +22,6 @@ from duralab.formats.frequency_responses import FrequencyResponse
 from duralab.formats.libraries import parsing, require_library
 from duralab.formats.sample_rates import rate_of_step
 from duralab.formats.written import Written
-from duralab.signals import Channel, Signals
 
 TIME_RESPONSE: Final = 1
 FREQUENCY_RESPONSE: Final = 4

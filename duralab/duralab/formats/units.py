@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
+from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.signals import Signals
 
 if TYPE_CHECKING:
     import pint

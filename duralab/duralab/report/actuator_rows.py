@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from duralab.recording_content import ActuatorUse
+from duralab.data import ActuatorUse, Channel, Signals
 from duralab.report.held_drives import HeldStretch, Limit, largest_speed
-from duralab.signals import Channel, Signals
 
 
 @dataclass(frozen=True)

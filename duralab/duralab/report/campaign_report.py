@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from duralab._outputs import replace_when_complete, require_other
+from duralab.campaign import Criterion, Judgement, Verdict, compare_with_first
+from duralab.data import DAMAGE_SLOPES, Channel, IterationTable, Model, Signals, counted_slope
 from duralab.errors import InputError
-from duralab.iteration_table import DAMAGE_SLOPES, IterationTable, counted_slope
+from duralab.output_files import replace_when_complete, require_other
 from duralab.recording import Recording, open_recording
-from duralab.recording_content import Model
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.drawing import Figure
 from duralab.report.held_drives import HeldStretch, held_stretches
 from duralab.report.provenance import method_in_words, provenance, source_rows, target_step_rows
 from duralab.report.rendering import render
-from duralab.signals import Channel, Signals
-from duralab.verdict import Criterion, Judgement, Verdict, compare_with_first
 
 TONES: Final = {
     Judgement.REACHED: "good",

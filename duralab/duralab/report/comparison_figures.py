@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import spectra
-from duralab.comparison import Comparison
-from duralab.iteration_table import DAMAGE_SLOPES
-from duralab.recording_content import Model, Playback
+from duralab.analysis import Comparison
+from duralab.data import DAMAGE_SLOPES, Model, Playback, Signals
 from duralab.report.drawing import (
     Figure,
     axes,
@@ -27,7 +26,6 @@ from duralab.report.load_figures import CountedLoad
 from duralab.report.model_figures import excited_lines
 from duralab.report.series import encode
 from duralab.report.waveforms import SHOWN_BEYOND_BAND, SPECTRUM_OVERLAP, zoom_window
-from duralab.signals import Signals
 from loads import count_load_cycles
 
 

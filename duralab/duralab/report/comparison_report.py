@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duralab._outputs import replace_when_complete, require_other
-from duralab.comparison import Comparison, compare
-from duralab.iteration_table import DAMAGE_SLOPES
+from duralab.analysis import Comparison, Recorded, compare
+from duralab.data import DAMAGE_SLOPES
+from duralab.output_files import replace_when_complete, require_other
 from duralab.report import comparison_figures, load_figures
 from duralab.report.campaign_report import TONES
 from duralab.report.drawing import Figure
@@ -16,20 +16,17 @@ from duralab.report.rendering import render
 from duralab.report.tables import comparison_rows
 
 if TYPE_CHECKING:
-    from duralab.campaign_result import CampaignResult
     from duralab.recording import Recording
 
 
-def write_comparison(
-    path: str | Path, recordings: Comparison | Sequence[str | Path | Recording | CampaignResult]
-) -> Path:
+def write_comparison(path: str | Path, recordings: Comparison | Sequence[str | Path | Recording | Recorded]) -> Path:
     """Write a report that overlays several recordings.
 
     Parameters
     ----------
     path : str or Path
         Where the HTML file goes; one that is there is replaced when the new one is complete.
-    recordings : Comparison or sequence of str, Path, Recording or CampaignResult
+    recordings : Comparison or sequence of str, Path, Recording or Recorded
         What `compare` returned, or what it takes.
 
     Returns

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
-from duralab.recording_content import ActuatorUse
+from duralab.data import DAMAGE_SLOPES, ActuatorUse, IterationTable
 from duralab.report.drawing import Figure, level_line, level_note, markers, over_playbacks
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from duralab.signals import Signals
+from duralab.data import Signals
 
 NEAR: Final = 0.99
 """Of a limit: from here on a drive is at it. The iterator leaves half a percent where it holds a drive."""

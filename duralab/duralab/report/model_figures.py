@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from duralab.recording_content import Distortion, Model
+from duralab.data import Distortion, Model
 from duralab.report.drawing import Figure, axes, band_edges, channel_color, frequency_axis, line
 from duralab.report.series import encode
 

@@ -9,9 +9,9 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from duralab._outputs import replace_when_complete, require_other
-from duralab.comparison import Comparison
+from duralab.analysis import Comparison
 from duralab.errors import LabError
+from duralab.output_files import replace_when_complete, require_other
 from duralab.recording import Recording, open_recording
 from duralab.report.campaign_report import write_report
 from duralab.report.comparison_report import write_comparison

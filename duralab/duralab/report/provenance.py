@@ -9,11 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from duralab.data import READ_FILE, Playback, StepRecord
 from duralab.recording import Recording
-from duralab.recording_content import Playback
 from duralab.report.identification_words import identification_in_words
 from duralab.report.update_words import iteration_in_words
-from duralab.target_step_record import READ_FILE, StepRecord
 from duralab_proto.v1 import iterator_pb2
 
 

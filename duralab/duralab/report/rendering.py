@@ -47,6 +47,16 @@ def json_in_html(content: object) -> Markup:
     "</script" would end the element, and after "<!--" and "<script" in a string its end tag would not. As escapes of
     JSON, neither stands in the page; U+2028 and U+2029 end a line of JavaScript and are escapes as all that is not
     ASCII.
+
+    Parameters
+    ----------
+    content : object
+        Anything that `json.dumps` takes.
+
+    Returns
+    -------
+    Markup
+        The text, safe inside a script element.
     """
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))

@@ -9,12 +9,9 @@ from typing import Final
 import numpy as np
 
 import spectra
-from duralab.comparison import Comparison
-from duralab.iteration_table import DAMAGE_SLOPES, IterationTable
-from duralab.recording_content import Distortion
-from duralab.showing.campaigns import passes
-from duralab.signals import Signals
-from duralab.verdict import Criterion, Verdict
+from duralab.analysis import Comparison
+from duralab.campaign import Criterion, Verdict
+from duralab.data import DAMAGE_SLOPES, Distortion, IterationTable, Signals, passes
 from duralab_proto.v1 import iterator_pb2
 
 Shown = tuple[str, str]

@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 
 import spectra
-from duralab.recording_content import Playback
+from duralab.data import Playback, Signals
 from duralab.report.drawing import Figure, axes, band_edges, frequency_axis, level_line, line
 from duralab.report.held_drives import HeldStretch
 from duralab.report.series import encode, thin_out
-from duralab.signals import Signals
 
 ZOOM_SECONDS: Final = 2.0
 """Length of the window that is shown at the full sample rate."""

@@ -1,6 +1,42 @@
 """Sweeps: one campaign many times, on all cores or on a cluster, compared; needs the extra `duralab[sweeps]`."""
 
-from duralab.sweeps.sweep_file import CellKind, Kept, Objective, Sweep
-from duralab.sweeps.sweep_loading import load_sweep, shipped_sweeps
+from __future__ import annotations
 
-__all__ = ["CellKind", "Kept", "Objective", "Sweep", "load_sweep", "shipped_sweeps"]
+from typing import TYPE_CHECKING
+
+from duralab.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from duralab.sweeps.report import write_report
+    from duralab.sweeps.results import PLAYBACKS, RESULTS, SweepResults, read_results
+    from duralab.sweeps.sweep_file import CellKind, Kept, Objective, Sweep
+    from duralab.sweeps.sweep_loading import load_sweep, shipped_sweeps
+    from duralab.sweeps.sweeping import SweepProgress, default_folder, run_sweep
+
+__all__ = [
+    "PLAYBACKS",
+    "RESULTS",
+    "CellKind",
+    "Kept",
+    "Objective",
+    "Sweep",
+    "SweepProgress",
+    "SweepResults",
+    "default_folder",
+    "load_sweep",
+    "read_results",
+    "run_sweep",
+    "shipped_sweeps",
+    "write_report",
+]
+
+__getattr__ = lazy_face(
+    __name__,
+    {
+        "report": ("write_report",),
+        "results": ("PLAYBACKS", "RESULTS", "SweepResults", "read_results"),
+        "sweep_file": ("CellKind", "Kept", "Objective", "Sweep"),
+        "sweep_loading": ("load_sweep", "shipped_sweeps"),
+        "sweeping": ("SweepProgress", "default_folder", "run_sweep"),
+    },
+)

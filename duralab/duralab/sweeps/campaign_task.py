@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from duralab.campaign_loading import parse_campaign
+from duralab.campaign import parse_campaign
 from duralab.errors import InputError, LabError
 from duralab.sweeps.cell import KeptCell
 from duralab.sweeps.outcome import Costs, Outcome, State, outcome_of, write_outcome

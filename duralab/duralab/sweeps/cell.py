@@ -11,10 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from duralab._recordings_place import RecordingsPlace
-from duralab._supervisor import ServicePlan, Supervisor, lab_services
 from duralab.errors import LabError
-from duralab.lab import Lab
+from duralab.lab import Lab, RecordingsPlace
+from duralab.processes import ServicePlan, Supervisor, lab_services
 from duralab.sweeps.specimens import SpecimenText
 from duralab.sweeps.sweep_file import CellKind
 from labbus import BusConfig, BusError, ConfigError, FaultError, host_services, open_bus

@@ -8,9 +8,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
-from duralab._outputs import replace_when_complete
-from duralab.campaign_result import CampaignResult
 from duralab.errors import InputError
+from duralab.lab import CampaignResult
+from duralab.output_files import replace_when_complete
 from duralab.sweeps.sweep_file import Objective
 
 OUTCOME: Final = "outcome.parquet"

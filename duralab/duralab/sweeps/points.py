@@ -12,8 +12,7 @@ from typing import Any, Final
 
 import yaml
 
-from duralab.campaign_file import Campaign
-from duralab.campaign_loading import load_campaign, parse_campaign
+from duralab.campaign import Campaign, load_campaign, parse_campaign
 from duralab.errors import InputError
 from duralab.sweeps.dotted_keys import change, look_up
 from duralab.sweeps.identity import file_sha256, installed_versions, point_id

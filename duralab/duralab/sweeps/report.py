@@ -15,9 +15,9 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
-from duralab.report.rendering import json_in_html
+from duralab.output_files import replace_when_complete
+from duralab.report import json_in_html
 from duralab.sweeps import figures
 from duralab.sweeps.campaign_task import CAMPAIGN
 from duralab.sweeps.results import POINTS, SweepResults

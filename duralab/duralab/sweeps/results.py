@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from duralab._outputs import replace_when_complete
 from duralab.errors import InputError
+from duralab.output_files import replace_when_complete
 from duralab.sweeps.outcome import Outcome, State
 from duralab.sweeps.sweep_file import Objective, Sweep
 
@@ -107,6 +107,16 @@ def write_results(
 
 def read_results(folder: str | Path) -> SweepResults:
     """Read the results of a sweep.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the sweep.
+
+    Returns
+    -------
+    SweepResults
+        The results of its points.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from duralab.campaign_values import Section, Seed
+from duralab.campaign import Section, Seed
 
 MOST_POINTS = 100_000
 """Points of one sweep: their settings are made and checked before the first of them is run."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from duralab._near_files import did_you_mean
 from duralab.errors import InputError
+from duralab.near_files import did_you_mean
 from duralab.sweeps.sweep_file import Sweep
 from labbus import ConfigError, load_config
 from strict_yaml import read_yaml_text

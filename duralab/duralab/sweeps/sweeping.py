@@ -108,7 +108,18 @@ def run_sweep(
 
 
 def default_folder(sweep: Sweep) -> Path:
-    """Return where a sweep goes that is not told where."""
+    """Return where a sweep goes that is not told where.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep.
+
+    Returns
+    -------
+    Path
+        The folder.
+    """
     return Path("out") / "sweeps" / sweep.name
 
 

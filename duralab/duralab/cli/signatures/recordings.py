@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from duralab.cli.options import Connect, DataType, FileFormat, Json, Replace, Unit
-from duralab.recorded_result import Result
+from duralab.lab import Result
 
 Pdf = Annotated[
     Path | None, typer.Option("--pdf", metavar="FILE", help="Write it as PDF too; needs Chromium or Chrome.")

@@ -12,7 +12,7 @@ from duralab.cli.options import Json
 
 def complete_sweep(incomplete: str) -> list[str]:
     """Return the shipped sweeps that begin so, for the shell; it completes files by itself."""
-    from duralab.sweeps.sweep_loading import shipped_sweeps
+    from duralab.sweeps import shipped_sweeps
 
     return [name for name in shipped_sweeps() if name.startswith(incomplete)]
 

@@ -1,0 +1,31 @@
+"""Comparison of recorded campaigns, the settings in which they differ, and a summary of signals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from duralab.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from duralab.analysis.comparison import ChannelComparison, ComparedRecording, Comparison, Recorded, compare
+    from duralab.analysis.signal_summary import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
+
+__all__ = [
+    "ENERGY_SHARE",
+    "ChannelComparison",
+    "ChannelSummary",
+    "ComparedRecording",
+    "Comparison",
+    "Recorded",
+    "SignalSummary",
+    "compare",
+    "summarize",
+]
+
+__getattr__ = lazy_face(
+    __name__,
+    {
+        "comparison": ("ChannelComparison", "ComparedRecording", "Comparison", "Recorded", "compare"),
+        "signal_summary": ("ENERGY_SHARE", "ChannelSummary", "SignalSummary", "summarize"),
+    },
+)

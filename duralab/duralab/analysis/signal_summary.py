@@ -1,0 +1,159 @@
+"""What sampled signals hold: range, RMS, band of their energy and a coarse power spectral density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab.data import Signals
+from spectra import auto_spectra, line_frequencies
+
+ENERGY_SHARE: Final = 0.99
+"""Share of a channel's energy that its band holds."""
+
+COLUMNS: Final = 32
+"""Bands of the coarse density, equally wide on a logarithmic axis of frequency."""
+
+_AVERAGED_PARTS: Final = 4
+"""A block of the density is about this part of the record: with half of it overlapping, seven averages or more."""
+_LARGEST_BLOCK: Final = 2**16
+_SHORTEST_BLOCK: Final = 16
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelSummary:
+    """What one channel holds, in its unit.
+
+    Parameters
+    ----------
+    name, unit : str
+        Of the channel.
+    not_finite : int
+        Number of samples that are nan or infinite; the other figures leave them out.
+    minimum, maximum, mean, rms : float
+        Over all finite samples; nan where there is none.
+    band : tuple of float or None
+        Frequencies in Hz below and above which 0.5 % of the energy lies each, the mean left out; None where the channel
+        is constant, not finite, or shorter than 16 samples.
+    psd : np.ndarray, shape (columns) or (0)
+        Largest power spectral density of each frequency band, one-sided, in the unit squared per Hz; empty where `band`
+        is None.
+    """
+
+    name: str
+    unit: str
+    not_finite: int
+    minimum: float
+    maximum: float
+    mean: float
+    rms: float
+    band: tuple[float, float] | None
+    psd: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SignalSummary:
+    """What signals hold.
+
+    Parameters
+    ----------
+    sample_rate : float
+        In Hz.
+    samples : int
+        Of each channel.
+    duration : float
+        In s.
+    resolution : float
+        Distance of two lines of the density, in Hz; nan where the signals are too short for one.
+    psd_edges : np.ndarray, shape (columns + 1) or (0)
+        Edges of the frequency bands of `ChannelSummary.psd`, in Hz.
+    channels : tuple of ChannelSummary
+        In the order of the signals.
+    """
+
+    sample_rate: float
+    samples: int
+    duration: float
+    resolution: float
+    psd_edges: NDArray[np.float64]
+    channels: tuple[ChannelSummary, ...]
+
+
+def summarize(signals: Signals) -> SignalSummary:
+    """Return what signals hold.
+
+    Parameters
+    ----------
+    signals : Signals
+        Of any length; samples that are not finite are counted.
+
+    Returns
+    -------
+    SignalSummary
+        Densities by Welch's method: periodic Hann window, half overlapping, the mean over the record left out.
+    """
+    count = signals.samples.shape[1]
+    block, edges, lines = 0, np.empty(0), np.empty(0)
+    if count >= _SHORTEST_BLOCK:
+        block = min(_LARGEST_BLOCK, max(_SHORTEST_BLOCK, 2 ** int(np.log2(count / _AVERAGED_PARTS))))
+        # The line at 0 Hz holds what is left of the mean.
+        lines = line_frequencies(block, signals.sample_rate)[1:]
+        edges = np.geomspace(lines[0], lines[-1], COLUMNS + 1)
+    channels = []
+    # The square of a value that a damaged file holds may overflow: its figures are infinite, which is what to see.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for channel, row in zip(signals.channels, signals.samples, strict=True):
+            minimum, maximum, mean, rms = _figures(row[np.isfinite(row)])
+            band, psd = None, np.empty(0)
+            if block and np.isfinite(row).all() and minimum < maximum:
+                density = _density(row, block=block, sample_rate=signals.sample_rate)
+                if 0.0 < density.sum() < np.inf:
+                    band, psd = _band(lines, density), _coarse(lines, density, edges)
+            not_finite = int(np.count_nonzero(~np.isfinite(row)))
+            channels.append(
+                ChannelSummary(channel.name, channel.unit, not_finite, minimum, maximum, mean, rms, band=band, psd=psd)
+            )
+    return SignalSummary(
+        sample_rate=signals.sample_rate,
+        samples=count,
+        duration=signals.duration,
+        resolution=float(lines[0]) if block else np.nan,
+        psd_edges=edges,
+        channels=tuple(channels),
+    )
+
+
+def _figures(finite: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    if not finite.size:
+        return np.nan, np.nan, np.nan, np.nan
+    return float(finite.min()), float(finite.max()), float(finite.mean()), float(np.sqrt(np.mean(finite**2)))
+
+
+def _density(row: NDArray[np.float64], *, block: int, sample_rate: float) -> NDArray[np.float64]:
+    dynamic = (row - row.mean())[None]
+    return auto_spectra(dynamic, block_samples=block, overlap=0.5, sample_rate=sample_rate)[1:, 0]
+
+
+def _band(lines: NDArray[np.float64], density: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the frequencies between which the share of the energy lies, as much of the rest on either side."""
+    energy = np.cumsum(density)
+    outside = (1.0 - ENERGY_SHARE) / 2.0
+    low, high = np.searchsorted(energy, np.array([outside, 1.0 - outside]) * energy[-1])
+    return float(lines[low]), float(lines[min(high, lines.size - 1)])
+
+
+def _coarse(
+    lines: NDArray[np.float64], density: NDArray[np.float64], edges: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the largest density in each band; in one without a line, that of the nearest line."""
+    first, last = np.searchsorted(lines, edges[:-1]), np.searchsorted(lines, edges[1:], side="right")
+    centres = np.sqrt(edges[:-1] * edges[1:])
+    return np.array(
+        [
+            density[begin:end].max() if end > begin else density[np.abs(lines - centre).argmin()]
+            for begin, end, centre in zip(first, last, centres, strict=True)
+        ]
+    )

@@ -1,0 +1,58 @@
+"""The settings of an identification, from a campaign or from a file that holds nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from duralab.campaign.identification import EstimatorSettings, ExcitationSettings
+from duralab.campaign.loading import explained, load_campaign, parse_mapping, read_text, shipped_campaigns
+from duralab.campaign.values import Section, Seed
+
+
+class IdentificationSettings(Section):
+    """What an identification is asked for."""
+
+    seed: Seed = Field(default=0, description="Every random number of the experiment comes from this seed.")
+    excitation: ExcitationSettings = Field(description="The experiment that identifies the rig.")
+    estimator: EstimatorSettings = Field(description="How the model is estimated from the experiment.")
+
+
+def load_identification(source: str | Path) -> IdentificationSettings:
+    """Read and check the settings of an identification.
+
+    Parameters
+    ----------
+    source : str or Path
+        A campaign file or the name of a shipped campaign, of which seed, excitation and estimator count; or a YAML file
+        with these keys only.
+
+    Returns
+    -------
+    IdentificationSettings
+        The checked settings.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    """
+    path = Path(source)
+    if not path.exists() and str(source) in shipped_campaigns():
+        return _of_campaign(source)
+    text = read_text(path, what="a file of settings")
+    content = parse_mapping(text, name=str(path), what="it", keys=IdentificationSettings.model_fields)
+    if "target" in content or "update" in content:
+        return _of_campaign(source)
+    try:
+        return IdentificationSettings.model_validate(content)
+    except ValidationError as error:
+        raise explained(error, name=f"{path}: ") from error
+
+
+def _of_campaign(source: str | Path) -> IdentificationSettings:
+    campaign = load_campaign(source)
+    return IdentificationSettings.model_construct(
+        seed=campaign.seed, excitation=campaign.excitation, estimator=campaign.estimator
+    )

@@ -1,0 +1,135 @@
+"""Settings for a resumed campaign: a whole campaign file, or only the keys of `update` and `stop` that change."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from pydantic import ValidationError
+
+from duralab.campaign.file import Campaign
+from duralab.campaign.iteration import StopSection, UpdateSection
+from duralab.campaign.loading import explained, load_campaign, parse_campaign, parse_mapping, read_text
+from duralab.errors import InputError
+from duralab_proto.v1 import iterator_pb2
+from strict_yaml import parse_yaml
+
+_SECTIONS: Final = {"update": UpdateSection, "stop": StopSection}
+
+
+@dataclass(frozen=True)
+class PartialSettings:
+    """Keys of `update` and `stop` that take the place of those of a recorded campaign.
+
+    Parameters
+    ----------
+    name : str
+        Of the file they were read from.
+    sections : dict
+        One or both sections; each holds only the keys that change.
+    """
+
+    name: str
+    sections: dict[str, dict[str, Any]]
+
+
+def load_settings(source: str | Path) -> Campaign | PartialSettings:
+    """Read the settings for a resumed campaign.
+
+    Parameters
+    ----------
+    source : str or Path
+        A YAML file with `update`, `stop` or both, each with the keys that change; or a whole campaign, as for
+        `load_campaign`.
+
+    Returns
+    -------
+    Campaign or PartialSettings
+        Whose `update` and `stop` count.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    """
+    if not isinstance(source, str | os.PathLike) or not Path(source).is_file():
+        return load_campaign(source)
+    name = str(source)
+    what = "a file of settings to resume with"
+    content = parse_mapping(read_text(Path(source), what=what), name=name, what=what, keys=_SECTIONS)
+    others = [str(key) for key in content if key not in _SECTIONS]
+    needed = [key for key, field in Campaign.model_fields.items() if field.is_required()]
+    if others and any(key not in content for key in needed):
+        raise InputError(
+            f"{name} has {', '.join(others)}; settings to resume with are `update`, `stop` or both, or a whole "
+            "campaign file.",
+            field=others[0],
+        )
+    if others:
+        return load_campaign(source)
+    if not content:
+        raise InputError(f"{name} is empty; give `update`, `stop` or both, with the keys that change.")
+    for section, keys in content.items():
+        _require_known(section, keys, name=name)
+    return PartialSettings(name, content)
+
+
+def _require_known(section: str, keys: object, *, name: str) -> None:
+    """Refuse unknown keys and values that no campaign can have; that keys are missing is the point of it."""
+    try:
+        _SECTIONS[section].model_validate(keys)
+    except ValidationError as error:
+        findings = [finding for finding in error.errors() if finding["type"] != "missing" or len(finding["loc"]) > 1]
+        if findings:
+            raise explained(error, name=f"{name}: ", place=(section,), is_part=True) from error
+
+
+def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> Campaign:
+    """Return the campaign file of a recorded campaign with other keys in `update` and `stop`.
+
+    Parameters
+    ----------
+    settings : PartialSettings
+        The keys that change.
+    parent : CampaignSpec
+        As recorded, with its campaign file.
+
+    Returns
+    -------
+    Campaign
+        Its `text` is the new file, without the comments of the old one.
+
+    Raises
+    ------
+    InputError
+        The recording holds no campaign file of this version, or a value is not allowed beside those that stay.
+    """
+    recorded = _recorded_campaign(settings, parent)
+    content = dict(parse_yaml(recorded.text))
+    for section, keys in settings.sections.items():
+        content[section] = {**content[section], **keys}
+    try:
+        campaign = Campaign.model_validate(content)
+    except ValidationError as error:
+        raise explained(error, name=f"{settings.name}, with what campaign {parent.id!r} has: ") from error
+    changed = ", ".join(f"{section}.{key}" for section, keys in settings.sections.items() for key in keys)
+    text = f"# Campaign {parent.id} with other settings: {changed}.\n"
+    text += yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return campaign.read_from(folder=Path(), text=text)
+
+
+def _recorded_campaign(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> Campaign:
+    whole = f"give a whole campaign file in place of {settings.name}, which holds only the keys that change"
+    if not parent.scenario:
+        raise InputError(f"The recording of campaign {parent.id!r} holds no campaign file; {whole}.", field="settings")
+    try:
+        return parse_campaign(parent.scenario, name=f"the campaign file of {parent.id!r}")
+    except InputError as error:
+        raise InputError(
+            f"The campaign file in the recording of {parent.id!r} is not one of this version "
+            f"({error.message.rstrip('.')}); {whole}.",
+            field="settings",
+        ) from error

@@ -1,0 +1,203 @@
+"""What a campaign file says of a measured target: which of the file's channels are which, and how it is edited."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Annotated, Any, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from duralab.campaign.values import Gain, NotNegative, Positive, Range, Section
+
+Factor = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class SourceChannel(Section):
+    """The channel of a file that a response of the rig is to follow; its name alone may stand for it."""
+
+    # The file may say `from`, which Python keeps for itself.
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    source: str = Field(alias="from", min_length=1, description="Name of the channel in the file, e.g. FZ_FL.")
+    unit: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Unit of the file's values, e.g. kN; left out: the one that the file names.",
+    )
+    scale: Factor = Field(
+        default=1.0, description="What the values are multiplied by, e.g. -1 for an axis that points the other way."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_a_name(cls, value: Any) -> Any:
+        return {"from": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _check_scale(self) -> Self:
+        if self.scale == 0.0:
+            raise ValueError("has scale 0, which leaves nothing; leave the response out, or give another factor")
+        return self
+
+
+class Stretch(Section):
+    """A stretch of the target."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    start: NotNegative = Field(default=0.0, alias="from", description="Where it starts, in seconds.")
+    end: Positive | None = Field(
+        default=None, alias="to", description="Where it ends, in seconds; left out: where the target does."
+    )
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.end is not None and self.start >= self.end:
+            raise ValueError(f"goes from {self.start:g} to {self.end:g} s; from must be below to")
+        return self
+
+
+class RemoveMean(Section):
+    """Take the mean off."""
+
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+
+
+class RemoveDrift(Section):
+    """Take a slow polynomial off, and leave the mean."""
+
+    order: int = Field(default=1, ge=1, le=9, description="Of the polynomial; 1 is a straight line.")
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+
+
+class Filter(Section):
+    """Butterworth, forward and backward: nothing moves in time, and a corner halves the amplitude."""
+
+    low_pass: Positive | None = Field(default=None, description="What lies below passes, in hertz.")
+    high_pass: Positive | None = Field(default=None, description="What lies above passes, in hertz.")
+    band_pass: Range | None = Field(default=None, strict=False, description="What lies between passes, in hertz.")
+    band_stop: Range | None = Field(default=None, strict=False, description="What lies between is removed, in hertz.")
+    order: int = Field(default=4, ge=1, le=12, description="Of one pass; the slope is that of twice the order.")
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+
+    @model_validator(mode="after")
+    def _check_one_kind(self) -> Self:
+        kinds = ("low_pass", "high_pass", "band_pass", "band_stop")
+        given = [name for name in kinds if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"has {' and '.join(given) if given else 'none'} of {', '.join(kinds)}; one is needed")
+        for name in given:
+            corners = getattr(self, name)
+            if isinstance(corners, tuple) and corners[0] >= corners[1]:
+                raise ValueError(f"has {name} [{corners[0]:g}, {corners[1]:g}]; the first must be below the second")
+        return self
+
+    @property
+    def kind(self) -> tuple[str, tuple[float, ...]]:
+        """What passes, and the corners in hertz."""
+        if self.low_pass is not None:
+            return "low_pass", (self.low_pass,)
+        if self.high_pass is not None:
+            return "high_pass", (self.high_pass,)
+        return ("band_pass", self.band_pass) if self.band_pass is not None else ("band_stop", self.band_stop or ())
+
+
+class Resample(Section):
+    """Go over to another sample rate; what does not fit under half of it is removed."""
+
+    rate: Positive = Field(description="Samples per second, in hertz: that of the rig.")
+
+
+class Despike(Section):
+    """Find single wrong samples and put a smooth curve in their place."""
+
+    longest: Positive = Field(default=0.003, description="Of a spike, at half its height, in seconds.")
+    threshold: Positive = Field(
+        default=10.0, description="Height of the lowest spike, in standard deviations of what is usual around it."
+    )
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+
+
+class TaperLevel(StrEnum):
+    """What a target rises from and falls back to."""
+
+    MEAN = "mean"
+    ZERO = "zero"
+
+
+class Taper(Section):
+    """Let the target begin and end softly."""
+
+    seconds: Positive = Field(description="Length of the fade at either end.")
+    to: TaperLevel = Field(
+        default=TaperLevel.MEAN, strict=False, description="Each channel's mean, or zero, static loads and all."
+    )
+
+
+class Segment(Stretch):
+    """A stretch of the target, once or more often."""
+
+    repeat: int = Field(default=1, ge=1, le=10_000, description="How often it is played, one after the other.")
+
+
+class Join(Section):
+    """Put stretches of the target together, in the order given."""
+
+    segments: tuple[Segment, ...] = Field(strict=False, min_length=1, description="The stretches.")
+    cross_fade: NotNegative = Field(default=0.2, description="How long one fades into the next, in seconds.")
+
+
+class ShortenByDamage(Section):
+    """Keep the sections that carry the damage of any channel."""
+
+    keep: Gain = Field(description="Least share of each channel's pseudo-damage, e.g. 0.95.")
+    exponent: Positive = Field(default=5.0, le=20, description="Slope of the S-N line.")
+    window: Positive = Field(default=1.0, description="Sections are whole numbers of windows this long, in seconds.")
+    cross_fade: NotNegative = Field(default=0.2, description="How long one section fades into the next, in seconds.")
+
+
+EditSettings = Stretch | RemoveMean | RemoveDrift | Filter | Resample | Despike | Taper | Join | ShortenByDamage
+
+
+class EditStep(Section):
+    """One step of editing; a step without settings may stand by its name alone."""
+
+    cut: Stretch | None = Field(default=None, description="Keep one stretch.")
+    remove_mean: RemoveMean | None = Field(default=None, description="Take the mean off.")
+    remove_drift: RemoveDrift | None = Field(default=None, description="Take a slow polynomial off.")
+    filter: Filter | None = Field(default=None, description="Zero-phase filter.")
+    resample: Resample | None = Field(default=None, description="Go over to another sample rate.")
+    despike: Despike | None = Field(default=None, description="Replace single wrong samples.")
+    taper: Taper | None = Field(default=None, description="Begin and end softly.")
+    join: Join | None = Field(default=None, description="Put stretches together.")
+    shorten_by_damage: ShortenByDamage | None = Field(default=None, description="Keep what carries the damage.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_a_name(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return {value: {}}
+        if isinstance(value, Mapping):
+            return {key: {} if settings is None else settings for key, settings in value.items()}
+        return value
+
+    @model_validator(mode="after")
+    def _check_one_step(self) -> Self:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"has {' and '.join(given) if given else 'no step'}; each entry of the list holds one of "
+                f"{', '.join(type(self).model_fields)}"
+            )
+        return self
+
+    @property
+    def name(self) -> str:
+        """The step as the file names it."""
+        return next(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+    @property
+    def settings(self) -> EditSettings:
+        """What was set of the step."""
+        return getattr(self, self.name)

@@ -1,0 +1,453 @@
+"""Was the target reached? The one place that answers, for the report, the command line and a lab script alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from duralab.data import DAMAGE_SLOPES, IterationTable, passes
+from duralab.errors import InputError, ended
+from duralab_proto.v1 import iterator_pb2
+
+_ENDS: Final = MappingProxyType(
+    {
+        iterator_pb2.OUTCOME_REACHED: " It ended because its stop criteria were met.",
+        iterator_pb2.OUTCOME_ITERATIONS_USED: " It ended because all playbacks were used.",
+        iterator_pb2.OUTCOME_NO_IMPROVEMENT: " It ended because the last playbacks did not improve the best error.",
+        iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: " It ended because the specimen's damage budget was used.",
+    }
+)
+
+_WENT_ON: Final = " It went on to the last playback planned."
+"""In place of "all playbacks were used", which sounds like a failure beside a target that was reached."""
+
+_MOST_DECIMALS: Final = 6
+
+
+class Judgement(StrEnum):
+    """How a campaign ended, seen from what was wanted."""
+
+    REACHED = "reached"
+    NOT_REACHED = "not reached"
+    DIVERGED = "diverged"
+    ENDED_EARLY = "ended early"
+
+
+class Criterion(StrEnum):
+    """Figures that a result is judged by, named as in the section `accept` of a campaign file."""
+
+    ERROR = "relative_rms_error"
+    PEAK = "peak_ratio"
+    DAMAGE = "damage_ratio"
+    OUTSIDE = "energy_outside_band"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a result is judged by; a limit that is None is not judged.
+
+    Parameters
+    ----------
+    relative_rms_error : float or None
+        Largest relative RMS error of a controlled channel.
+    peak_ratio, damage_ratio : tuple of float or None
+        Smallest and largest, response over target.
+    damage_exponent : int
+        Slope of the S-N line that damage is judged at: 3, 5 or 8.
+    energy_outside_band : float or None
+        Largest share of the target's energy outside the control band, 0 to 1.
+    """
+
+    relative_rms_error: float | None = 0.15
+    peak_ratio: tuple[float, float] | None = (0.9, 1.1)
+    damage_ratio: tuple[float, float] | None = (0.8, 1.25)
+    damage_exponent: int = 5
+    energy_outside_band: float | None = 0.1
+
+    def bounds(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Return the smallest and the largest value of a figure that is accepted; None where it is not judged."""
+        limit = getattr(self, criterion.value)
+        return limit if limit is None or isinstance(limit, tuple) else (0.0, limit)
+
+    def name(self, criterion: Criterion) -> str:
+        """Return what a figure is called in a sentence."""
+        return {
+            Criterion.ERROR: "relative RMS error",
+            Criterion.PEAK: "peak",
+            Criterion.DAMAGE: f"damage at k = {self.damage_exponent}",
+            Criterion.OUTSIDE: "energy outside the control band",
+        }[criterion]
+
+    def allowed(self, criterion: Criterion) -> str:
+        """Return the limits of a figure that is judged, e.g. "0.8 to 1.25" or "up to 5 %"."""
+        bounds = self.bounds(criterion)
+        if bounds is None:
+            return "any"
+        if criterion is Criterion.OUTSIDE:
+            return f"up to {100 * bounds[1]:g} %"
+        return f"up to {bounds[1]:g}" if criterion is Criterion.ERROR else f"{bounds[0]:g} to {bounds[1]:g}"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One figure of one controlled channel of the best playback, beside its limits.
+
+    Parameters
+    ----------
+    criterion : Criterion
+        Which figure.
+    channel : str
+        Name of the response.
+    value : float
+        The figure.
+    smallest, largest : float
+        Limits.
+    """
+
+    criterion: Criterion
+    channel: str
+    value: float
+    smallest: float
+    largest: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the figure lies within its limits."""
+        return self.smallest <= self.value <= self.largest
+
+    @property
+    def badness(self) -> float:
+        """How far the figure is off, to find the worst of a criterion: ratios count alike above and below 1."""
+        if self.criterion in (Criterion.ERROR, Criterion.OUTSIDE):
+            return self.value
+        return abs(np.log(self.value)) if self.value > 0.0 else np.inf
+
+    def __str__(self) -> str:
+        """Return the figure; with more decimals where fewer would round it to the other side of a limit."""
+        factor, unit = (100.0, " %") if self.criterion is Criterion.OUTSIDE else (1.0, "")
+        fewest = {Criterion.OUTSIDE: 1, Criterion.DAMAGE: 2}.get(self.criterion, 3)
+        for decimals in range(fewest, _MOST_DECIMALS):
+            text = f"{factor * self.value:.{decimals}f}"
+            if (self.smallest <= float(text) / factor <= self.largest) == self.accepted:
+                return text + unit
+        return f"{factor * self.value:.{_MOST_DECIMALS}f}{unit}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer and its reason.
+
+    Parameters
+    ----------
+    judgement : Judgement
+        The answer.
+    sentence : str
+        What a reader needs to know first, with the numbers.
+    limits : Limits
+        What the best playback was judged by.
+    findings : tuple of Finding
+        Its figures that have a limit and are known; empty where no playback can be judged.
+    """
+
+    judgement: Judgement
+    sentence: str
+    limits: Limits
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def failed(self) -> tuple[Finding, ...]:
+        """The figures outside their limits."""
+        return tuple(finding for finding in self.findings if not finding.accepted)
+
+    def of(self, channel: str, criterion: Criterion) -> Finding | None:
+        """Return one figure of a channel.
+
+        Parameters
+        ----------
+        channel : str
+            Name of the response.
+        criterion : Criterion
+            Which figure.
+
+        Returns
+        -------
+        Finding or None
+            None where it is not judged: the channel is watched, its limit is null, or the figure is not known.
+        """
+        return next((f for f in self.findings if f.channel == channel and f.criterion is criterion), None)
+
+
+def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -> Limits:
+    """Return what a campaign is judged by: the section `accept` of its campaign file, or the defaults.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        Holds the campaign file, and the criteria of its end.
+    table : IterationTable
+        Its figures; an older recording, without the energy outside the band, has no section `accept` where the error at
+        which it was to end was what it was judged by.
+    """
+    from duralab.campaign.file import Acceptance
+    from duralab.campaign.loading import parse_campaign
+
+    accept, stop = None, specification.stop
+    if specification.scenario:
+        try:
+            campaign = parse_campaign(specification.scenario, name=specification.id)
+        except InputError:
+            # Written by another program or version: its words are kept, but they are no campaign file of ours.
+            campaign = None
+        if campaign is not None and "accept" in campaign.model_fields_set:
+            accept = campaign.accept
+    if accept is None:
+        old = bool(np.isnan(table.energy_outside_band).all())
+        asked = old and stop.relative_rms_error > 0.0
+        accept = Acceptance(relative_rms_error=stop.relative_rms_error) if asked else Acceptance()
+    exponent = accept.damage_exponent or stop.damage_exponent
+    return Limits(
+        relative_rms_error=accept.relative_rms_error,
+        peak_ratio=accept.peak_ratio,
+        damage_ratio=accept.damage_ratio,
+        damage_exponent=int(exponent) if exponent in DAMAGE_SLOPES else Limits.damage_exponent,
+        energy_outside_band=accept.energy_outside_band,
+    )
+
+
+def judge(
+    table: IterationTable,
+    *,
+    specification: iterator_pb2.CampaignSpec,
+    status: iterator_pb2.CampaignStatus | None,
+    open_end: str = "",
+) -> Verdict:
+    """Judge a campaign by its best playback.
+
+    Parameters
+    ----------
+    table : IterationTable
+        The figures of its playbacks; `table.best` is the one judged.
+    specification : CampaignSpec
+        What was asked for; see `limits_of`.
+    status : CampaignStatus or None
+        How it ended; None where it did not.
+    open_end : str
+        Why its recording may go on elsewhere, in words; empty where it does not.
+
+    Returns
+    -------
+    Verdict
+        Judgement, its sentence and the figures beside their limits.
+    """
+    limits = limits_of(specification, table)
+    whole = len(table) > 0 and table.level[table.best] == 1.0
+    findings = _findings(table, limits) if whole else ()
+    if status is None or status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED or not len(table):
+        fault = status.fault.message if status is not None and status.HasField("fault") else ""
+        reason = fault or open_end or "the recording ends before the campaign does."
+        done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
+        return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {ended(reason)}", limits, findings)
+    if status.outcome == iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL:
+        # No figure is judged: that of a dead sensor may be any.
+        return Verdict(
+            Judgement.ENDED_EARLY,
+            f"The campaign ended early: in playback {table.numbers[-1]} a controlled response stood still while its "
+            "target moved; its sensor gave nothing, and a remark names it.",
+            limits,
+        )
+    failed = [finding for finding in findings if not finding.accepted]
+    best = f"playback {table.numbers[table.best]} (best of {len(table)})"
+    if not whole:
+        told = f"after {best}, the whole target was not played; this was {table.level[table.best]:g} of it"
+    elif failed:
+        told = f"after {best}, {_failures(failed, limits)}"
+    else:
+        told = f"after {best}, every channel is within its limits: {_worst_of_each(findings, limits)}"
+    told += f".{_not_judged(table, limits) if whole else ''}"
+    end = _ENDS.get(status.outcome, "")
+    if status.outcome == iterator_pb2.OUTCOME_BOUND_PASSED:
+        sentence = (
+            f"The campaign ended early: playback {table.numbers[-1]} passed a bound of error, peak or damage, which a "
+            f"remark names. {told[0].upper()}{told[1:]}"
+        )
+        return Verdict(Judgement.ENDED_EARLY, sentence, limits, findings)
+    if status.outcome == iterator_pb2.OUTCOME_DIVERGED:
+        worst = int(np.argmax(table.judged_error[-1]))
+        sentence = (
+            f"The iteration diverged: in playback {table.numbers[-1]} the largest relative RMS error is "
+            f"{table.judged_error[-1, worst]:.3f} ({_words(table.judged[worst])}). {told[0].upper()}{told[1:]}"
+        )
+        return Verdict(Judgement.DIVERGED, sentence, limits, findings)
+    if failed or not whole:
+        return Verdict(Judgement.NOT_REACHED, f"The target was not reached: {told}{end}", limits, findings)
+    if status.outcome == iterator_pb2.OUTCOME_ITERATIONS_USED:
+        end = _WENT_ON
+    return Verdict(Judgement.REACHED, f"The target was reached: {told}{end}", limits, findings)
+
+
+def _figures(table: IterationTable, limits: Limits) -> dict[Criterion, np.ndarray]:
+    """Return the figures of the best playback by criterion, shape (channels) each."""
+    best = table.best
+    return {
+        Criterion.ERROR: table.relative_rms_error[best],
+        Criterion.PEAK: table.peak_ratio[best],
+        Criterion.DAMAGE: table.damage_ratio[best, :, DAMAGE_SLOPES.index(limits.damage_exponent)],
+        Criterion.OUTSIDE: table.energy_outside_band,
+    }
+
+
+def _findings(table: IterationTable, limits: Limits) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(criterion, channel, float(value), *bounds)
+        for criterion, values in _figures(table, limits).items()
+        if (bounds := limits.bounds(criterion)) is not None
+        for channel, value, watched in zip(table.channels, values, table.watched, strict=True)
+        if not watched and not np.isnan(value)
+    )
+
+
+def _failures(failed: list[Finding], limits: Limits) -> str:
+    """Return for each criterion that failed its channels and the worst value."""
+    parts = []
+    for criterion in Criterion:
+        found = [finding for finding in failed if finding.criterion is criterion]
+        if not found:
+            continue
+        worst = max(found, key=lambda finding: finding.badness)
+        names = [_words(finding.channel) for finding in found]
+        where = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+        value = f"is {worst}" if len(names) == 1 else f"is {worst} at worst, in {_words(worst.channel)}"
+        parts.append(f"{limits.name(criterion)} of {where} {value} (allowed {limits.allowed(criterion)})")
+    return "; ".join(parts)
+
+
+def _worst_of_each(findings: tuple[Finding, ...], limits: Limits) -> str:
+    """Return for each criterion the channel that comes closest to failing, beside what is allowed."""
+    worst = {
+        criterion: max((f for f in findings if f.criterion is criterion), key=lambda f: f.badness, default=None)
+        for criterion in Criterion
+    }
+    return "; ".join(
+        f"{limits.name(criterion)} {finding} at worst ({_words(finding.channel)}; allowed {limits.allowed(criterion)})"
+        for criterion, finding in worst.items()
+        if finding is not None
+    )
+
+
+def _not_judged(table: IterationTable, limits: Limits) -> str:
+    """Return which figures are not judged, and why."""
+    parts = []
+    for criterion, values in _figures(table, limits).items():
+        unknown = [
+            name
+            for name, value, watched in zip(table.channels, values, table.watched, strict=True)
+            if np.isnan(value) and not watched
+        ]
+        if limits.bounds(criterion) is None:
+            parts.append(f"{limits.name(criterion)} (accept.{criterion} is null)")
+        elif unknown:
+            of = "" if len(unknown) == len(table.judged) else f" of {', '.join(map(_words, unknown))}"
+            parts.append(f"{limits.name(criterion)}{of} (the recording does not have it)")
+    return f" Not judged: {'; '.join(parts)}." if parts else ""
+
+
+def compare_with_first(table: IterationTable) -> str:
+    """Return in words how the best playback compares with the first, channel by channel.
+
+    Parameters
+    ----------
+    table : IterationTable
+        Figures of one playback or more.
+
+    Returns
+    -------
+    str
+        One or more sentences.
+    """
+    if len(table) < 2:
+        return "There was one playback only, so nothing to compare it with."
+    if table.best == 0:
+        return "No later playback is better than the first."
+    worse = [
+        _words(name)
+        for name, first, best in zip(table.judged, table.judged_error[0], table.judged_error[table.best], strict=True)
+        if best >= first
+    ]
+    if not worse:
+        return "Every channel is closer to its target than after the first playback."
+    return f"Not closer to the target than after the first playback: {', '.join(worse)}."
+
+
+def repeatability_in_words(status: iterator_pb2.CampaignStatus) -> str:
+    """Return in one sentence how the error compares with what the rig repeats; nothing where no drive was repeated.
+
+    Parameters
+    ----------
+    status : CampaignStatus
+        Status of an ended campaign.
+
+    Returns
+    -------
+    str
+        One sentence, or an empty string.
+    """
+    watched = {channel.channel for channel in status.iterations[-1].channels if channel.watched}
+    told = [channel for channel in status.repeatability.channels if channel.channel not in watched]
+    if not told:
+        return ""
+    repeated = f"{status.repeatability.playbacks} playbacks of the drive of playback {status.repeatability.iteration}"
+    noisy = [channel for channel in told if channel.noise_floor > 0.0]
+    if not noisy:
+        return f"The rig repeats {repeated} exactly."
+    worst = max(noisy, key=lambda channel: channel.relative_rms_error / channel.noise_floor)
+    error, floor = worst.relative_rms_error, worst.noise_floor
+    return (
+        f"By {repeated}, the target is reproduced to within {error / floor:.1f} × of the repeatability; the largest is "
+        f"that of {_words(worst.channel)}, {error:.3f} over a noise floor of {floor:.2g}."
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def judged_rows(
+    table: IterationTable, verdict: Verdict, *, slope: int
+) -> tuple[list[tuple[str, str]], list[list[str]]]:
+    """Return the figures of the best playback that are judged, with ✗ at those outside their limits.
+
+    The heading of each column is its name and what is allowed, or its unit.
+
+    Parameters
+    ----------
+    table : IterationTable
+        One playback or more.
+    verdict : Verdict
+        On the best of them.
+    slope : int
+        Of the S-N line that the damage spent is counted at.
+
+    Returns
+    -------
+    tuple[list[tuple[str, str]], list[list of str]]
+        Headings of the columns, each with its limits or unit, and a row of cells for each channel.
+    """
+    limits, spent = verdict.limits, table.damage_spent(slope).sum(axis=0)
+    judged = [criterion for criterion in Criterion if limits.bounds(criterion) is not None]
+    names = {
+        Criterion.ERROR: "error",
+        Criterion.DAMAGE: f"damage, k = {limits.damage_exponent}",
+        Criterion.OUTSIDE: "energy outside band",
+    }
+    header = [(names.get(criterion, limits.name(criterion)), limits.allowed(criterion)) for criterion in judged]
+    rows = []
+    for i, channel in enumerate(table.channels):
+        findings = [verdict.of(channel, criterion) for criterion in judged]
+        cells = ["–" if found is None else f"{found}{'' if found.accepted else ' ✗'}" for found in findings]
+        mark = " (watched)" if table.watched[i] else ""
+        rows.append([f"{channel.replace('_', ' ')}{mark}", *cells, passes(spent[i])])
+    return [("channel", ""), *header, ("damage spent", f"passes, k = {slope}")], rows

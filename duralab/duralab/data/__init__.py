@@ -1,0 +1,53 @@
+"""Values that travel through the SDK: rigs, signals, models, playbacks and the figures of iterations."""
+
+from duralab.data.band import BandNote, response_note, target_note
+from duralab.data.band_index import marked
+from duralab.data.identification import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
+from duralab.data.iterations import DAMAGE_SLOPES, IterationTable, counted_slope, iterations_html, passes
+from duralab.data.model import Distortion, Model
+from duralab.data.playback import ActuatorUse, Playback, actuator_use, level_of, playback_of
+from duralab.data.played import Played
+from duralab.data.recorded_signals import RecordedTarget
+from duralab.data.rig import Rig, Rigs
+from duralab.data.rig_state import RigMode, RigState
+from duralab.data.signals import LARGEST_RATE_ERROR, Channel, Signals, channels_of
+from duralab.data.target_steps import READ_FILE, ChannelRecord, SourceRecord, StepRecord, step_record
+
+__all__ = [
+    "DAMAGE_SLOPES",
+    "LARGEST_RATE_ERROR",
+    "READ_FILE",
+    "ActuatorUse",
+    "BandNote",
+    "Channel",
+    "ChannelRecord",
+    "Convergence",
+    "Distortion",
+    "ExperimentPlan",
+    "IterationTable",
+    "LevelAdvice",
+    "LevelSeries",
+    "Model",
+    "ModelDifference",
+    "Playback",
+    "Played",
+    "RecordedTarget",
+    "Rig",
+    "RigMode",
+    "RigState",
+    "Rigs",
+    "Signals",
+    "SourceRecord",
+    "StepRecord",
+    "actuator_use",
+    "channels_of",
+    "counted_slope",
+    "iterations_html",
+    "level_of",
+    "marked",
+    "passes",
+    "playback_of",
+    "response_note",
+    "step_record",
+    "target_note",
+]

@@ -1,0 +1,95 @@
+"""Note of what signals of a recording are, and whether they are in the control band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from duralab_proto.v1 import iterator_pb2
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True)
+class BandNote:
+    """What signals of a recording are, and whether they are in the control band: targets and responses differ in it.
+
+    Parameters
+    ----------
+    quantity : str
+        "target", "response" or "error".
+    in_band : bool
+        Whether they are as they are judged: in the control band, without their static part.
+    lowest_frequency, highest_frequency : float
+        Edges of the control band, in hertz.
+    level : str
+        How a playback at partial level is scaled; empty for a target.
+    """
+
+    quantity: str
+    in_band: bool
+    lowest_frequency: float
+    highest_frequency: float
+    level: str = ""
+
+    @property
+    def band(self) -> str:
+        """The value of the coordinate `band`."""
+        return "in band" if self.in_band else "as measured"
+
+    @property
+    def attributes(self) -> dict[str, str | float]:
+        """What labelled arrays say of themselves in their attributes; the edges are those of in-band signals only."""
+        edges = {"lowest_frequency": self.lowest_frequency, "highest_frequency": self.highest_frequency}
+        return {
+            "quantity": self.quantity,
+            "band": self.band,
+            **(edges if self.in_band else {}),
+            "static_part": "removed" if self.in_band else "kept",
+            **({"level": self.level} if self.level else {}),
+        }
+
+
+def response_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool, quantity: str = "response") -> BandNote:
+    """Return the note of the responses of a campaign.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        Specification of the campaign.
+    in_band : bool
+        Whether the signals are in the control band.
+    quantity : str
+        "response", or "error".
+
+    Returns
+    -------
+    BandNote
+        The note.
+    """
+    return BandNote(
+        quantity,
+        in_band,
+        specification.lowest_frequency,
+        specification.highest_frequency,
+        level="divided by the level of the playback" if in_band else "as played",
+    )
+
+
+def target_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool) -> BandNote:
+    """Return the note of the target of a campaign.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        Specification of the campaign.
+    in_band : bool
+        Whether the signals are in the control band.
+
+    Returns
+    -------
+    BandNote
+        The note.
+    """
+    return BandNote("target", in_band, specification.lowest_frequency, specification.highest_frequency)

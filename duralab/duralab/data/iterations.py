@@ -1,0 +1,331 @@
+"""The figures of a campaign: one row for each playback, one column for each response channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from duralab.display import Axis, Curve, html_table, line_chart, text_table
+from duralab_proto.v1 import iterator_pb2
+
+if TYPE_CHECKING:
+    import xarray
+
+DAMAGE_SLOPES: Final = (3, 5, 8)
+"""Slopes of the S-N lines that damage ratios are told for, as the contract orders them."""
+
+DAMAGE_SPENT_SLOPE: Final = 5
+"""Slope of the S-N line that the damage spent is counted at where none is asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class IterationTable:
+    """Figures of every playback, in the control band.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        Names of the responses, in the rig's order.
+    numbers : tuple of int
+        Number of each playback, from 1.
+    relative_rms_error : np.ndarray, shape (playbacks, channels)
+        rms(target - response) / rms(target).
+    rms_response : np.ndarray, shape (playbacks, channels)
+        rms(response) / rms(target).
+    peak_ratio : np.ndarray, shape (playbacks, channels)
+        Largest magnitude of the response over that of the target.
+    damage_ratio : np.ndarray, shape (playbacks, channels, 3)
+        Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8; not a number where an
+        older recording does not tell it.
+    overall : np.ndarray, shape (playbacks)
+        Root mean square over the judged channels of the relative RMS error.
+    level : np.ndarray, shape (playbacks)
+        Share of the target that was played for, which all figures are relative to; 1 is the whole.
+    watched : np.ndarray of bool, shape (channels)
+        True for a channel that is told, but neither controlled nor judged; its figures are not a number where its
+        target is silent.
+    energy_outside_band : np.ndarray, shape (channels)
+        Share of the energy of the target's dynamic part outside the control band, 0 to 1; not a number in an older
+        recording.
+    best_number : int
+        Number of the best playback as the iterator names it; 0 where it names none, see `best`.
+    confirmation_damage : np.ndarray, shape (confirmations, channels, 3)
+        Damage ratio of each further playback of the best drive, all at full level.
+    """
+
+    channels: tuple[str, ...]
+    numbers: tuple[int, ...]
+    relative_rms_error: np.ndarray
+    rms_response: np.ndarray
+    peak_ratio: np.ndarray
+    damage_ratio: np.ndarray
+    overall: np.ndarray
+    level: np.ndarray
+    watched: np.ndarray
+    energy_outside_band: np.ndarray
+    best_number: int
+    confirmation_damage: np.ndarray
+
+    @classmethod
+    def from_messages(
+        cls,
+        iterations: Sequence[iterator_pb2.IterationMetrics],
+        *,
+        confirmations: Sequence[iterator_pb2.IterationMetrics] = (),
+        status: iterator_pb2.CampaignStatus | None = None,
+    ) -> IterationTable:
+        """Decode the metrics of a campaign; an empty sequence gives an empty table.
+
+        Parameters
+        ----------
+        iterations, confirmations : sequence of IterationMetrics
+            Of the playbacks of the iteration, and of those that confirm its best drive.
+        status : CampaignStatus, optional
+            Names the best playback.
+
+        Raises
+        ------
+        ValueError
+            A playback has other channels than the first.
+        """
+        names = tuple(channel.channel for channel in iterations[0].channels) if iterations else ()
+        for metrics in (*iterations, *confirmations):
+            if tuple(channel.channel for channel in metrics.channels) != names:
+                raise ValueError(f"Playback {metrics.iteration} has other channels than the first, {', '.join(names)}.")
+
+        def column(name: str) -> np.ndarray:
+            rows = [[getattr(channel, name) for channel in metrics.channels] for metrics in iterations]
+            return np.array(rows, dtype=np.float64).reshape(len(iterations), len(names))
+
+        return cls(
+            channels=names,
+            numbers=tuple(metrics.iteration for metrics in iterations),
+            relative_rms_error=column("relative_rms_error"),
+            rms_response=column("rms_response"),
+            peak_ratio=column("peak_ratio"),
+            damage_ratio=_damage_ratios(iterations, channels=len(names)),
+            overall=np.array([metrics.overall_relative_rms_error for metrics in iterations], dtype=np.float64),
+            # Recordings from before there were levels hold 0.
+            level=np.array([metrics.level or 1.0 for metrics in iterations], dtype=np.float64),
+            # As the last playback was judged: one that was taken over may have been judged otherwise.
+            watched=np.array(
+                [channel.watched for channel in iterations[-1].channels] if iterations else [], dtype=bool
+            ),
+            energy_outside_band=np.array(
+                [
+                    channel.target_energy_outside_band if channel.HasField("target_energy_outside_band") else np.nan
+                    for channel in (iterations[-1].channels if iterations else ())
+                ]
+            ),
+            best_number=_best_number(iterations, status),
+            confirmation_damage=_damage_ratios(confirmations, channels=len(names)),
+        )
+
+    @classmethod
+    def from_status(cls, status: iterator_pb2.CampaignStatus) -> IterationTable:
+        """Decode the figures of a campaign as its status has them.
+
+        Parameters
+        ----------
+        status : CampaignStatus
+            Of a campaign that may still run.
+
+        Returns
+        -------
+        IterationTable
+            Confirmations and the best playback included; empty before the first playback.
+        """
+        return cls.from_messages(status.iterations, confirmations=status.confirmations, status=status)
+
+    def __len__(self) -> int:
+        """Return how many playbacks there are."""
+        return len(self.numbers)
+
+    @property
+    def judged_error(self) -> np.ndarray:
+        """Relative RMS error of the channels that are judged, shape (playbacks, judged)."""
+        return self.relative_rms_error[:, ~self.watched]
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """Names of the channels that are judged: all but the watched ones."""
+        return tuple(name for name, watched in zip(self.channels, self.watched, strict=True) if not watched)
+
+    @property
+    def best(self) -> int:
+        """Row of the best playback, the one that is judged, exported and confirmed; there must be a playback.
+
+        The iterator names it: the last one where the target was reached, otherwise the one of the whole target with the
+        smallest error over all channels. Where it names none yet, the latter, or of those at a part of the target.
+        """
+        if self.best_number in self.numbers:
+            return self.numbers.index(self.best_number)
+        whole = self.level == 1.0
+        return int(np.argmin(np.where(whole, self.overall, np.inf) if whole.any() else self.overall))
+
+    def damage_spent(self, slope: int = DAMAGE_SPENT_SLOPE) -> np.ndarray:
+        """Return the pseudo-damage that the campaign put into each channel, in passes of the target.
+
+        As the iterator counts it for the damage budget: a playback counts as the target at its level at least, whatever
+        was measured, since a dead sensor does not mean an unharmed specimen. The identification is not counted.
+
+        Parameters
+        ----------
+        slope : int
+            Of the S-N line: 3, 5 or 8.
+
+        Returns
+        -------
+        np.ndarray, shape (playbacks + confirmations, channels)
+            Of each playback, the confirmations last; the sum over the first axis is that of the campaign. Not a number
+            where the damage ratio is not known.
+        """
+        column = DAMAGE_SLOPES.index(slope)
+        ratios = np.concatenate((self.damage_ratio[:, :, column], self.confirmation_damage[:, :, column]))
+        level = np.concatenate((self.level, np.ones(len(self.confirmation_damage))))
+        return np.maximum(1.0, ratios) * level[:, np.newaxis] ** slope
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the figures over `iteration`, `channel` and `slope` (of the S-N line), ratios all."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "relative_rms_error": (("iteration", "channel"), self.relative_rms_error, {"units": "1"}),
+                "rms_response": (("iteration", "channel"), self.rms_response, {"units": "1"}),
+                "peak_ratio": (("iteration", "channel"), self.peak_ratio, {"units": "1"}),
+                "damage_ratio": (("iteration", "channel", "slope"), self.damage_ratio, {"units": "1"}),
+                "overall": (("iteration",), self.overall, {"units": "1"}),
+                "level": (("iteration",), self.level, {"units": "1"}),
+                "energy_outside_band": (("channel",), self.energy_outside_band, {"units": "1"}),
+            },
+            coords={"iteration": list(self.numbers), "channel": list(self.channels), "slope": list(DAMAGE_SLOPES)},
+        )
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"IterationTable({len(self)} playbacks, {len(self.channels)} channels)"
+
+    def __str__(self) -> str:
+        """Return the table as text: relative RMS error (RMS response) for each playback and channel."""
+        return iterations_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return iterations_html(self)
+
+    def cells(self, row: int) -> list[str]:
+        """Return error and response of one playback for each channel, as text.
+
+        Parameters
+        ----------
+        row : int
+            Of the table, from 0.
+
+        Returns
+        -------
+        list of str
+            One for each channel.
+        """
+        pairs = zip(self.relative_rms_error[row], self.rms_response[row], strict=True)
+        return ["–" if np.isnan(error) else f"{error:.3f} ({response:.2f})" for error, response in pairs]
+
+
+def counted_slope(specification: iterator_pb2.CampaignSpec) -> int:
+    """Return the slope of the S-N line that a campaign counts the damage spent at, as for its damage budget.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        Specification of the campaign.
+
+    Returns
+    -------
+    int
+        Slope of the S-N line: 3, 5 or 8.
+    """
+    asked = specification.stop.damage_exponent
+    return int(asked) if asked in DAMAGE_SLOPES else DAMAGE_SPENT_SLOPE
+
+
+def _damage_ratios(playbacks: Sequence[iterator_pb2.IterationMetrics], *, channels: int) -> np.ndarray:
+    ratios = np.full((len(playbacks), channels, len(DAMAGE_SLOPES)), np.nan)
+    for row, metrics in enumerate(playbacks):
+        for i, channel in enumerate(metrics.channels):
+            if len(channel.damage_ratio) == len(DAMAGE_SLOPES):
+                ratios[row, i] = channel.damage_ratio
+    return ratios
+
+
+def _best_number(
+    iterations: Sequence[iterator_pb2.IterationMetrics], status: iterator_pb2.CampaignStatus | None
+) -> int:
+    """Return the best playback as the status names it; 0 where it names none."""
+    if status is None or not iterations:
+        return 0
+    # An older iterator named the smallest overall error here too, though only the last playback fulfils all criteria.
+    reached = status.outcome == iterator_pb2.OUTCOME_REACHED
+    return iterations[-1].iteration if reached else status.best_iteration
+
+
+_ITERATIONS: Final = "relative RMS error (RMS response), 0 (1) is perfect"
+
+
+def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:
+    marks = (" (watched)" if watched else "" for watched in table.watched)
+    names = (f"{name.replace('_', ' ')}{mark}" for name, mark in zip(table.channels, marks, strict=True))
+    rows = [[str(number), *table.cells(row), f"{table.overall[row]:.3f}"] for row, number in enumerate(table.numbers)]
+    if len(table):
+        spent = table.damage_spent().sum(axis=0)
+        rows.append([f"damage spent (k = {DAMAGE_SPENT_SLOPE})", *map(passes, spent), "passes"])
+    return ["playback", *names, "overall"], rows
+
+
+def passes(damage: float) -> str:
+    """Return damage spent in passes of the target, as it is shown; a dash where it is not known.
+
+    Parameters
+    ----------
+    damage : float
+        Damage in passes of the target, 0 or more; NaN where it is not known.
+
+    Returns
+    -------
+    str
+        The number as text.
+    """
+    if np.isnan(damage):
+        return "–"
+    return f"{damage:.1f}" if damage < 100 else f"{damage:,.0f}"
+
+
+def iterations_text(table: IterationTable) -> str:
+    """Return error and RMS response of each playback and channel as text."""
+    return f"{_ITERATIONS}\n{text_table(*_iteration_rows(table))}"
+
+
+def iterations_html(table: IterationTable) -> str:
+    """Return the same as HTML, with the error over the playbacks.
+
+    Parameters
+    ----------
+    table : IterationTable
+        Figures of the playbacks; may be empty.
+
+    Returns
+    -------
+    str
+        An HTML table and a chart.
+    """
+    if not len(table):
+        return "<p>No playback yet.</p>"
+    numbers = np.array(table.numbers, dtype=np.float64)
+    curves = [
+        Curve(name.replace("_", " "), numbers, column)
+        for name, column in zip(table.channels, table.relative_rms_error.T, strict=True)
+    ]
+    chart = line_chart(curves, x=Axis("playback"), y=Axis("relative RMS error"), from_zero=True)
+    return html_table(*_iteration_rows(table), caption=_ITERATIONS) + chart

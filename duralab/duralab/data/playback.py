@@ -1,0 +1,204 @@
+"""Playbacks of a campaign and the use of the actuators, decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from duralab.data.band import response_note
+from duralab.data.recorded_signals import RecordedSignals
+from duralab.data.signals import Signals, signals_html, signals_text
+from duralab.display import html_table, text_table
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import iterator_pb2, rig_pb2
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True)
+class ActuatorUse:
+    """How one actuator was used in a playback; see `duralab.v1.ActuatorUse`.
+
+    Parameters
+    ----------
+    drive : str
+        The drive's name.
+    peak_command_ratio : float
+        Largest magnitude of the drive over the limit in that direction, 0 to 1.
+    saturated_share : float
+        Share of the time in which the valve was at its stop or the load pressure at its limit, 0 to 1.
+    largest_following_error : float
+        Largest difference of command and achieved value, in the drive's unit.
+    largest_load_pressure_share : float
+        Largest load pressure over what the supply could press with at that moment, 0 to 1; 1 is a stall. Zero, as the
+        next one, in recordings made before it was measured.
+    lowest_supply_pressure : float
+        Of the actuator's supply, in Pa.
+    """
+
+    drive: str
+    peak_command_ratio: float
+    saturated_share: float
+    largest_following_error: float
+    largest_load_pressure_share: float = 0.0
+    lowest_supply_pressure: float = 0.0
+
+    @property
+    def tells_of_a_valve(self) -> bool:
+        """Whether the rig has a valve and a supply there, as far as it tells: one without leaves their figures at 0."""
+        return any((self.saturated_share, self.largest_load_pressure_share, self.lowest_supply_pressure))
+
+    @property
+    def tells_what_was_achieved(self) -> bool:
+        """Whether the achieved value was compared with the command: an actuator never follows to the last bit."""
+        return self.largest_following_error != 0.0
+
+
+def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
+    """Decode how the actuators were used, in the order of the drives.
+
+    Parameters
+    ----------
+    messages : iterable of ActuatorUse
+        One message for each drive.
+
+    Returns
+    -------
+    tuple of ActuatorUse
+        Use of the actuators, in the same order.
+    """
+    return tuple(
+        ActuatorUse(
+            drive=message.drive,
+            peak_command_ratio=message.peak_command_ratio,
+            saturated_share=message.saturated_share,
+            largest_following_error=message.largest_following_error,
+            largest_load_pressure_share=message.largest_load_pressure_share,
+            lowest_supply_pressure=message.lowest_supply_pressure,
+        )
+        for message in messages
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """One playback of the target's drive.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+    run : str
+        Its name on the rig.
+    drive, response : Signals
+        What was played and what was measured.
+    response_in_band : Signals
+        The response as it is judged: in the control band, without its static part, divided by `level`.
+    actuators : tuple of ActuatorUse
+        One for each drive.
+    level : float
+        Share of the target that was played for, above 0 to 1.
+    """
+
+    number: int
+    run: str
+    drive: Signals
+    response: Signals
+    response_in_band: Signals
+    actuators: tuple[ActuatorUse, ...]
+    level: float = 1.0
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Playback({self.number}, {self.run}: {self.response!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        return playback_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return playback_html(self)
+
+
+def level_of(step: iterator_pb2.IterationStep) -> float:
+    """Return the level of a playback; older recordings tell none and are at 1.
+
+    Parameters
+    ----------
+    step : IterationStep
+        One playback as recorded.
+
+    Returns
+    -------
+    float
+        Share of the target, above 0 to 1.
+    """
+    return step.level or 1.0
+
+
+def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.CampaignSpec) -> Playback:
+    """Decode a playback of a campaign; raises ArrayError where its arrays do not fit together.
+
+    Parameters
+    ----------
+    step : IterationStep
+        One playback as recorded.
+    specification : CampaignSpec
+        Specification of the campaign.
+
+    Returns
+    -------
+    Playback
+        The playback.
+    """
+    response = Signals.from_message(step.response, field="response")
+    in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
+
+    def noted(samples: np.ndarray, *, in_band: bool) -> RecordedSignals:
+        note = response_note(specification, in_band=in_band)
+        return RecordedSignals(response.channels, response.sample_rate, samples, note=note)
+
+    return Playback(
+        number=step.iteration,
+        run=step.run,
+        drive=Signals.from_message(step.drive, field="drive"),
+        response=noted(response.samples, in_band=False),
+        response_in_band=noted(in_band, in_band=True),
+        actuators=actuator_use(step.actuators),
+        level=level_of(step),
+    )
+
+
+USE_COLUMNS: Final = ("actuator", "peak of its limit", "saturated", "largest following error")
+
+
+def use_rows(uses: Sequence[ActuatorUse]) -> list[tuple[str, ...]]:
+    """Return a row of cells for each actuator, below `USE_COLUMNS`."""
+    return [
+        (
+            use.drive,
+            f"{use.peak_command_ratio:.0%}",
+            f"{use.saturated_share:.2%} of the time" if use.tells_of_a_valve else "–",
+            f"{use.largest_following_error:.3g}" if use.tells_what_was_achieved else "–",
+        )
+        for use in uses
+    ]
+
+
+def playback_text(playback: Playback) -> str:
+    """Return one playback of a campaign as text."""
+    use = text_table(USE_COLUMNS, use_rows(playback.actuators), left=1)
+    return f"playback {playback.number}, {playback.run}\n{signals_text(playback.response)}\n\n{use}"
+
+
+def playback_html(playback: Playback) -> str:
+    """Return the same as HTML, with the waveforms."""
+    use = html_table(USE_COLUMNS, use_rows(playback.actuators), left=1)
+    title = f"<p>playback {playback.number}, {escape(playback.run)}</p>"
+    return f"{title}{use}{signals_html(playback.response)}"

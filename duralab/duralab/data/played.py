@@ -1,0 +1,60 @@
+"""What came back from a rig that was played by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+
+from duralab.data.playback import USE_COLUMNS, ActuatorUse, use_rows
+from duralab.data.signals import Signals, signals_html, signals_text
+from duralab.display import html_table, text_table
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What a rig answered to a drive.
+
+    Parameters
+    ----------
+    run : str
+        Name of the playback.
+    response : Signals
+        All responses, as many samples as the drive.
+    actuators : tuple of ActuatorUse
+        How each actuator was used.
+    real_time_factor : float
+        Simulated seconds per second of wall time.
+    """
+
+    run: str
+    response: Signals
+    actuators: tuple[ActuatorUse, ...]
+    real_time_factor: float
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Played({self.run}: {self.response!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        return played_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return played_html(self)
+
+
+def _played_title(played: Played) -> str:
+    return f"{played.run}, {played.real_time_factor:.0f} times as fast as real time"
+
+
+def played_text(played: Played) -> str:
+    """Return responses and use of the actuators as text."""
+    use = text_table(USE_COLUMNS, use_rows(played.actuators), left=1)
+    return f"{_played_title(played)}\n{signals_text(played.response)}\n\n{use}"
+
+
+def played_html(played: Played) -> str:
+    """Return the same as HTML, with the waveforms."""
+    use = html_table(USE_COLUMNS, use_rows(played.actuators), left=1)
+    return f"<p>{escape(_played_title(played))}</p>{use}{signals_html(played.response)}"

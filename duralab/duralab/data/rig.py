@@ -1,0 +1,158 @@
+"""A rig as it describes itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from duralab.data.signals import Channel, channels_of
+from duralab.display import html_table, text_table
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import rig_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """What a rig is and what it can play.
+
+    Parameters
+    ----------
+    name : str
+        As in its keys.
+    specimen, engine, version : str
+        What is mounted on it, what plays, and the version of its software.
+    sample_rate : float
+        The only one it plays, in hertz.
+    drives, responses : tuple of Channel
+        What is commanded and what is measured, in the order of the rows of a drive and a response.
+    longest_drive_seconds : float
+        Longest drive it plays.
+    static_response : np.ndarray, shape (responses)
+        Each response at rest, in its unit.
+    content_hash : str
+        SHA-256 of everything that decides what it answers to a drive.
+    publishes_after_run : bool
+        Its signal blocks are published when a run is over.
+    cannot_be_stopped : bool
+        A run that has begun goes on to its end; a stop latches the rig all the same.
+    """
+
+    name: str
+    specimen: str
+    engine: str
+    version: str
+    sample_rate: float
+    drives: tuple[Channel, ...]
+    responses: tuple[Channel, ...]
+    longest_drive_seconds: float
+    static_response: np.ndarray
+    content_hash: str
+    publishes_after_run: bool = False
+    cannot_be_stopped: bool = False
+
+    @classmethod
+    def from_message(cls, message: rig_pb2.RigDescription) -> Rig:
+        """Decode a description."""
+        return cls(
+            name=message.rig,
+            specimen=message.specimen,
+            engine=message.engine,
+            version=message.version,
+            sample_rate=message.sample_rate,
+            drives=channels_of(message.drives),
+            responses=channels_of(message.responses),
+            longest_drive_seconds=message.longest_drive_seconds,
+            static_response=from_array(
+                message.static_response, field="static_response", shape=(len(message.responses),)
+            ),
+            content_hash=message.content_hash,
+            publishes_after_run=message.publishes_after_run,
+            cannot_be_stopped=message.cannot_be_stopped,
+        )
+
+    def __repr__(self) -> str:
+        """Return it on one line."""
+        return f"Rig({self.name}: {len(self.drives)} drives, {len(self.responses)} responses, {self.sample_rate:g} Hz)"
+
+    def __str__(self) -> str:
+        """Return its channels and limits as a table."""
+        return rig_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return rig_html(self)
+
+
+class Rigs(tuple[Rig, ...]):
+    """Rigs of a lab, by name; prints as a table."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Return one line for each rig."""
+        return rigs_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return rigs_html(self)
+
+
+def limits_in_words(channel: Channel) -> str:
+    """Return the allowed range of a channel, e.g. "± 0.1 m"."""
+    if not np.isfinite([channel.minimum, channel.maximum]).all():
+        return "–"
+    if channel.minimum == -channel.maximum:
+        return f"± {channel.maximum:g} {channel.unit}"
+    return f"{channel.minimum:g} … {channel.maximum:g} {channel.unit}"
+
+
+_RIG: Final = ("", "channel", "limits", "rate limit", "what it is")
+
+
+def _rig_rows(rig: Rig) -> list[tuple[str, ...]]:
+    rows = []
+    for kind, channels in (("drive", rig.drives), ("response", rig.responses)):
+        for channel in channels:
+            slew = f"{channel.slew_limit:g} {channel.unit}/s" if channel.slew_limit else "–"
+            rows.append((kind, channel.name, limits_in_words(channel), slew, channel.label))
+    return rows
+
+
+def _rig_title(rig: Rig) -> str:
+    return (
+        f"{rig.name}: {rig.specimen}; {rig.sample_rate:g} Hz, drives up to {rig.longest_drive_seconds:g} s, engine "
+        f"{rig.engine} {rig.version}"
+    )
+
+
+def rig_text(rig: Rig) -> str:
+    """Return a rig's channels as text."""
+    return f"{_rig_title(rig)}\n{text_table(_RIG, _rig_rows(rig), left=len(_RIG))}"
+
+
+def rig_html(rig: Rig) -> str:
+    """Return a rig's channels as HTML."""
+    return html_table(_RIG, _rig_rows(rig), left=len(_RIG), caption=_rig_title(rig))
+
+
+_RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate")
+
+
+def _rigs_rows(rigs: Sequence[Rig]) -> list[tuple[str, ...]]:
+    return [
+        (rig.name, rig.specimen, rig.engine, str(len(rig.drives)), str(len(rig.responses)), f"{rig.sample_rate:g} Hz")
+        for rig in rigs
+    ]
+
+
+def rigs_text(rigs: Sequence[Rig]) -> str:
+    """Return a line for each rig."""
+    return text_table(_RIGS, _rigs_rows(rigs), left=3) if rigs else "There is no rig in this lab."
+
+
+def rigs_html(rigs: Sequence[Rig]) -> str:
+    """Return the same as HTML."""
+    return html_table(_RIGS, _rigs_rows(rigs), left=3) if rigs else "<p>There is no rig in this lab.</p>"

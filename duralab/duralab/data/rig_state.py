@@ -1,0 +1,97 @@
+"""What a rig does at a moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+from duralab.errors import ended
+from duralab_proto.v1 import rig_pb2
+
+
+class RigMode(StrEnum):
+    """What a rig does."""
+
+    UNKNOWN = "unknown"
+    IDLE = "idle"
+    SETTLING = "settling"
+    PLAYING = "playing"
+    RAMPING_DOWN = "ramping down"
+    INTERLOCKED = "interlocked"
+
+
+_MODES: Final = MappingProxyType(
+    {
+        rig_pb2.RIG_MODE_IDLE: RigMode.IDLE,
+        rig_pb2.RIG_MODE_SETTLING: RigMode.SETTLING,
+        rig_pb2.RIG_MODE_PLAYING: RigMode.PLAYING,
+        rig_pb2.RIG_MODE_RAMPING_DOWN: RigMode.RAMPING_DOWN,
+        rig_pb2.RIG_MODE_INTERLOCKED: RigMode.INTERLOCKED,
+    }
+)
+
+
+@dataclass(frozen=True)
+class RigState:
+    """What a rig does now.
+
+    Parameters
+    ----------
+    rig : str
+        Its name.
+    mode : RigMode
+        Interlocked: latched until `Lab.reset`.
+    reason : str
+        Why it is interlocked; empty where it is not.
+    run : str
+        The run that moves it; the rig rests if and only if this is empty.
+    fraction : float
+        Share of that run that is played, 0 to 1.
+    goes_on : bool
+        The rig is latched, but its run cannot be stopped and goes on to its end; told by `Lab.stop_rig` and
+        `duralab status`.
+    """
+
+    rig: str
+    mode: RigMode
+    reason: str
+    run: str
+    fraction: float
+    goes_on: bool = False
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing moves."""
+        return not self.run
+
+    @classmethod
+    def from_message(cls, message: rig_pb2.RigState, *, goes_on: bool = False) -> RigState:
+        """Decode a state; a mode that this version does not know is `UNKNOWN`."""
+        return cls(
+            rig=message.rig,
+            mode=_MODES.get(message.mode, RigMode.UNKNOWN),
+            reason=message.reason,
+            run=message.run,
+            fraction=message.fraction,
+            goes_on=goes_on,
+        )
+
+    @property
+    def why(self) -> str:
+        """The reason of the latch and, where its run goes on in spite of it, a sentence about that."""
+        if not self.warning:
+            return self.reason
+        return f"{ended(self.reason)} {self.warning}" if self.reason else self.warning
+
+    @property
+    def warning(self) -> str:
+        """A sentence about a run that cannot be stopped; empty where there is none."""
+        return f"The run {self.run!r} cannot be stopped and goes on to its end." if self.goes_on else ""
+
+    def __str__(self) -> str:
+        """Return the state in words."""
+        run = f" {self.run} ({self.fraction:.0%})" if self.run else ""
+        reason = f": {self.why}" if self.why else ""
+        return f"{self.rig} is {self.mode}{run}{reason}"

@@ -1,0 +1,341 @@
+"""Channels and sampled signals as a lab script meets them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, cast
+
+import numpy as np
+
+from duralab.arguments import real_numbers
+from duralab.display import MOST_CHARTS, Axis, Curve, html_table, line_chart, text_table
+from duralab.errors import InputError
+from duralab_proto.arrays import from_record, to_record
+from duralab_proto.v1 import array_pb2
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import xarray
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One drive or response channel; axes follow ISO 8855 (x forward, y left, z up).
+
+    Parameters
+    ----------
+    name : str
+        Unique within its rig and direction, e.g. "left_vertical".
+    unit : str
+        SI unit symbol.
+    kind : int
+        Value of `duralab.v1.ChannelKind`.
+    minimum, maximum : float
+        Allowed range, in `unit`.
+    slew_limit : float
+        Largest allowed magnitude of the time derivative, in `unit` per second; 0 where none is stated.
+    label : str
+        What it is and where it acts.
+    watchdog : float
+        Of a response: magnitude at which the rig's watchdog ends a run, in `unit`; 0 where none is stated.
+    """
+
+    name: str
+    unit: str
+    kind: int = 0
+    minimum: float = -np.inf
+    maximum: float = np.inf
+    slew_limit: float = 0.0
+    label: str = ""
+    watchdog: float = 0.0
+
+    @property
+    def title(self) -> str:
+        """The name as words, e.g. "left vertical"."""
+        return self.name.replace("_", " ")
+
+    @classmethod
+    def from_message(cls, message: array_pb2.Channel) -> Channel:
+        """Decode a channel."""
+        return cls(
+            name=message.name,
+            unit=message.unit,
+            kind=message.kind,
+            minimum=message.minimum,
+            maximum=message.maximum,
+            slew_limit=message.slew_limit,
+            label=message.label,
+            watchdog=message.watchdog,
+        )
+
+    def to_message(self) -> array_pb2.Channel:
+        """Encode the channel."""
+        return array_pb2.Channel(
+            name=self.name,
+            unit=self.unit,
+            kind=cast("array_pb2.ChannelKind", self.kind),
+            minimum=self.minimum,
+            maximum=self.maximum,
+            slew_limit=self.slew_limit,
+            label=self.label,
+            watchdog=self.watchdog,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Sampled signals of several channels.
+
+    Parameters
+    ----------
+    channels : tuple of Channel
+        One for each row of `samples`.
+    sample_rate : float
+        Samples per second, in hertz, greater than 0.
+    samples : np.ndarray, shape (channels, samples)
+        float64, each row in its channel's unit.
+    attributes : mapping of str to str
+        What else the file they were read from says of them; see `duralab.formats`.
+    """
+
+    channels: tuple[Channel, ...]
+    sample_rate: float
+    samples: np.ndarray
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels, in order."""
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of each sample, in seconds from the first; shape (samples)."""
+        return np.arange(self.samples.shape[1]) / self.sample_rate
+
+    @property
+    def duration(self) -> float:
+        """Length, in seconds."""
+        return self.samples.shape[1] / self.sample_rate
+
+    @classmethod
+    def from_message(cls, record: array_pb2.Record, *, field: str = "record") -> Signals:
+        """Decode and check a record; the samples are a read-only view of the message's bytes."""
+        channels, sample_rate, samples = from_record(record, field=field)
+        return cls(tuple(Channel.from_message(channel) for channel in channels), sample_rate, samples)
+
+    @classmethod
+    def from_xarray(cls, labelled: xarray.DataArray | xarray.Dataset) -> Signals:
+        """Return labelled arrays as signals, such as `to_xarray` and `Recording.drives` give.
+
+        Parameters
+        ----------
+        labelled : xarray.DataArray or xarray.Dataset
+            With the dimensions `channel` and `time`.
+
+        Returns
+        -------
+        Signals
+            In the units of the coordinate `unit`.
+
+        Raises
+        ------
+        InputError
+            Other dimensions than `channel` and `time`, or no sample rate.
+        """
+        return from_xarray(labelled)
+
+    def to_message(self) -> array_pb2.Record:
+        """Encode the signals."""
+        return to_record([channel.to_message() for channel in self.channels], self.sample_rate, self.samples)
+
+    def to_xarray(self, name: str = "signals") -> xarray.DataArray:
+        """Return a labelled array with the dimensions `channel` and `time`, units in the coordinate `unit`.
+
+        Parameters
+        ----------
+        name : str
+            Of the array.
+
+        Returns
+        -------
+        xarray.DataArray
+            With the coordinates `channel`, `time` and `unit`.
+        """
+        import xarray
+
+        return xarray.DataArray(
+            self.samples,
+            dims=("channel", "time"),
+            coords={
+                "channel": list(self.names),
+                "time": ("time", self.time, {"units": "s"}),
+                "unit": ("channel", [channel.unit for channel in self.channels]),
+            },
+            name=name,
+            attrs={"sample_rate": self.sample_rate},
+        )
+
+    def __repr__(self) -> str:
+        """Return what they are on one line, without the samples."""
+        names = ", ".join(self.names)
+        return f"Signals({len(self.channels)} x {self.samples.shape[-1]} at {self.sample_rate:g} Hz: {names})"
+
+    def __str__(self) -> str:
+        """Return a table with smallest, largest and RMS value of every channel."""
+        return signals_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return signals_html(self)
+
+
+def channels_of(messages: Iterable[array_pb2.Channel]) -> tuple[Channel, ...]:
+    """Decode channels, in order.
+
+    Parameters
+    ----------
+    messages : iterable of Channel
+        The channels as messages.
+
+    Returns
+    -------
+    tuple of Channel
+        The channels, in the same order.
+    """
+    return tuple(Channel.from_message(message) for message in messages)
+
+
+_LARGEST_JITTER: Final = 1e-6
+"""Of a sample's time, as a share of the time between two: what numbers with a few decimals lose, and not more."""
+
+
+def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
+    """Return labelled arrays as signals.
+
+    Parameters
+    ----------
+    labelled : DataArray or Dataset
+        An array over `channel` and `time`, with units in a coordinate `unit` where there is one; or a dataset with a
+        variable for each channel over `time`, with its unit in the attribute `units`. As `Signals.to_xarray` and
+        `Recording.drives` give them, in any order of dimensions.
+
+    Returns
+    -------
+    Signals
+        float64; the rate is the attribute `sample_rate`, or comes from the coordinate `time`.
+
+    Raises
+    ------
+    InputError
+        Other dimensions, no names, values that are not real, or neither rate nor an even time.
+    """
+    import xarray
+
+    if isinstance(labelled, xarray.Dataset):
+        arrays = {str(name): variable for name, variable in labelled.data_vars.items()}
+        for name, variable in arrays.items():
+            _require_dimensions(variable, ("time",), what=f"The variable {name!r}")
+        channels = tuple(Channel(name, str(variable.attrs.get("units", ""))) for name, variable in arrays.items())
+        rows = [
+            real_numbers(variable.values, what=f"The variable {name!r}", field="drive.samples")
+            for name, variable in arrays.items()
+        ]
+        if not rows:
+            raise InputError("The dataset has no variable; one for each channel over `time` is needed.", field="drive")
+        return Signals(channels, _sample_rate(labelled), np.stack(rows))
+    _require_dimensions(labelled, ("channel", "time"), what="The array")
+    if "channel" not in labelled.coords:
+        raise InputError("The array has no names in a coordinate `channel`.", field="drive")
+    names = [str(name) for name in labelled.coords["channel"].values]
+    units = labelled.coords["unit"].values if "unit" in labelled.coords else [""] * len(names)
+    samples = real_numbers(labelled.transpose("channel", "time").values, what="The array", field="drive.samples")
+    channels = tuple(Channel(name, str(unit)) for name, unit in zip(names, units, strict=True))
+    return Signals(channels, _sample_rate(labelled), samples)
+
+
+def _require_dimensions(array: xarray.DataArray, wanted: tuple[str, ...], *, what: str) -> None:
+    if set(array.dims) != set(wanted):
+        there = ", ".join(str(name) for name in array.dims) or "none"
+        raise InputError(f"{what} has the dimensions {there}; needed are {', '.join(wanted)}.", field="drive")
+
+
+def _sample_rate(labelled: xarray.DataArray | xarray.Dataset) -> float:
+    if "sample_rate" in labelled.attrs:
+        return float(labelled.attrs["sample_rate"])
+    time = np.asarray(labelled.coords["time"].values, dtype=np.float64) if "time" in labelled.coords else np.zeros(0)
+    if time.size < 2:
+        raise InputError(
+            "The sample rate is not told; give it as the attribute `sample_rate` in hertz, or a coordinate `time` in "
+            "seconds.",
+            field="drive.sample_rate",
+        )
+    step = (time[-1] - time[0]) / (time.size - 1)
+    uneven = np.abs(time - time[0] - step * np.arange(time.size)).max()
+    if not (step > 0.0 and uneven <= _LARGEST_JITTER * step * time.size):
+        raise InputError(
+            f"The coordinate `time` is not even: samples lie up to {uneven:g} s off a step of {step:g} s; resample "
+            "the signals first.",
+            field="drive.sample_rate",
+        )
+    # A rate of 500 Hz must not become 499.9999999999: the rig plays exactly one.
+    return float(np.round(1.0 / step, 6))
+
+
+LARGEST_RATE_ERROR: Final = 1e-5
+"""Of a target's sample rate, as a share: a file whose time step is rounded is 36 ms off after an hour."""
+
+
+_SIGNALS: Final = ("channel", "unit", "smallest", "largest", "RMS")
+
+
+def _signals_rows(signals: Signals) -> list[tuple[str, ...]]:
+    return [
+        (channel.name, channel.unit, *(f"{value:.4g}" for value in (row.min(), row.max(), np.sqrt(np.mean(row**2)))))
+        if row.size
+        else (channel.name, channel.unit, "–", "–", "–")
+        for channel, row in zip(signals.channels, signals.samples, strict=True)
+    ]
+
+
+def _signals_title(signals: Signals) -> str:
+    return f"{signals.samples.shape[-1]} samples at {signals.sample_rate:g} Hz, {signals.duration:g} s"
+
+
+def signals_text(signals: Signals) -> str:
+    """Return smallest, largest and RMS value of each channel as text."""
+    return f"{_signals_title(signals)}\n{text_table(_SIGNALS, _signals_rows(signals), left=2)}"
+
+
+def signals_html(signals: Signals) -> str:
+    """Return the same as HTML, with the waveforms."""
+    table = html_table(_SIGNALS, _signals_rows(signals), left=2, caption=_signals_title(signals))
+    return table + "".join(waveforms(signals))
+
+
+def waveforms(*signals: Signals, names: Sequence[str] = ("",)) -> list[str]:
+    """Return a chart of every channel, signals with the same channels over one another.
+
+    Parameters
+    ----------
+    *signals : Signals
+        One or more.
+    names : sequence of str
+        Of each of them, for the legend.
+    """
+    first = signals[0]
+    charts = [
+        line_chart(
+            [Curve(name, each.time, each.samples[row]) for name, each in zip(names, signals, strict=True)],
+            x=Axis("time [s]"),
+            y=Axis(f"[{channel.unit or '–'}]"),
+            title=channel.title,
+            height=150,
+        )
+        for row, channel in enumerate(first.channels[:MOST_CHARTS])
+    ]
+    if (more := len(first.channels) - MOST_CHARTS) > 0:
+        charts.append(f"<p>and {more} channels more, not drawn</p>")
+    return charts

@@ -1,0 +1,259 @@
+"""What a step from a source to the target did, in figures, in words, and in the words of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from duralab.data.signals import Signals
+from duralab_proto.v1 import iterator_pb2
+
+READ_FILE: Final = "read_file"
+"""Name of the step that reads a file, before all editing."""
+
+
+@dataclass(frozen=True)
+class SourceRecord:
+    """How a response was read from a channel of a file.
+
+    Parameters
+    ----------
+    source : str
+        Name of the channel in the file; empty where there is none and the target is silent.
+    source_unit, stated_unit : str
+        Unit that the file names, and the one that the campaign states in its place; empty where there is none.
+    factor : float or None
+        What a value of the file was multiplied by to be in the rig's unit and sign, an offset between units aside;
+        None where the target is silent.
+    peak_before, rms_before : float
+        Largest magnitude and RMS in the file's unit.
+    peak_after, rms_after : float
+        The same in the rig's unit.
+    """
+
+    source: str
+    source_unit: str = ""
+    stated_unit: str = ""
+    factor: float | None = None
+    peak_before: float = 0.0
+    rms_before: float = 0.0
+    peak_after: float = 0.0
+    rms_after: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """The unit that the file's values were taken in."""
+        return self.stated_unit or self.source_unit
+
+    def __str__(self) -> str:
+        """Return it in words, e.g. "FZ_FL in kN × -1000 (sign turned), peak 4.2 became 4200"."""
+        if self.factor is None:
+            return "silent, the file has no channel for it"
+        unit = f"{self.unit} (stated{f', the file says {self.source_unit}' if self.source_unit else ''})"
+        turned = " (sign turned)" if self.factor < 0.0 else ""
+        return (
+            f"{self.source} in {unit if self.stated_unit else self.unit or 'no unit'} × {self.factor:g}{turned}, "
+            f"peak {self.peak_before:.5g} became {self.peak_after:.5g}, RMS {self.rms_before:.5g} became "
+            f"{self.rms_after:.5g}"
+        )
+
+
+@dataclass(frozen=True)
+class ChannelRecord:
+    """What a step did to one channel.
+
+    Parameters
+    ----------
+    channel : str
+        Its name.
+    energy_removed : float
+        Share of the channel's energy, the time integral of its square with its static part, that is gone; negative
+        where some came in.
+    spikes : int or None
+        How many were replaced; None where none was looked for.
+    damage_kept : float or None
+        Pseudo-damage after over before; None where none was counted.
+    source : SourceRecord or None
+        How it was read; None for a step of editing.
+    """
+
+    channel: str
+    energy_removed: float
+    spikes: int | None = None
+    damage_kept: float | None = None
+    source: SourceRecord | None = None
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """What a step did.
+
+    Parameters
+    ----------
+    name : str
+        As the campaign file names it, e.g. "cut".
+    settings : str
+        All of its settings, defaults too, as YAML on one line.
+    samples_before, samples_after : int
+        Of each channel.
+    sample_rate_before, sample_rate_after : float
+        In hertz.
+    channels : tuple of ChannelRecord
+        In the target's order.
+    sections : tuple of tuple of float
+        Start and end of what was kept, in seconds of the target before the step, where it kept stretches.
+    """
+
+    name: str
+    settings: str
+    samples_before: int
+    samples_after: int
+    sample_rate_before: float
+    sample_rate_after: float
+    channels: tuple[ChannelRecord, ...]
+    sections: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def seconds_before(self) -> float:
+        """Length before the step, in seconds."""
+        return self.samples_before / self.sample_rate_before
+
+    @property
+    def seconds_after(self) -> float:
+        """Length after the step, in seconds."""
+        return self.samples_after / self.sample_rate_after
+
+    @property
+    def finding(self) -> str:
+        """What it did, in words, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
+        read = [f"{channel.channel}: {channel.source}" for channel in self.channels if channel.source is not None]
+        if read:
+            return "; ".join(read)
+        parts = []
+        if self.sample_rate_before != self.sample_rate_after:
+            parts.append(f"{self.sample_rate_before:g} Hz became {self.sample_rate_after:g} Hz")
+        elif self.samples_before != self.samples_after:
+            parts.append(f"{self.seconds_before:g} s became {self.seconds_after:g} s")
+        if len(self.sections) > 1:
+            parts.append(f"{len(self.sections)} sections joined")
+        counted = {channel.channel: channel.spikes for channel in self.channels if channel.spikes is not None}
+        if counted:
+            where = ", ".join(f"{name} {count}" for name, count in counted.items() if count)
+            parts.append(f"spikes replaced: {where}" if where else "no spike found")
+        kept = {channel.channel: channel.damage_kept for channel in self.channels if channel.damage_kept is not None}
+        if kept:
+            parts.append("damage kept: " + ", ".join(f"{name} {100 * share:.1f} %" for name, share in kept.items()))
+        shares = [100 * channel.energy_removed for channel in self.channels]
+        least, most = f"{min(shares):.3g}", f"{max(shares):.3g}"
+        parts.append(f"energy removed: {least if least == most else f'{least} to {most}'} %")
+        return "; ".join(parts)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.settings}: {self.finding}"
+
+    def to_message(self) -> iterator_pb2.TargetStep:
+        """Encode the record."""
+        message = iterator_pb2.TargetStep(
+            name=self.name,
+            settings=self.settings,
+            finding=self.finding,
+            samples_before=self.samples_before,
+            samples_after=self.samples_after,
+            sample_rate_before=self.sample_rate_before,
+            sample_rate_after=self.sample_rate_after,
+        )
+        for channel in self.channels:
+            message.channels.add(
+                channel=channel.channel,
+                energy_removed=channel.energy_removed,
+                spikes=channel.spikes,
+                damage_kept=channel.damage_kept,
+                **(asdict(channel.source) if channel.source is not None else {}),
+            )
+        for start, end in self.sections:
+            message.sections.add(start_seconds=start, end_seconds=end)
+        return message
+
+    @classmethod
+    def from_message(cls, message: iterator_pb2.TargetStep) -> Self:
+        """Decode a record."""
+        return cls(
+            name=message.name,
+            settings=message.settings,
+            samples_before=message.samples_before,
+            samples_after=message.samples_after,
+            sample_rate_before=message.sample_rate_before,
+            sample_rate_after=message.sample_rate_after,
+            channels=tuple(
+                ChannelRecord(
+                    channel=entry.channel,
+                    energy_removed=entry.energy_removed,
+                    spikes=entry.spikes if entry.HasField("spikes") else None,
+                    damage_kept=entry.damage_kept if entry.HasField("damage_kept") else None,
+                    source=_source(entry) if message.name == READ_FILE else None,
+                )
+                for entry in message.channels
+            ),
+            sections=tuple((section.start_seconds, section.end_seconds) for section in message.sections),
+        )
+
+
+def _source(entry: iterator_pb2.TargetStepChannel) -> SourceRecord:
+    return SourceRecord(
+        source=entry.source,
+        source_unit=entry.source_unit,
+        stated_unit=entry.stated_unit,
+        factor=entry.factor if entry.HasField("factor") else None,
+        peak_before=entry.peak_before,
+        rms_before=entry.rms_before,
+        peak_after=entry.peak_after,
+        rms_after=entry.rms_after,
+    )
+
+
+def step_record(
+    *,
+    name: str,
+    settings: str,
+    before: Signals,
+    after: Signals,
+    spikes: Mapping[str, int],
+    damage_kept: Mapping[str, float],
+    sections: Iterable[tuple[float, float]],
+) -> StepRecord:
+    """Compare the target before a step with that after it.
+
+    Parameters
+    ----------
+    name, settings : str
+        Of the step, as in `StepRecord`.
+    before, after : Signals
+        The same channels.
+    spikes, damage_kept : mapping
+        By channel; empty where the step does not look for it.
+    sections : iterable of tuple of float
+        As in `StepRecord`.
+
+    Returns
+    -------
+    StepRecord
+        What the step changed, by channel.
+    """
+    energies = [np.sum(signals.samples**2, axis=1) / signals.sample_rate for signals in (before, after)]
+    removed = [1.0 - float(left) / float(there) if there > 0.0 else 0.0 for there, left in zip(*energies, strict=True)]
+    return StepRecord(
+        name=name,
+        settings=settings,
+        samples_before=before.samples.shape[1],
+        samples_after=after.samples.shape[1],
+        sample_rate_before=before.sample_rate,
+        sample_rate_after=after.sample_rate,
+        channels=tuple(
+            ChannelRecord(channel, share, spikes.get(channel), damage_kept.get(channel))
+            for channel, share in zip(before.names, removed, strict=True)
+        ),
+        sections=tuple(sections),
+    )

@@ -1,0 +1,74 @@
+"""A lab: starting and joining it, its rigs, campaigns, catalogue, state and events."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from duralab.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from duralab.lab.async_lab import AsyncLab, AsyncWatch, async_connect, async_start
+    from duralab.lab.campaigns import CampaignResult, RecordingsPlace, expected_id, recording_file
+    from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
+    from duralab.lab.health import ServiceHealth
+    from duralab.lab.identifier import Identifier
+    from duralab.lab.lab import Lab
+    from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, connect, join_bus, start
+    from duralab.lab.playing import read_drive_file
+    from duralab.lab.progress import RunProgress, Stage
+    from duralab.lab.recorded_result import Result
+    from duralab.lab.status import SERVICES, LabStatus, lab_status
+    from duralab.lab.watching import CampaignEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
+
+__all__ = [
+    "DEFAULT_RIGS",
+    "FIND_SECONDS",
+    "SERVICES",
+    "AsyncLab",
+    "AsyncWatch",
+    "CampaignEvent",
+    "CampaignResult",
+    "Catalogue",
+    "CatalogueEntries",
+    "CatalogueEntry",
+    "Identifier",
+    "Lab",
+    "LabEvent",
+    "LabStatus",
+    "RecordingsPlace",
+    "Result",
+    "RigEvent",
+    "RunProgress",
+    "ServiceHealth",
+    "SignalsEvent",
+    "Stage",
+    "Watch",
+    "Watched",
+    "async_connect",
+    "async_start",
+    "connect",
+    "expected_id",
+    "join_bus",
+    "lab_status",
+    "read_drive_file",
+    "recording_file",
+    "start",
+]
+
+__getattr__ = lazy_face(
+    __name__,
+    {
+        "async_lab": ("AsyncLab", "AsyncWatch", "async_connect", "async_start"),
+        "campaigns": ("CampaignResult", "RecordingsPlace", "expected_id", "recording_file"),
+        "catalogue": ("Catalogue", "CatalogueEntries", "CatalogueEntry"),
+        "health": ("ServiceHealth",),
+        "identifier": ("Identifier",),
+        "lab": ("Lab",),
+        "opening": ("DEFAULT_RIGS", "FIND_SECONDS", "connect", "join_bus", "start"),
+        "playing": ("read_drive_file",),
+        "progress": ("RunProgress", "Stage"),
+        "recorded_result": ("Result",),
+        "status": ("SERVICES", "LabStatus", "lab_status"),
+        "watching": ("CampaignEvent", "LabEvent", "RigEvent", "SignalsEvent", "Watch", "Watched"),
+    },
+)

@@ -1,0 +1,21 @@
+"""Campaigns in a lab: running, resuming, fetching and recovering their recordings."""
+
+from duralab.lab.campaigns.recordings_folder import RecordingsPlace, own_recordings
+from duralab.lab.campaigns.rescue import Rescue
+from duralab.lab.campaigns.result import CampaignResult
+from duralab.lab.campaigns.resuming import expected_id, recording_file, resume_campaign
+from duralab.lab.campaigns.running import collect, followed, free_id, stop_campaign
+
+__all__ = [
+    "CampaignResult",
+    "RecordingsPlace",
+    "Rescue",
+    "collect",
+    "expected_id",
+    "followed",
+    "free_id",
+    "own_recordings",
+    "recording_file",
+    "resume_campaign",
+    "stop_campaign",
+]

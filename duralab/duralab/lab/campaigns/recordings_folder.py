@@ -1,0 +1,247 @@
+"""Where a lab keeps its recordings: those of a lab of one's own are deleted only when each was brought to its user."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from duralab.errors import InputError
+from duralab.output_files import replace_when_complete
+from duralab.recording import part_path
+from duralab_proto.keys import check_id
+
+if TYPE_CHECKING:
+    from duralab.recording import Recording
+
+RECORDINGS: Final = "recordings"
+"""In the folder of the results: where a lab of one's own records."""
+
+
+@dataclass(eq=False)
+class RecordingsPlace:
+    """Where the recorder of a lab writes, as far as this process knows, and what became of it.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        The recorder's; None where it is not known, or deleted at the end whatever is in it.
+    passing : Path, optional
+        A folder that is deleted at the end of the lab: nothing in it is safe.
+    goes_on : bool
+        Whether the recorder outlives this session.
+    """
+
+    folder: Path | None = None
+    passing: Path | None = None
+    goes_on: bool = False
+    _fetched: set[str] = field(default_factory=set)
+    """Campaigns whose whole recording is where its user wants it."""
+    _copies: set[str] = field(default_factory=set)
+    """Campaigns whose recording is an unchanged copy."""
+    _said: dict[str, str] = field(default_factory=dict)
+    """Sentence about the recording of each campaign."""
+
+    def file(self, id: str) -> Path | None:
+        """Return the first file of a recording where the recorder wrote it; None where there is none.
+
+        Parameters
+        ----------
+        id : str
+            Name of the campaign.
+
+        Returns
+        -------
+        Path or None
+            The file, or None.
+        """
+        path = None if self.folder is None else self.folder / f"{id}.mcap"
+        return path if path is not None and path.is_file() else None
+
+    def outlives(self, path: Path) -> bool:
+        """Return whether a file of this path is there when the lab has ended.
+
+        Parameters
+        ----------
+        path : Path
+            The path.
+
+        Returns
+        -------
+        bool
+            True where it stays.
+        """
+        return self.passing is None or not path.is_relative_to(self.passing)
+
+    def fetched(self, id: str) -> None:
+        """Note that the whole recording is where its user wants it.
+
+        Parameters
+        ----------
+        id : str
+            Name of the campaign.
+        """
+        self._fetched.add(id)
+
+    def copy_in(self, recording: Recording) -> None:
+        """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
+
+        A copy and no link: the recorder repairs a file that was never finished, and the given one stays as it is.
+
+        Parameters
+        ----------
+        recording : Recording
+            Its files are only read.
+
+        Raises
+        ------
+        InputError
+            The folder is not this process's, holds a recording of that name, or a file cannot be copied.
+        """
+        id = recording.specification.id
+        if self.folder is None:
+            raise InputError(
+                f"The recorder of this lab keeps a folder that is not known here; resume {id!r} by that name, or "
+                f"resume {recording.path} in a private lab (`duralab.start`).",
+                field="id",
+            )
+        if self.file(id) is not None:
+            raise InputError(
+                f"The recorder of this lab holds a recording {id!r} already; resume it by that name.", field="id"
+            )
+        self._copies.add(id)
+        first = self.folder / f"{check_id(id)}.mcap"
+        # The first file last: with it the recorder knows the recording.
+        for number, file in reversed([*enumerate(recording.files, start=1)]):
+            with replace_when_complete(part_path(first, number)) as temporary:
+                shutil.copyfile(file, temporary)
+
+    def expect_change(self, id: str) -> bool:
+        """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy.
+
+        Parameters
+        ----------
+        id : str
+            Name of the campaign.
+
+        Returns
+        -------
+        bool
+            Whether an unchanged copy was noted.
+        """
+        is_copy = id in self._copies
+        self._copies.discard(id)
+        return is_copy
+
+    def unchanged(self, id: str) -> None:
+        """Note that a copy is unchanged after all.
+
+        Parameters
+        ----------
+        id : str
+            Name of the campaign.
+        """
+        self._copies.add(id)
+
+    def say(self, id: str, sentence: str) -> str:
+        """Return the sentence about where a recording is, noted for whoever ends the lab with another error.
+
+        Parameters
+        ----------
+        id : str
+            Name of the campaign.
+        sentence : str
+            Where its recording is.
+
+        Returns
+        -------
+        str
+            The sentence.
+        """
+        self._said[id] = sentence
+        return sentence
+
+    def left(self) -> set[str]:
+        """Return the ids of the recordings that only the recorder's folder holds."""
+        files = self.folder.glob("*.mcap") if self.folder is not None else ()
+        return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self._fetched - self._copies
+
+    def add_notes(self, error: BaseException) -> None:
+        """Add to an error what was said of recordings, and where those are of which nothing was said.
+
+        Parameters
+        ----------
+        error : BaseException
+            The error that ends the lab.
+        """
+        told = "\n".join([str(error), *getattr(error, "__notes__", ())])
+        for sentence in (*self._said.values(), *self.unsaid()):
+            if sentence not in told:
+                error.add_note(sentence)
+
+    def unsaid(self) -> list[str]:
+        """Return where those recordings are of which nothing was said."""
+        return [f"The recording {id!r} is in {self.file(id)}." for id in sorted(self.left() - self._said.keys())]
+
+
+@contextmanager
+def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
+    """Give a new folder for the recordings of a lab of one's own; use it around the life of its services.
+
+    It lies in the folder of the results and is no temporary one: it is deleted only when each recording in it was
+    fetched whole. However a campaign ends, and whoever interrupts whom, what was committed is there and stays there.
+
+    Parameters
+    ----------
+    out : Path or None
+        Folder of the results; a temporary one, of which only such recordings stay, where None.
+
+    Yields
+    ------
+    RecordingsPlace
+        Its `folder` exists.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made.
+    """
+    parent = Path(tempfile.mkdtemp(prefix="duralab-")) if out is None else out
+    folder = _new_folder(parent)
+    place = RecordingsPlace(folder, passing=parent / "out" if out is None else None)
+    try:
+        yield place
+        if out is None and (sentences := place.unsaid()):
+            # Nobody looks for them there.
+            warnings.warn(" ".join(sentences), stacklevel=2)
+    except BaseException as error:
+        place.add_notes(error)
+        raise
+    finally:
+        if not place.left():
+            shutil.rmtree(folder, ignore_errors=True)
+        if place.passing is not None:
+            shutil.rmtree(place.passing, ignore_errors=True)
+            with suppress(OSError):
+                parent.rmdir()
+
+
+def _new_folder(parent: Path) -> Path:
+    """Make a folder of a free name: what an earlier lab left is neither gone on with nor in the way."""
+    for number in count(1):
+        folder = parent / (RECORDINGS if number == 1 else f"{RECORDINGS}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"The folder {parent} cannot be made: {error.strerror}; give another.") from error
+        return folder
+    raise AssertionError("Numbers do not end.")

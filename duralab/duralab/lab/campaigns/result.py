@@ -1,0 +1,98 @@
+"""What a campaign came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+
+from duralab.campaign import Verdict, judge, judged_rows
+from duralab.data import IterationTable, counted_slope, iterations_html
+from duralab.display import html_table, text_table
+from duralab.recording import Recording, open_recording
+from duralab_proto.v1 import iterator_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignResult:
+    """A finished campaign; `print` shows its table.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        What was asked for.
+    status : CampaignStatus
+        How it ended.
+    recording_path, live_path : Path
+        Where the recording and what the viewer showed are.
+    """
+
+    specification: iterator_pb2.CampaignSpec
+    status: iterator_pb2.CampaignStatus
+    recording_path: Path
+    live_path: Path
+
+    @cached_property
+    def iterations(self) -> IterationTable:
+        """The figures of every playback."""
+        return IterationTable.from_status(self.status)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the target was reached."""
+        return judge(self.iterations, specification=self.specification, status=self.status)
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The recording, read from its file."""
+        return open_recording(self.recording_path)
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Write the report, beside the recording where no path is given, and return where it is.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Where to; what is there is replaced.
+
+        Returns
+        -------
+        Path
+            The report.
+        """
+        from duralab.report import write_report
+
+        return write_report(self.recording, path or self.recording_path.with_name("report.html"))
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"CampaignResult({self.status.id}: {self.verdict.judgement})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        return result_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return result_html(self)
+
+
+def result_text(result: CampaignResult) -> str:
+    """Return table, verdict and remarks of a campaign as text."""
+    remarks = "".join(f"\n- {remark}" for remark in result.status.remarks)
+    judged = text_table(*_judged(result), left=1) if len(result.iterations) else ""
+    return f"{result.iterations}\n{judged}\n{result.verdict.sentence}{remarks}"
+
+
+def _judged(result: CampaignResult) -> tuple[list[str], list[list[str]]]:
+    header, rows = judged_rows(result.iterations, result.verdict, slope=counted_slope(result.specification))
+    return [", ".join(filter(None, heading)) for heading in header], rows
+
+
+def result_html(result: CampaignResult) -> str:
+    """Return the same as HTML."""
+    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.status.remarks)
+    verdict = f"<p><b>{escape(result.verdict.sentence)}</b></p>"
+    judged = html_table(*_judged(result), left=1) if len(result.iterations) else ""
+    return f"{verdict}{judged}{iterations_html(result.iterations)}{f'<ul>{remarks}</ul>' if remarks else ''}"

@@ -1,0 +1,210 @@
+"""A campaign as the SDK drives it: a free name, followed to its end, stopped, collected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from duralab.errors import CampaignFaultError, LabError, ServiceEndedError, ended
+from duralab.lab.campaigns.fetching import fetch_result
+from duralab.lab.campaigns.rescue import Rescue
+from duralab.lab.campaigns.result import CampaignResult
+from duralab.lab.client import Asking
+from duralab.lab.deadline import FOREVER, Patience
+from duralab.lab.progress import ENDED, OnProgress, follow_campaign, progress_of
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from labbus import BusError, FaultError
+
+SILENCE_SECONDS: Final = 10.0
+_STOP_SILENCE_SECONDS: Final = 2.0
+
+
+def free_id(ask: Asking, name: str, *, first: int = 1) -> str:
+    """Return the campaign's name, with a number where the lab's recorder holds one of that name already.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    name : str
+        Without a number.
+    first : int
+        Least number.
+
+    Returns
+    -------
+    str
+        A name that the recorder does not hold.
+    """
+    taken = {
+        information.recording
+        for information in ask.query(
+            ask.bus.keys.recordings(), recorder_pb2.ListRecordingsRequest(), recorder_pb2.RecordingList
+        ).recordings
+    }
+    numbered = (name if number == 1 else f"{name}-{number}" for number in range(first, first + len(taken) + 1))
+    return next(candidate for candidate in numbered if candidate not in taken)
+
+
+def followed(
+    ask: Asking,
+    id: str,
+    *,
+    begin: Callable[[], iterator_pb2.CampaignStatus],
+    tell: OnProgress,
+    rescue: Rescue,
+    patience: Patience = FOREVER,
+) -> iterator_pb2.CampaignStatus:
+    """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    id : str
+        Name of the campaign.
+    begin : callable
+        Begins it and returns its first status.
+    tell : OnProgress
+        Receives the progress.
+    rescue : Rescue
+        Keeps what can be kept where it fails.
+    patience : Patience
+        How long to wait.
+
+    Returns
+    -------
+    CampaignStatus
+        The status at the end.
+
+    Raises
+    ------
+    LabError
+        The campaign could not be followed to its end.
+    """
+    begun, played = False, False
+
+    def beginning() -> iterator_pb2.CampaignStatus:
+        nonlocal begun
+        status = begin()
+        begun = True
+        return status
+
+    def on_status(status: iterator_pb2.CampaignStatus) -> None:
+        nonlocal played
+        played = bool(status.iterations)
+        if (failure := ask.failure()) is not None:
+            raise failure
+        tell(progress_of(status))
+        if patience.is_set() and status.phase not in ENDED:
+            raise patience.error(f"The campaign {id!r}")
+
+    def stopped(reason: str, *, silence_seconds: float = SILENCE_SECONDS) -> None:
+        # Best effort: the services that are left are ended with the lab.
+        with suppress(FaultError, BusError):
+            stop_campaign(ask, id, reason=reason, silence_seconds=silence_seconds)
+
+    try:
+        try:
+            return follow_campaign(ask.bus, id, begin=beginning, on_status=on_status)
+        except FaultError as fault:
+            error = ask.explained(fault)
+            # What was refused has left nothing behind.
+            raise (rescue.told(error, played=played) if begun else error) from fault
+        except LabError as error:
+            ended_itself = isinstance(error, ServiceEndedError)
+            stopped(str(error), silence_seconds=_STOP_SILENCE_SECONDS if ended_itself else SILENCE_SECONDS)
+            raise rescue.told(error, played=played) from error
+    except KeyboardInterrupt as interrupt:
+        try:
+            # Whoever interrupts does not want to wait for a service that is gone.
+            stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
+            rescue.note(interrupt, played=played)
+        except KeyboardInterrupt as again:
+            rescue.note_where_it_lies(again, played=played)
+            raise
+        raise
+
+
+def stop_campaign(
+    ask: Asking, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
+) -> iterator_pb2.CampaignStatus:
+    """Stop a campaign; raises FaultError where the iterator does not know it.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    id : str
+        Name of the campaign.
+    reason : str
+        Why it is stopped, in words.
+    silence_seconds : float
+        Largest time without an answer, in seconds.
+
+    Returns
+    -------
+    CampaignStatus
+        The status after the stop.
+    """
+    return ask.bus.query(
+        ask.key("id", ask.bus.keys.campaign_stop, id),
+        iterator_pb2.StopCampaignRequest(reason=reason),
+        iterator_pb2.CampaignStatus,
+        silence_seconds=silence_seconds,
+    )
+
+
+def collect(
+    ask: Asking,
+    specification: iterator_pb2.CampaignSpec,
+    status: iterator_pb2.CampaignStatus,
+    *,
+    folder: Path,
+    rescue: Rescue,
+) -> CampaignResult:
+    """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is.
+
+    Parameters
+    ----------
+    ask : Asking
+        The session.
+    specification : CampaignSpec
+        What was asked for.
+    status : CampaignStatus
+        How the campaign ended.
+    folder : Path
+        Where its files go.
+    rescue : Rescue
+        Keeps what can be kept where fetching fails.
+
+    Returns
+    -------
+    CampaignResult
+        The result, its files fetched.
+
+    Raises
+    ------
+    LabError
+        The files could not be fetched; CampaignFaultError where the campaign ended early.
+    """
+    if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+        error = ask.failure() or CampaignFaultError(
+            ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}"),
+            field=status.fault.field,
+            service=status.fault.service,
+        )
+        raise rescue.told(error, played=bool(status.iterations))
+    try:
+        result = fetch_result(ask.bus, specification, status, folder=folder)
+    except FaultError as fault:
+        raise rescue.named(ask.explained(fault)) from fault
+    except LabError as error:
+        raise rescue.named(error) from error
+    except KeyboardInterrupt as interrupt:
+        rescue.note_where_it_lies(interrupt, played=True)
+        raise
+    rescue.place.fetched(specification.id)
+    return result

@@ -1,0 +1,325 @@
+"""The recordings of a lab: which there are, whether they are whole, and parts of their signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from numbers import Real
+from typing import Final
+
+from duralab.data import Signals
+from duralab.display import html_table, text_table
+from duralab.errors import InputError
+from duralab.lab.client import Asking
+from duralab.lab.recorded_result import Result
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+
+_BEGINNING: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND: Final = timedelta(microseconds=1)
+_NANOSECONDS: Final = 1000
+"""Of a microsecond, the finest that a datetime tells."""
+_FIRST_YEAR, _LAST_YEAR = 1970, 2553
+"""Nanoseconds since the first fit 64 bits up to the last."""
+
+_OUTCOMES: Final = {
+    iterator_pb2.OUTCOME_REACHED: Result.REACHED,
+    iterator_pb2.OUTCOME_ITERATIONS_USED: Result.ITERATIONS_USED,
+    iterator_pb2.OUTCOME_DIVERGED: Result.DIVERGED,
+    iterator_pb2.OUTCOME_NO_IMPROVEMENT: Result.NO_IMPROVEMENT,
+    iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: Result.DAMAGE_BUDGET_USED,
+    iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL: Result.RESPONSE_STOOD_STILL,
+    iterator_pb2.OUTCOME_BOUND_PASSED: Result.BOUND_PASSED,
+}
+_PHASES: Final = {
+    iterator_pb2.CAMPAIGN_PHASE_FINISHED: Result.FINISHED,
+    iterator_pb2.CAMPAIGN_PHASE_FAULTED: Result.FAULTED,
+    iterator_pb2.CAMPAIGN_PHASE_STOPPED: Result.STOPPED,
+}
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """One recording of a lab.
+
+    Parameters
+    ----------
+    id : str
+        Its name, which is the campaign's.
+    rig, target : str
+        What it was about; empty where it is no campaign's.
+    begun : datetime or None
+        When its first step was stored, UTC, rounded down to a microsecond; None where it holds none.
+    result : Result
+        How it ended.
+    closed : bool
+        Whether nothing is written to it any more; `result` tells whether it was brought to its end.
+    steps, signal_blocks, missing_blocks : int
+        What it holds, and what is known to be missing.
+    files : tuple of str
+        Names in the recorder's folder.
+    bytes : int
+        Of all files.
+    waiting : str
+        Why it cannot be written now; empty where it can.
+    """
+
+    id: str
+    rig: str
+    target: str
+    begun: datetime | None
+    result: Result
+    closed: bool
+    steps: int
+    signal_blocks: int
+    missing_blocks: int
+    files: tuple[str, ...]
+    bytes: int
+    waiting: str
+
+
+class CatalogueEntries(tuple[CatalogueEntry, ...]):
+    """Recordings that were found, the oldest first; prints as a table."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        return catalogue_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return catalogue_html(self)
+
+
+def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
+    result = _OUTCOMES.get(information.outcome) or _PHASES.get(information.phase, Result.NOT_ENDED)
+    return CatalogueEntry(
+        id=information.recording,
+        rig=information.rig,
+        target=information.target,
+        begun=_datetime(information.begun) if information.begun else None,
+        result=result,
+        closed=information.closed,
+        steps=information.steps,
+        signal_blocks=information.signal_blocks,
+        missing_blocks=information.missing_blocks,
+        files=tuple(file.file for file in information.files),
+        bytes=information.bytes,
+        waiting=information.waiting,
+    )
+
+
+def _datetime(nanoseconds: int) -> datetime:
+    """Return a moment no later than it was: a search from it on finds it, and one for what was before it does not."""
+    return _BEGINNING + nanoseconds // _NANOSECONDS * _MICROSECOND
+
+
+def _moment(given: object, *, field: str) -> datetime | None:
+    """Return a date or the text of a moment as one; a day alone begins at midnight."""
+    moment = given
+    if isinstance(given, str):
+        try:
+            moment = datetime.fromisoformat(given)
+        except ValueError:
+            moment = given
+    elif isinstance(given, date) and not isinstance(given, datetime):
+        moment = datetime(given.year, given.month, given.day)
+    if moment is None or isinstance(moment, datetime):
+        return moment
+    raise InputError(
+        f"{field} is {given!r}; give a datetime, a date or a text like 2026-05-04T12:00+02:00, or leave it out.",
+        field=field,
+    )
+
+
+def _nanoseconds(given: object, *, field: str) -> int:
+    moment = _moment(given, field=field)
+    if moment is None:
+        return 0
+    # The year is looked at first: a moment at either end of the calendar is none in UTC everywhere.
+    in_range = _FIRST_YEAR <= moment.year <= _LAST_YEAR
+    # In integers: a float of so many seconds is up to half a microsecond off.
+    nanoseconds = (moment.astimezone(UTC) - _BEGINNING) // _MICROSECOND * _NANOSECONDS if in_range else 0
+    if nanoseconds <= 0:
+        raise InputError(
+            f"{field} is {moment.isoformat()}; it must be after the beginning of {_FIRST_YEAR}, UTC, and no later than "
+            f"{_LAST_YEAR}, or left out.",
+            field=field,
+        )
+    return nanoseconds
+
+
+def _result(given: object) -> Result | None:
+    try:
+        return None if given is None else Result(given)
+    except ValueError:
+        raise InputError(
+            f"result is {given!r}; give one of {', '.join(Result)}, or leave it out.", field="result"
+        ) from None
+
+
+def _text(given: object, *, field: str, may_be_left_out: bool = True) -> str:
+    if isinstance(given, str):
+        return given
+    otherwise = ", or leave it out" if may_be_left_out else ""
+    raise InputError(f"{field} is {given!r}; give a text{otherwise}.", field=field)
+
+
+def _number(given: object, *, field: str) -> float:
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise InputError(f"{field} is {given!r}; give a number of seconds.", field=field)
+    return float(given)
+
+
+def _channel_names(given: object) -> list[str]:
+    # A text is a sequence of texts too: its letters.
+    if isinstance(given, Iterable) and not isinstance(given, str):
+        names = list(given)
+        if all(isinstance(name, str) for name in names):
+            return names
+    raise InputError(
+        f"channels is {given!r}; give a sequence of names, e.g. ['left_vertical'], or leave it out.", field="channels"
+    )
+
+
+class Catalogue:
+    """What the recorder of a lab holds; made by `Lab.catalogue`."""
+
+    def __init__(self, ask: Asking) -> None:
+        self._ask = ask
+
+    def search(
+        self,
+        *,
+        rig: str = "",
+        target: str = "",
+        begun_from: datetime | date | str | None = None,
+        begun_before: datetime | date | str | None = None,
+        result: Result | str | None = None,
+    ) -> CatalogueEntries:
+        """Return the recordings that fit, the oldest first.
+
+        Parameters
+        ----------
+        rig : str
+            On this rig only.
+        target : str
+            Where the target's source holds these characters, whatever their case.
+        begun_from, begun_before : datetime, date or str, optional
+            Begun then or later; before then. From 1970 to 2553; one without a time zone is local, a day without a time
+            is its midnight, a text is as ISO 8601 writes it, e.g. 2026-05-04.
+        result : Result or str, optional
+            Ended so only; as text its words, e.g. "iterations used".
+
+        Returns
+        -------
+        CatalogueEntries
+            A sequence; printed, it is a table.
+
+        Raises
+        ------
+        InputError
+            `begun_from` or `begun_before` is outside those years, or a value is none of those kinds.
+        """
+        ended = _result(result)
+        request = recorder_pb2.ListRecordingsRequest(
+            rig=_text(rig, field="rig"),
+            target=_text(target, field="target"),
+            begun_from=_nanoseconds(begun_from, field="begun_from"),
+            begun_before=_nanoseconds(begun_before, field="begun_before"),
+        )
+        answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
+        entries = [_entry(information) for information in answer.recordings]
+        wanted = [entry for entry in entries if ended is None or entry.result is ended]
+        return CatalogueEntries(sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id)))
+
+    def verify(self, id: str) -> list[str]:
+        """Have a recording read from end to end; return what is wrong with it, a sentence each.
+
+        Parameters
+        ----------
+        id : str
+            The recording; it is not written any more.
+
+        Returns
+        -------
+        list of str
+            Empty where nothing is wrong.
+
+        Raises
+        ------
+        InputError
+            There is no such recording.
+        LabError
+            It is still written.
+        """
+        key = self._ask.key("id", self._ask.bus.keys.recording_verify, id)
+        answer = self._ask.query(key, recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult)
+        return list(answer.findings)
+
+    def signals(
+        self, id: str, run: str, *, first_second: float, seconds: float, channels: Sequence[str] = ()
+    ) -> tuple[Signals, Signals]:
+        """Read a part of what was played and measured; only that part is read from the disk and sent.
+
+        Parameters
+        ----------
+        id : str
+            The recording; it is not written any more.
+        run : str
+            The run on the rig, e.g. demo.i03.
+        first_second, seconds : float
+            From the run's start, in seconds, 0 or more; and how long, greater than 0.
+        channels : sequence of str
+            Names of drives and responses; all where empty.
+
+        Returns
+        -------
+        drive, response : Signals
+            Shorter than asked for where the run ended.
+
+        Raises
+        ------
+        InputError
+            There is no such recording, run, time or channel, or a value is none of those kinds.
+        """
+        key = self._ask.key("id", self._ask.bus.keys.recording_signals, id)
+        request = recorder_pb2.SignalWindowRequest(
+            run=_text(run, field="run", may_be_left_out=False),
+            first_second=_number(first_second, field="first_second"),
+            seconds=_number(seconds, field="seconds"),
+            channels=_channel_names(channels),
+        )
+        answer = self._ask.query(key, request, recorder_pb2.SignalWindow)
+        return (
+            Signals.from_message(answer.drive, field="drive"),
+            Signals.from_message(answer.response, field="response"),
+        )
+
+
+_CATALOGUE: Final = ("recording", "rig", "target", "begun", "result", "size")
+
+
+def _catalogue_rows(entries: Sequence[CatalogueEntry]) -> list[tuple[str, ...]]:
+    return [
+        (
+            entry.id,
+            entry.rig,
+            entry.target,
+            f"{entry.begun:%Y-%m-%d %H:%M} UTC" if entry.begun is not None else "–",
+            entry.result if entry.closed else f"{entry.result}, not closed",
+            f"{entry.bytes / 1e6:.1f} MB",
+        )
+        for entry in entries
+    ]
+
+
+def catalogue_text(entries: Sequence[CatalogueEntry]) -> str:
+    """Return a line for each recording."""
+    return text_table(_CATALOGUE, _catalogue_rows(entries), left=5) if entries else "There is no such recording."
+
+
+def catalogue_html(entries: Sequence[CatalogueEntry]) -> str:
+    """Return the same as HTML."""
+    return html_table(_CATALOGUE, _catalogue_rows(entries), left=5) if entries else "<p>There is no such recording.</p>"

@@ -1,0 +1,304 @@
+"""Identifying a rig from a script: plan, experiment, and what can be asked of the model."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any
+
+import numpy as np
+
+from duralab.arguments import listener, real_numbers, require_seed
+from duralab.campaign import EstimatorSettings, ExcitationSettings, estimator_message, excitation_message
+from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
+from duralab.errors import InputError
+from duralab.lab.deadline import Patience, patience
+from duralab.lab.progress import RunProgress, Stage
+from duralab_proto.arrays import from_array, to_array
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import identifier_pb2, query_pb2
+
+
+class Identifier:
+    """The identifier of a lab; made by `Lab.identifier`.
+
+    Parameters
+    ----------
+    query : callable
+        Asks the bus.
+    describe : callable
+        Describes a rig.
+    keys : Keys
+        Of the lab.
+    halting : callable
+        Makes the context in which the end of the patience stops a rig.
+    """
+
+    def __init__(
+        self,
+        *,
+        query: Callable[..., Any],
+        describe: Callable[[str], Rig],
+        keys: Keys,
+        halting: Callable[[str, Patience], AbstractContextManager[None]],
+    ) -> None:
+        self._query, self._describe, self._keys, self._halting = query, describe, keys, halting
+
+    def plan(
+        self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
+    ) -> ExperimentPlan:
+        """Return what an experiment takes and gives; nothing moves.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+
+        Returns
+        -------
+        ExperimentPlan
+            Printed, it is a table.
+
+        Raises
+        ------
+        InputError
+            The rig could not play it, or it would not identify it.
+        """
+        request = identifier_pb2.PlanRequest(identify=self._request(rig, excitation, estimator, seed=seed))
+        plan = self._query(self._keys.experiment_plan(), request, identifier_pb2.ExperimentPlan)
+        return ExperimentPlan(
+            duration_seconds=plan.duration_seconds,
+            realisations=plan.realisations,
+            experiments_per_realisation=plan.experiments_per_realisation,
+            periods=plan.periods,
+            delay_share=plan.delay_share,
+            independent_averages=plan.independent_averages,
+            frequency_resolution=plan.frequency_resolution,
+            lines=plan.lines,
+            band=(plan.lowest_frequency, plan.highest_frequency),
+        )
+
+    def identify(
+        self,
+        rig: str,
+        excitation: ExcitationSettings,
+        estimator: EstimatorSettings,
+        *,
+        seed: int = 0,
+        on_progress: Callable[[RunProgress], None] | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> Model:
+        """Run an experiment on a rig and return the model.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+        on_progress : callable, optional
+            Called with a `RunProgress` about once a second.
+        timeout_seconds : float, optional
+            Longest time to wait; then the rig is stopped and latched.
+        cancel : threading.Event, optional
+            Set from another thread, it does the same.
+
+        Returns
+        -------
+        Model
+            Kept by the identifier, too, until newer ones take its place.
+
+        Raises
+        ------
+        LabError
+            The rig could not play it (`InputError`), or it did not identify the rig.
+        """
+        request = self._request(rig, excitation, estimator, seed=seed)
+        end = patience(timeout_seconds, cancel)
+        with self._halting(rig, end):
+            message = self._query(
+                self._keys.identify(),
+                request,
+                identifier_pb2.Model,
+                on_progress=_report_to(on_progress),
+                patience=end,
+                what=f"The identification of rig {rig!r}",
+            )
+        return Model.from_message(message)
+
+    def levels(
+        self,
+        rig: str,
+        excitation: ExcitationSettings,
+        estimator: EstimatorSettings,
+        *,
+        factors: Sequence[float],
+        seed: int = 0,
+        on_progress: Callable[[RunProgress], None] | None = None,
+    ) -> LevelSeries:
+        """Run one experiment at several levels, from the lowest up, and return what changes; 2 to 8 factors.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        excitation, estimator : ExcitationSettings, EstimatorSettings
+            As in a campaign file.
+        factors : sequence of float
+            Of the excitation's levels, 2 to 8 of them.
+        seed : int
+            Of the excitation's phases and of what is random in a simulated rig.
+        on_progress : callable, optional
+            Called with a `RunProgress` about once a second.
+
+        Returns
+        -------
+        LevelSeries
+            The models, and the difference of each to the one before.
+
+        Raises
+        ------
+        LabError
+            The rig could not play one of them, then nothing moved (`InputError`), or it was not identified.
+        """
+        request = identifier_pb2.LevelsRequest(
+            identify=self._request(rig, excitation, estimator, seed=seed),
+            factors=to_array(real_numbers(factors, what="factors", field="factors")),
+        )
+        answer = self._query(
+            self._keys.identify_levels(), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
+        )
+        return LevelSeries(
+            models=tuple(Model.from_message(message) for message in answer.models),
+            differences=tuple(
+                ModelDifference(
+                    relative_difference=from_array(message.relative_difference),
+                    expected_by_noise=from_array(message.expected_by_noise),
+                    sentences=tuple(message.sentences),
+                )
+                for message in answer.differences
+            ),
+        )
+
+    def predict(self, model: Model, drive: Signals) -> Signals:
+        """Return the response that a model expects of a drive, in its band and without static part.
+
+        Parameters
+        ----------
+        model : Model
+            That the identifier still holds.
+        drive : Signals
+            Of the model's drives, in their units.
+
+        Returns
+        -------
+        Signals
+            Of the model's responses, as long as the drive.
+        """
+        request = identifier_pb2.PredictRequest(drive=drive.to_message())
+        answer = self._query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
+        return Signals.from_message(answer.response, field="response")
+
+    def convergence(
+        self, model: Model, *, gain: float, band: tuple[float, float], rig_model: Model | None = None
+    ) -> Convergence:
+        """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz.
+
+        A `rig_model`, e.g. from a higher level, stands for the rig in place of the model itself.
+
+        Parameters
+        ----------
+        model : Model
+            Whose inverse would be used.
+        gain : float
+            Of every response, above 0 to 1.
+        band : tuple of float
+            In hertz; within the model's, and within that of a `rig_model`.
+        rig_model : Model, optional
+            Stands for the rig.
+
+        Returns
+        -------
+        Convergence
+            Line by line, and in a sentence.
+        """
+        request = identifier_pb2.ConvergenceRequest(
+            iteration_gain=to_array(np.full(len(model.responses), float(gain))),
+            lowest_frequency=band[0],
+            highest_frequency=band[1],
+            rig_model_id="" if rig_model is None else rig_model.id,
+        )
+        answer = self._query(self._keys.convergence(model.id), request, identifier_pb2.Convergence)
+        return Convergence(
+            frequency=from_array(answer.frequency),
+            spectral_radius=from_array(answer.spectral_radius),
+            spectral_radius_95=from_array(answer.spectral_radius_95),
+            largest_singular_value=from_array(answer.largest_singular_value),
+            converging_share=answer.converging_share,
+            sentence=answer.sentence,
+        )
+
+    def advise(self, model: Model, target: Signals, *, band: tuple[float, float]) -> LevelAdvice:
+        """Return the drive levels that give responses like a target's in a band, in hertz.
+
+        Parameters
+        ----------
+        model : Model
+            Of the rig, from any level.
+        target : Signals
+            Of the model's responses, in their units.
+        band : tuple of float
+            In hertz.
+
+        Returns
+        -------
+        LevelAdvice
+            Printed, it is a table.
+        """
+        request = identifier_pb2.AdviceRequest(
+            model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
+        )
+        answer = self._query(self._keys.level_advice(), request, identifier_pb2.LevelAdvice)
+        return LevelAdvice(
+            rms=from_array(answer.rms),
+            wanted_rms=from_array(answer.wanted_rms),
+            largest_rms=from_array(answer.largest_rms),
+            sentences=tuple(answer.sentences),
+        )
+
+    def _request(
+        self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int
+    ) -> identifier_pb2.IdentifyRequest:
+        described = self._describe(rig)
+        require_seed(seed)
+        for name, section, kind in (
+            ("excitation", excitation, ExcitationSettings),
+            ("estimator", estimator, EstimatorSettings),
+        ):
+            if not isinstance(section, kind):
+                raise InputError(f"{name} is {section!r}; give {kind.__name__}, e.g. of a campaign.", field=name)
+        return identifier_pb2.IdentifyRequest(
+            rig=rig,
+            excitation=excitation_message(excitation, rig=described, seed=seed),
+            estimator=estimator_message(estimator),
+            run=f"identify-{uuid.uuid4().hex[:12]}",
+            rig_seed=seed,
+        )
+
+
+def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
+    tell = listener(on_progress)
+
+    def report(progress: query_pb2.Progress) -> None:
+        tell(RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds))
+
+    return report

@@ -1,0 +1,218 @@
+"""Opening a lab: one of one's own on this machine, or one that runs already."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from duralab.arguments import require_path, require_switch, require_text
+from duralab.errors import InputError, UnavailableError
+from duralab.lab.campaigns import RecordingsPlace, own_recordings
+from duralab.lab.deadline import require_time
+from duralab.lab.lab import Lab
+from duralab.processes import Supervisor, lab_services, the_running_lab
+from labbus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
+
+DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
+"""Where `duralab up` listens, and `connect` looks, where nothing else is said."""
+
+SECURED: Final = "tls/"
+IDENTITY_VARIABLE: Final = "DURALAB_IDENTITY"
+"""Names the certificate to show a secured lab, where none is given."""
+
+FREE_ENDPOINT: Final = "tcp/127.0.0.1:0"
+DEFAULT_RIGS: Final = ("front_axle", "predecessor")
+
+QUIET_SECONDS: Final = 0.4
+_POLL_SECONDS: Final = 0.05
+
+FIND_SECONDS: Final = 5.0
+"""A session knows everyone about a second after it opened; give it a few."""
+
+
+@contextmanager
+def start(
+    out: str | Path | None = None,
+    *,
+    listen: str = FREE_ENDPOINT,
+    recordings: str | Path | None = None,
+    rigs: Sequence[str] = DEFAULT_RIGS,
+    viewer: str | None = None,
+    real_time: bool = False,
+) -> Iterator[Lab]:
+    """Start a lab of one's own on this machine: four service processes, ended with the `with` statement.
+
+    Parameters
+    ----------
+    out : str or Path, optional
+        Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, where not given.
+        While the lab is open, `recordings` in it is the recorder's folder. It is removed at the end, except where it
+        holds the recording of a campaign that did not end well, or that nobody fetched: that is told and stays.
+    listen : str
+        Endpoint on which others may connect; a free port of 127.0.0.1 where not given.
+    recordings : str or Path, optional
+        The recorder's folder, which stays; the one in `out` where not given.
+    rigs : sequence of str
+        The rigs to start.
+    viewer : str, optional
+        Address of a running Rerun viewer.
+    real_time : bool
+        Play every drive in real time, whatever is asked: a rehearsal of a real rig. The responses are the same.
+
+    Yields
+    ------
+    Lab
+        Open until the `with` statement ends.
+
+    Raises
+    ------
+    InputError
+        An argument is of another type, no rig is given, the port is in use, or a folder cannot be made.
+    LabError
+        A service did not start.
+    """
+    require_text(listen, field="listen")
+    if viewer is not None:
+        require_text(viewer, field="viewer")
+    require_path(out, of="a folder", field="out")
+    require_path(recordings, of="a folder", field="recordings")
+    # A text is a sequence of texts as well, of one letter each.
+    if isinstance(rigs, str) or not isinstance(rigs, Sequence) or not rigs:
+        raise InputError(f"rigs is {rigs!r}; give the names of one rig or more, such as ('front_axle',).", field="rigs")
+    for rig in rigs:
+        require_text(rig, field="rigs")
+    require_switch(real_time, field="real_time")
+    with ExitStack() as stack:
+        bus = stack.enter_context(_open(listen=(listen,), connect=()))
+        if recordings is None:
+            place = stack.enter_context(own_recordings(Path(out) if out is not None else None))
+        else:
+            place = RecordingsPlace(Path(recordings), passing=_passing(stack, out))
+        folder = place.passing or Path(out or "")
+        plans = lab_services(rigs=rigs, recordings=place.folder or folder, viewer=viewer, real_time=bool(real_time))
+        supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
+        supervisor.start()
+        yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)
+
+
+@contextmanager
+def connect(
+    endpoint: str | None = None,
+    *,
+    out: str | Path | None = None,
+    timeout_seconds: float = FIND_SECONDS,
+    identity: str | Path | None = None,
+) -> Iterator[Lab]:
+    """Join a lab that runs already, e.g. by `duralab up`.
+
+    Parameters
+    ----------
+    endpoint : str, optional
+        Where it listens; left out, the one lab that `duralab up` keeps running on this machine, or where that is known
+        of none, `tcp/127.0.0.1:7474`.
+    out : str or Path, optional
+        Folder for results; a temporary one, removed at the end, where not given.
+    timeout_seconds : float
+        Longest time to meet the services of the lab.
+    identity : str or Path, optional
+        For an endpoint `tls/…` of a secured lab: path of one's certificate without its suffix,
+        `<folder>/<role>.<name>`, with `.crt` and `.key` and the lab's `ca.crt` beside; what DURALAB_IDENTITY says
+        where not given.
+
+    Yields
+    ------
+    Lab
+        Open until the `with` statement ends; the services go on.
+
+    Raises
+    ------
+    InputError
+        An argument is of another type, nothing listens there, several labs run here and none is named, or the lab
+        does not let this identity in.
+    UnavailableError
+        A service of the lab is not on that bus.
+    """
+    if endpoint is not None:
+        require_text(endpoint, field="endpoint")
+    require_path(out, of="a folder", field="out")
+    require_path(identity, of="a certificate", field="identity")
+    require_time(timeout_seconds, field="timeout_seconds")
+    if endpoint is None:
+        running = the_running_lab()
+        endpoint = running.endpoint if running is not None else DEFAULT_ENDPOINT
+    with ExitStack() as stack:
+        bus = stack.enter_context(join_bus(endpoint, identity=identity))
+        needed = {(service, "main") for service in ("identifier", "iterator", "recorder")}
+        try:
+            bus.wait_for_live(needed, timeout_seconds)
+        except FaultError as fault:
+            raise UnavailableError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
+        _wait_until_all_are_known(bus)
+        place = RecordingsPlace(passing=_passing(stack, out), goes_on=True)
+        yield Lab(bus, out=place.passing or Path(out or ""), recordings=place)
+
+
+def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
+    """Open a session that joins the bus at an endpoint, whoever is on it.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where it listens; `tls/…` of a secured lab.
+    identity : str or Path, optional
+        As `connect` takes it.
+
+    Returns
+    -------
+    Bus
+        The open session.
+
+    Raises
+    ------
+    InputError
+        Nothing listens there, or the lab lets this identity not in.
+    """
+    if not endpoint.startswith(SECURED):
+        return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))
+    shown = identity or os.environ.get(IDENTITY_VARIABLE)
+    if not shown:
+        raise InputError(
+            f"The lab at {endpoint} is secured; say who you are with {IDENTITY_VARIABLE}=<folder>/<role>.<name>, "
+            "the path of your certificate without '.crt'."
+        )
+    # All goes through the router, which knows who may do what.
+    return _open(mode=BusMode.CLIENT, connect=(endpoint,), tls=TlsConfig.of(shown))
+
+
+def _passing(stack: ExitStack, out: str | Path | None) -> Path | None:
+    """Return a folder for results that is deleted with `stack` where the user gave none."""
+    if out is not None:
+        return None
+    return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True))) / "out"
+
+
+def _wait_until_all_are_known(bus: Bus) -> None:
+    """Wait until nobody new is heard of for a moment: how many rigs a lab has is written nowhere."""
+    known, quiet_since = bus.live(), time.monotonic()
+    deadline = quiet_since + FIND_SECONDS
+    while time.monotonic() < min(deadline, quiet_since + QUIET_SECONDS):
+        time.sleep(_POLL_SECONDS)
+        if (now := bus.live()) != known:
+            known, quiet_since = now, time.monotonic()
+
+
+def _open(**settings: object) -> Bus:
+    try:
+        return open_bus(BusConfig.model_validate(settings), service="duralab")
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise InputError(f"{reason[0].upper()}{reason[1:]}.") from error
+    except BusError as error:
+        raise InputError(str(error)) from error

@@ -1,0 +1,122 @@
+"""Following a campaign to its end: events as they come, and a question now and then in case one got lost."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from duralab.data import IterationTable
+from duralab_proto.v1 import iterator_pb2
+from labbus import Bus, StreamItem
+
+POLL_SECONDS: Final = 1.0
+"""Silence after which the iterator is asked."""
+
+ENDED: Final = frozenset(
+    {
+        iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+        iterator_pb2.CAMPAIGN_PHASE_FAULTED,
+        iterator_pb2.CAMPAIGN_PHASE_STOPPED,
+    }
+)
+
+
+class Stage(StrEnum):
+    """What a run works on."""
+
+    TARGET = "target"
+    CAMPAIGN = "campaign"
+    IDENTIFICATION = "identification"
+    PLAYBACK = "playback"
+
+
+@dataclass(frozen=True)
+class RunProgress:
+    """How far a run is.
+
+    Parameters
+    ----------
+    stage : Stage
+        What it works on.
+    activity : str
+        What is done now, in words.
+    fraction : float
+        Share of the stage that is done, 0 to 1.
+    remaining_seconds : float
+        Expected time to the stage's end; negative where unknown.
+    iterations : IterationTable or None
+        The figures of the playbacks done; None before the first.
+    """
+
+    stage: Stage
+    activity: str
+    fraction: float
+    remaining_seconds: float
+    iterations: IterationTable | None = None
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds >= 0 else ""
+        return f"{self.stage}: {self.activity} ({self.fraction:.0%}{left})"
+
+
+OnProgress = Callable[[RunProgress], None]
+
+
+def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:
+    """Return how far a campaign is."""
+    return RunProgress(
+        stage=Stage.CAMPAIGN,
+        activity=status.activity,
+        fraction=status.fraction,
+        remaining_seconds=status.remaining_seconds,
+        iterations=IterationTable.from_status(status) if status.iterations else None,
+    )
+
+
+def follow_campaign(
+    bus: Bus,
+    id: str,
+    *,
+    begin: Callable[[], iterator_pb2.CampaignStatus],
+    on_status: Callable[[iterator_pb2.CampaignStatus], None],
+) -> iterator_pb2.CampaignStatus:
+    """Begin a campaign and return its last status.
+
+    Parameters
+    ----------
+    bus : Bus
+        The session.
+    id : str
+        The campaign.
+    begin : callable
+        Starts it; called when its events are listened to, so that none is missed.
+    on_status : callable
+        Called with every status, on this thread.
+
+    Raises
+    ------
+    FaultError
+        The iterator refused it, or is gone.
+    """
+    events: queue.SimpleQueue[iterator_pb2.CampaignStatus] = queue.SimpleQueue()
+
+    def put(item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
+        events.put(item.message.status)
+
+    subscription = bus.subscribe(bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, put, repair=True)
+    try:
+        status = begin()
+        while True:
+            on_status(status)
+            if status.phase in ENDED:
+                return status
+            try:
+                status = events.get(timeout=POLL_SECONDS)
+            except queue.Empty:
+                status = bus.query(bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+    finally:
+        subscription.close()

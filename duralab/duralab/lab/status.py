@@ -1,0 +1,198 @@
+"""How a lab is: its services, its rigs, the campaigns under way, and what its recorder holds."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from duralab.data import IterationTable, RigMode, RigState
+from duralab.lab.health import ServiceHealth, health_of
+from duralab.lab.progress import ENDED
+from duralab_proto.keys import MAIN_INSTANCE
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from labbus import Bus, FaultError
+
+SERVICES: Final = ("rig_sim", "identifier", "iterator", "recorder")
+"""What a whole lab has; of the first, one instance for each rig."""
+
+_SILENCE_SECONDS: Final = 3.0
+
+
+@dataclass(frozen=True)
+class CampaignUnderWay:
+    """A campaign that has not ended; its overall error is that of its last playback, None before the first."""
+
+    id: str
+    rig: str
+    activity: str
+    fraction: float
+    remaining_seconds: float
+    playbacks: int
+    error: float | None
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """What a recorder holds.
+
+    Parameters
+    ----------
+    recordings, open_recordings : int
+        How many there are, and how many are written now.
+    bytes : int
+        Of all.
+    missing_blocks : int
+        Signal blocks that it knows of and does not hold yet: how far it lags; of an ended run, what is lost.
+    waiting : str
+        Why it cannot write now; empty where it can.
+    free_bytes : int or None
+        Of its disk; None where that is another machine's.
+    """
+
+    recordings: int
+    open_recordings: int
+    bytes: int
+    missing_blocks: int
+    waiting: str
+    free_bytes: int | None
+
+
+@dataclass(frozen=True)
+class LabStatus:
+    """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them.
+
+    Parameters
+    ----------
+    missing : tuple of str
+        Names of the services that the lab lacks.
+    services : tuple of ServiceHealth
+        Health of the services that answered.
+    rigs : tuple of RigState
+        State of each rig.
+    campaigns : tuple of CampaignUnderWay
+        Campaigns under way.
+    recorder : RecorderStatus or None
+        State of the recorder, or None where it is missing.
+    """
+
+    missing: tuple[str, ...]
+    services: tuple[ServiceHealth, ...]
+    rigs: tuple[RigState, ...]
+    campaigns: tuple[CampaignUnderWay, ...]
+    recorder: RecorderStatus | None
+
+    @property
+    def whole(self) -> bool:
+        """Whether every service is there and the recorder can write."""
+        return not self.missing and (self.recorder is None or not self.recorder.waiting)
+
+
+def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
+    """Ask everyone of a lab how they are.
+
+    Parameters
+    ----------
+    bus : Bus
+        A session in the lab.
+    recordings : Path, optional
+        The recorder's folder, where it is on this machine.
+
+    Returns
+    -------
+    LabStatus
+        State of the services, rigs, campaigns and the recorder.
+    """
+    live = bus.discover()
+    there = {service for service, _ in live}
+    rigs = sorted(instance for service, instance in live if service == "rig_sim")
+    held = _held(bus) if ("recorder", MAIN_INSTANCE) in live else None
+    return LabStatus(
+        missing=tuple(name for name in SERVICES if name not in there),
+        services=tuple(health_of(bus)),
+        rigs=tuple(_rig(bus, name) for name in rigs),
+        campaigns=_campaigns(bus, held or []) if "iterator" in there else (),
+        recorder=None if held is None else _recorder(held, recordings),
+    )
+
+
+def _rig(bus: Bus, name: str) -> RigState:
+    try:
+        state = bus.query(
+            bus.keys.rig_state(name), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
+        )
+        # Latched and not at rest: either on its way down, or on its way to the end of a run that cannot be stopped.
+        goes_on = bool(state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.run) and _cannot_be_stopped(bus, name)
+    except FaultError as fault:
+        return RigState(name, RigMode.UNKNOWN, fault.message, run="", fraction=0.0)
+    return RigState.from_message(state, goes_on=goes_on)
+
+
+def _cannot_be_stopped(bus: Bus, name: str) -> bool:
+    return bus.query(
+        bus.keys.rig_description(name),
+        rig_pb2.DescriptionRequest(),
+        rig_pb2.RigDescription,
+        silence_seconds=_SILENCE_SECONDS,
+    ).cannot_be_stopped
+
+
+def _held(bus: Bus) -> list[recorder_pb2.RecordingInfo] | None:
+    try:
+        answer = bus.query(
+            bus.keys.recordings(),
+            recorder_pb2.ListRecordingsRequest(),
+            recorder_pb2.RecordingList,
+            silence_seconds=_SILENCE_SECONDS,
+        )
+    except FaultError:
+        return None
+    return list(answer.recordings)
+
+
+def _campaigns(bus: Bus, held: list[recorder_pb2.RecordingInfo]) -> tuple[CampaignUnderWay, ...]:
+    found = []
+    for information in held:
+        if information.closed:
+            continue
+        # The iterator knows no recording that was broken off before it began; that one waits for `duralab resume`.
+        with suppress(FaultError):
+            status = bus.query(
+                bus.keys.campaign(information.recording),
+                iterator_pb2.CampaignRequest(),
+                iterator_pb2.CampaignStatus,
+                silence_seconds=_SILENCE_SECONDS,
+            )
+            if status.phase not in ENDED:
+                found.append(_under_way(status, rig=information.rig))
+    return tuple(found)
+
+
+def _under_way(status: iterator_pb2.CampaignStatus, *, rig: str) -> CampaignUnderWay:
+    table = IterationTable.from_status(status) if status.iterations else None
+    return CampaignUnderWay(
+        id=status.id,
+        rig=rig,
+        activity=status.activity,
+        fraction=status.fraction,
+        remaining_seconds=status.remaining_seconds,
+        playbacks=len(status.iterations),
+        error=None if table is None else float(table.overall[-1]),
+    )
+
+
+def _recorder(held: list[recorder_pb2.RecordingInfo], folder: Path | None) -> RecorderStatus:
+    free = None
+    if folder is not None:
+        with suppress(OSError):
+            free = shutil.disk_usage(folder).free
+    return RecorderStatus(
+        recordings=len(held),
+        open_recordings=sum(not information.closed for information in held),
+        bytes=sum(information.bytes for information in held),
+        missing_blocks=sum(information.missing_blocks for information in held),
+        waiting=next((information.waiting for information in held if information.waiting), ""),
+        free_bytes=free,
+    )

@@ -1,0 +1,234 @@
+"""Watching a lab live: what its rigs play, what they do, and how far campaigns are, as one iterator."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from enum import StrEnum
+from types import TracebackType
+from typing import Any, Final, Self
+
+from duralab.data import Rig, RigState, Signals
+from duralab.errors import LabTimeoutError
+from duralab.lab.client import Asking
+from duralab.lab.deadline import patience
+from duralab.lab.progress import ENDED, POLL_SECONDS, RunProgress, progress_of
+from duralab_proto.arrays import from_array
+from duralab_proto.keys import ANY, rig_of
+from duralab_proto.v1 import iterator_pb2, rig_pb2
+from labbus import StreamItem
+
+MOST_WAITING: Final = 4096
+"""Events that wait for a slow script; of more the oldest are dropped, and counted."""
+
+
+class Watched(StrEnum):
+    """What can be watched."""
+
+    SIGNALS = "signals"
+    RIG_STATES = "rig states"
+    CAMPAIGNS = "campaigns"
+
+
+@dataclass(frozen=True, eq=False)
+class SignalsEvent:
+    """A piece of what a rig plays, up to its `block_samples`: some tenths of a second.
+
+    Parameters
+    ----------
+    rig, run : str
+        Who plays what.
+    first_sample : int
+        Index of the first sample within the run; more than expected where a piece was lost on the way.
+    drive, response : Signals
+        As commanded and measured.
+    last : bool
+        Whether the run ends with it.
+    """
+
+    rig: str
+    run: str
+    first_sample: int
+    drive: Signals
+    response: Signals
+    last: bool
+
+
+@dataclass(frozen=True)
+class RigEvent:
+    """A rig changed its state, or says how far it is.
+
+    Parameters
+    ----------
+    state : RigState
+        Of the rig, with its name.
+    """
+
+    state: RigState
+
+
+@dataclass(frozen=True)
+class CampaignEvent:
+    """A campaign came a step further, or says that it lives.
+
+    Parameters
+    ----------
+    id : str
+        The campaign.
+    progress : RunProgress
+        How far it is.
+    ended : bool
+        Whether it is over.
+    """
+
+    id: str
+    progress: RunProgress
+    ended: bool
+
+
+LabEvent = SignalsEvent | RigEvent | CampaignEvent
+
+
+class Watch(Iterator[LabEvent]):
+    """Live events of a lab; made by `Lab.watch`. Listens from its making to `close`, or the end of `with`.
+
+    Live means: what a broken link lost is not fetched again; the recording has it. A script that is slower than the
+    lab gets the newest events, and `dropped` tells how many it did not get.
+
+    Parameters
+    ----------
+    ask : Asking
+        The lab.
+    describe : callable
+        Describes a rig.
+    rig, campaign : str
+        Of these only; "*" for all.
+    kinds : frozenset of Watched
+        What to listen to.
+    timeout_seconds : float or None
+        Longest silence.
+    """
+
+    def __init__(
+        self,
+        ask: Asking,
+        *,
+        describe: Callable[[str], Rig],
+        rig: str,
+        campaign: str,
+        kinds: frozenset[Watched],
+        timeout_seconds: float | None,
+    ) -> None:
+        patience(timeout_seconds, None)  # a wrong time is an error here, not at the first event
+        self.dropped = 0
+        self._ask, self._describe, self._campaign = ask, describe, campaign
+        self._silence_seconds = math.inf if timeout_seconds is None else timeout_seconds
+        self._rigs: dict[str, Rig] = {}
+        self._waiting: deque[StreamItem[Any] | iterator_pb2.CampaignStatus] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+        keys, listen = ask.bus.keys, ask.bus.subscribe
+        with ExitStack() as stack:
+            if Watched.SIGNALS in kinds:
+                key = ask.key("rig", lambda name: keys.rig_signal(name, ANY), rig)
+                stack.callback(listen(key, rig_pb2.SignalBlock, self._put).close)
+            if Watched.RIG_STATES in kinds:
+                stack.callback(listen(ask.key("rig", keys.rig_state, rig), rig_pb2.RigState, self._put).close)
+            if Watched.CAMPAIGNS in kinds:
+                key = ask.key("campaign", keys.campaign_event, campaign)
+                stack.callback(listen(key, iterator_pb2.CampaignEvent, self._put).close)
+                if campaign != ANY:
+                    self._put(self._asked())
+            self._subscriptions = stack.pop_all()
+        self._polls = Watched.CAMPAIGNS in kinds and campaign != ANY
+
+    def close(self) -> None:
+        """Listen no more; a `next` that waits ends."""
+        with self._changed:
+            if self._closed:
+                return
+            self._closed = True
+            self._changed.notify_all()
+        self._subscriptions.close()
+
+    def __next__(self) -> LabEvent:
+        """Wait for the next event; raises LabTimeoutError after too long a silence."""
+        began = time.monotonic()
+        while True:
+            with self._changed:
+                left = self._silence_seconds - (time.monotonic() - began)
+                wait = max(0.0, min(left, POLL_SECONDS))
+                self._changed.wait_for(lambda: self._waiting or self._closed, wait)
+                if self._closed:
+                    raise StopIteration
+                item = self._waiting.popleft() if self._waiting else None
+            if item is not None:
+                return self._event(item)
+            if time.monotonic() - began >= self._silence_seconds:
+                raise LabTimeoutError(
+                    f"The lab was silent for {self._silence_seconds:g} s; `duralab status` tells who is there."
+                )
+            if (ended := self._ask.failure()) is not None:
+                raise ended
+            if self._polls and (status := self._asked()).phase in ENDED:
+                # Its last event got lost.
+                return self._event(status)
+
+    def _asked(self) -> iterator_pb2.CampaignStatus:
+        key = self._ask.key("campaign", self._ask.bus.keys.campaign, self._campaign)
+        return self._ask.query(key, iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+
+    def _put(self, item: StreamItem[Any] | iterator_pb2.CampaignStatus) -> None:
+        with self._changed:
+            if len(self._waiting) >= MOST_WAITING:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(item)
+            self._changed.notify()
+
+    def _event(self, item: StreamItem[Any] | iterator_pb2.CampaignStatus) -> LabEvent:
+        if isinstance(item, iterator_pb2.CampaignStatus):
+            return self._campaign_event(item)
+        match item.message:
+            case rig_pb2.RigState() as state:
+                return RigEvent(RigState.from_message(state))
+            case rig_pb2.SignalBlock() as block:
+                return self._signals_event(rig_of(item.key), block)
+            case event:
+                return self._campaign_event(event.status)
+
+    def _campaign_event(self, status: iterator_pb2.CampaignStatus) -> CampaignEvent:
+        ended = status.phase in ENDED
+        if ended and status.id == self._campaign:
+            self.close()
+        return CampaignEvent(status.id, progress_of(status), ended)
+
+    def _signals_event(self, rig: str, block: rig_pb2.SignalBlock) -> SignalsEvent:
+        if rig not in self._rigs:
+            self._rigs[rig] = self._describe(rig)
+        described, rate = self._rigs[rig], block.sample_rate
+        drive = from_array(block.drive, field="drive", shape=(len(described.drives), None))
+        response = from_array(block.response, field="response", shape=(len(described.responses), None))
+        return SignalsEvent(
+            rig=rig,
+            run=block.run,
+            first_sample=block.first_sample,
+            drive=Signals(described.drives, rate, drive),
+            response=Signals(described.responses, rate, response),
+            last=block.last,
+        )
+
+    def __enter__(self) -> Self:
+        """Listen already."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Listen no more."""
+        self.close()

@@ -1,0 +1,302 @@
+"""The services of a lab as child processes: started together, watched, and ended so that none is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import IO, Final, Self
+
+import yaml
+
+from duralab.errors import PROCESS_LIMIT, InputError, LabError, ServiceEndedError, is_process_limit
+from duralab_proto.keys import MAIN_INSTANCE
+from labbus import Bus
+
+START_SECONDS: Final = 90.0
+"""Longest time to wait for all services; a rig compiles its model at its first start."""
+
+END_SECONDS: Final = 3.5
+"""A service ends within 3 s of being told."""
+
+LOG_LINES: Final = 3
+"""Last lines of a log that stand in an error."""
+
+# A campaign's matrices are small: threads of BLAS took five times the processor's time waiting for one another, and
+# sums in another order differ in their last bits. Who sets it otherwise is obeyed.
+_ONE_THREAD: Final = MappingProxyType({"OMP_NUM_THREADS": "1"})
+_POLL_SECONDS: Final = 0.05
+_TAIL_BYTES: Final = 16_384
+_TRACE_LINES: Final = (
+    "Traceback (most recent",
+    "During handling of the",
+    "The above exception",
+    "stack backtrace:",
+    "note:",
+)
+
+
+@dataclass(frozen=True)
+class ServicePlan:
+    """One service to start with `python -m <name> --config FILE`.
+
+    Parameters
+    ----------
+    name : str
+        Of its module, and in its liveliness key.
+    instances : tuple of str
+        What it declares live.
+    settings : mapping
+        Its configuration, beside what the supervisor adds.
+    """
+
+    name: str
+    instances: tuple[str, ...] = (MAIN_INSTANCE,)
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+def lab_services(
+    *,
+    rigs: Sequence[str],
+    recordings: Path,
+    viewer: str | None,
+    specimens: Mapping[str, Path] = MappingProxyType({}),
+    live_file: bool = True,
+    real_time: bool = False,
+) -> tuple[ServicePlan, ...]:
+    """Return the four services of a lab; the recorder comes last, and goes last.
+
+    Parameters
+    ----------
+    rigs : sequence of str
+        The shipped rigs that rig_sim serves.
+    recordings : Path
+        The recorder's folder.
+    viewer : str or None
+        Address of a Rerun viewer.
+    specimens : mapping
+        YAML files of further rigs, by the rig's name.
+    live_file : bool
+        Whether the recorder also writes what a viewer would show.
+    real_time : bool
+        Whether the rigs play every drive in real time.
+
+    Returns
+    -------
+    tuple of ServicePlan
+        What to start, in this order.
+    """
+    return (
+        ServicePlan(
+            "rig_sim",
+            instances=(*rigs, *specimens),
+            # Beside the recordings: what a killed rig had not brought to the recorder is fetched at the next start.
+            settings={
+                "rigs": list(rigs),
+                "specimens": [str(path) for path in specimens.values()],
+                "spool_folder": str(recordings.resolve() / "spool"),
+                "real_time": real_time,
+            },
+        ),
+        ServicePlan("identifier"),
+        ServicePlan("iterator"),
+        ServicePlan(
+            "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
+        ),
+    )
+
+
+class Supervisor:
+    """Starts services and ends them; use it in a `with` statement.
+
+    The services end by themselves when this process is killed: they hold the other end of a pipe.
+
+    Parameters
+    ----------
+    plans : sequence of ServicePlan
+        The services, ended together except the last, which is ended after the others.
+    bus : Bus
+        The session they connect to; it listens.
+    logs : Path
+        Folder of `<service>.log`; made if it is not there.
+    """
+
+    def __init__(self, plans: Sequence[ServicePlan], *, bus: Bus, logs: Path) -> None:
+        self._plans = tuple(plans)
+        self._bus = bus
+        self._logs = logs
+        self._configs = Path(tempfile.mkdtemp(prefix="duralab-"))
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    @property
+    def process_ids(self) -> dict[str, int]:
+        """Process id of each service that was started."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def start(self, *, timeout_seconds: float = START_SECONDS) -> None:
+        """Start all services and wait until every one of them is on the bus.
+
+        Parameters
+        ----------
+        timeout_seconds : float
+            Largest time to wait, in seconds.
+
+        Raises
+        ------
+        LabError
+            One ended, or did not come in time; with the last lines of its log.
+        """
+        try:
+            self._logs.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"The folder {self._logs} cannot be made: {error.strerror}; give another.") from error
+        for plan in self._plans:
+            self._processes[plan.name] = self._spawn(plan)
+        wanted = {(plan.name, instance) for plan in self._plans for instance in plan.instances}
+        deadline = time.monotonic() + timeout_seconds
+        while missing := wanted - self._bus.live():
+            if (ended := self.failure()) is not None:
+                raise ended
+            if time.monotonic() > deadline:
+                names = sorted({service for service, _ in missing})
+                lines = " | ".join(f"{name}: {last_lines(self.log_path(name))}" for name in names)
+                raise LabError(
+                    f"Not on the bus {timeout_seconds:g} s after the start: {', '.join(names)}; "
+                    f"last in the log: {lines}."
+                )
+            time.sleep(_POLL_SECONDS)
+
+    def _spawn(self, plan: ServicePlan) -> subprocess.Popen[bytes]:
+        config = self._configs / f"{plan.name}.yaml"
+        bus = {"lab": self._bus.config.lab, "connect": list(self._bus.listening[:1])}
+        content = {"bus": bus, "exit_with_parent": True, **plan.settings}
+        config.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        with self.log_path(plan.name).open("wb") as log:
+            try:
+                return subprocess.Popen(
+                    [sys.executable, "-m", plan.name, "--config", str(config)],
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env={**_ONE_THREAD, **os.environ},
+                    # A Ctrl-C in the terminal is for this process alone: it stops the campaign before it ends the
+                    # services.
+                    start_new_session=True,
+                )
+            except OSError as error:
+                reason = PROCESS_LIMIT if is_process_limit(error) else f"{error.strerror or error}; free memory"
+                raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
+
+    def log_path(self, name: str) -> Path:
+        """Return where the log of a service is.
+
+        Parameters
+        ----------
+        name : str
+            Name of the service.
+
+        Returns
+        -------
+        Path
+            Path of its log.
+        """
+        return self._logs / f"{name}.log"
+
+    def failure(self) -> ServiceEndedError | None:
+        """Return what happened to a service that ended by itself, or None while all of them run."""
+        for name, process in self._processes.items():
+            if (code := process.poll()) is not None:
+                log = self.log_path(name)
+                last = last_lines(log).rstrip(".")
+                if is_process_limit(last):
+                    found = f": it could not start a thread, {PROCESS_LIMIT}; its log is {log}"
+                else:
+                    found = f"; last in its log {log}: {last}"
+                return ServiceEndedError(
+                    f"The service {name} ended by itself ({describe_exit(code)}){found}.", service=name
+                )
+        return None
+
+    def stop(self) -> None:
+        """End all services within a few seconds, by force where needed."""
+        *first, last = (plan.name for plan in self._plans)
+        for names in (first, [last]):
+            self._end([self._processes[name] for name in names if name in self._processes])
+        shutil.rmtree(self._configs, ignore_errors=True)
+
+    @staticmethod
+    def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+        for process in processes:
+            process.terminate()
+        deadline = time.monotonic() + END_SECONDS
+        for process in processes:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(max(0.0, deadline - time.monotonic()))
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            close_quietly(process.stdin)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+def close_quietly(stream: IO[bytes] | None) -> None:
+    """Close a pipe whose other end may be gone."""
+    if stream is not None:
+        with suppress(OSError):
+            stream.close()
+
+
+def describe_exit(code: int) -> str:
+    """Return an exit code in words."""
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"killed by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"killed by signal {-code}"
+
+
+def last_lines(path: Path, lines: int = LOG_LINES) -> str:
+    """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, 2) - _TAIL_BYTES))
+            text = stream.read().decode("utf-8", errors="replace")
+    except OSError:
+        return "none"
+    found = [line.strip() for line in text.splitlines() if line.strip() and not _is_trace(line)][-lines:]
+    return " / ".join(_readable(line) for line in found) or "none"
+
+
+def _is_trace(line: str) -> bool:
+    """Return whether a line of a log is part of a stack trace, of Python or of Rust, and not its message."""
+    return line[0].isspace() or line.startswith(_TRACE_LINES)
+
+
+def _readable(line: str) -> str:
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return line
+    if not isinstance(entry, dict) or "event" not in entry:
+        return line
+    details = [str(entry[key]) for key in ("error", "exception") if key in entry]
+    return ": ".join([str(entry["event"]), *(detail.strip().splitlines()[-1] for detail in details if detail.strip())])

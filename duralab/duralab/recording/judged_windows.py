@@ -1,0 +1,89 @@
+"""In-band responses of a recording's playbacks, as they were judged, read from its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from duralab.errors import InputError
+from duralab.recording.damage import within_contract
+from duralab.recording.mcap_file import McapFile
+from duralab.recording.window_cache import Window, WindowCache
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import iterator_pb2
+
+
+class JudgedWindows:
+    """Reads in-band responses, or their errors, as `SignalWindows` reads measured ones.
+
+    Parameters
+    ----------
+    file : McapFile
+        The recording's files.
+    target : ndarray, shape (responses, samples)
+        In the control band.
+    sample_rate : float
+        In hertz.
+    levels : mapping of str to float
+        Level of each run that was judged: iterations and confirmations.
+    errors : bool
+        Whether to read target minus response.
+    """
+
+    def __init__(
+        self, file: McapFile, *, target: np.ndarray, sample_rate: float, levels: Mapping[str, float], errors: bool
+    ) -> None:
+        self._file = file
+        self._target = target
+        self._sample_rate = sample_rate
+        self._levels = levels
+        self._errors = errors
+        self._cache = WindowCache()
+
+    def size(self, run: str) -> tuple[int, float]:
+        """Return how many samples a run has, and their rate in hertz.
+
+        Raises
+        ------
+        InputError
+            The run was not judged.
+        """
+        if run not in self._levels:
+            raise InputError(
+                f"The run {run!r} was not judged, so the recording holds no in-band response of it; it holds "
+                f"{', '.join(self._levels) or 'none'}."
+            )
+        return self._target.shape[1], self._sample_rate
+
+    def read(self, run: str, first: int, last: int) -> Window:
+        """Return the samples from `first` to the one before `last` of a run; read-only.
+
+        Raises
+        ------
+        InputError
+            The run was not judged, or a file is damaged or not there any more.
+        """
+        samples, _ = self.size(run)
+        whole = self._cache.find((run, 0, samples))
+        # One pass keeps what it passes: the runs are mostly read in the order in which they were played.
+        steps = self._steps() if whole is None else iter(())
+        while whole is None:
+            step = next(steps, None)
+            if step is None:
+                raise InputError(f"{self._file.path} holds no in-band response of the run {run!r} any more.")
+            window = self._window(step)
+            self._cache.keep((step.run, 0, samples), window)
+            whole = window if step.run == run else None
+        return Window(whole.drive, whole.response[:, first:last])
+
+    def _steps(self) -> Iterator[iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep]:
+        yield from self._file.messages(iterator_pb2.IterationStep)
+        yield from self._file.messages(iterator_pb2.ConfirmationStep)
+
+    def _window(self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> Window:
+        with within_contract(self._file.path):
+            response = from_array(step.response_in_band, field="response_in_band", shape=self._target.shape)
+        # A copy: as a view it would hold the whole message.
+        read = self._target - response if self._errors else response.copy()
+        return Window(np.zeros((0, read.shape[1])), read)

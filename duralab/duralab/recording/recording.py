@@ -1,0 +1,480 @@
+"""A recording of a campaign, read from its MCAP file piece by piece."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from google.protobuf.message import Message
+
+from duralab.campaign import Verdict, judge
+from duralab.data import (
+    READ_FILE,
+    ActuatorUse,
+    IterationTable,
+    Model,
+    Playback,
+    RecordedTarget,
+    Signals,
+    actuator_use,
+    channels_of,
+    iterations_html,
+    level_of,
+    playback_of,
+    response_note,
+    target_note,
+)
+from duralab.errors import InputError
+from duralab.recording.damage import unreadable, within_contract
+from duralab.recording.epochs import played_epochs
+from duralab.recording.mcap_file import SUMMARY, McapFile
+from duralab.recording.parts import open_end
+from duralab.recording.whole_runs import require_run_name, whole_run
+from duralab.recording.windows import SignalWindows
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+
+if TYPE_CHECKING:
+    import xarray
+
+    from duralab.recording.arrays import Direction
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+class Recording:
+    """A recording on disk; nothing of it stays in memory but what is asked for.
+
+    Parameters
+    ----------
+    path : str or Path
+        The .mcap file.
+
+    Raises
+    ------
+    InputError
+        It is no path, there is no such file, or it is no recording of a campaign.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        if not isinstance(path, str | os.PathLike):
+            raise InputError(f"The recording is {path!r}; give the path of an .mcap file, a text or a pathlib.Path.")
+        if not str(path):
+            raise InputError("There is no recording ''; give the path of an .mcap file.")
+        self.path = Path(path)
+        self._file = McapFile(self.path)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files, in order: the one that was opened, and those in which it goes on."""
+        return tuple(self._file.paths)
+
+    @property
+    def whole(self) -> bool:
+        """False where a file was never finished; what was written is read all the same.
+
+        One that was repaired after its recorder was killed is finished; whether the recording ends there, `closed` and
+        `open_end` tell.
+        """
+        return self._file.whole
+
+    @cached_property
+    def open_end(self) -> str:
+        """Why it may go on in a file that is not here, in words; empty where it was closed, or a file not finished."""
+        if self.closed is not None or not self.whole:
+            return ""
+        reason = self.metadata.get(SUMMARY, {}).get("reason", "")
+        return open_end(self.path, parts=len(self.files), reason=reason)
+
+    def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
+        """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time.
+
+        Parameters
+        ----------
+        kind : type
+            Of the contract.
+
+        Yields
+        ------
+        Message
+            In the order in which they were written.
+        """
+        return self._file.messages(kind)
+
+    def _first(self, kind: type[MessageT], what: str) -> MessageT:
+        message = next(self.messages(kind), None)
+        if message is None:
+            raise InputError(f"The recording {self.path} holds no {what}; it ended before one was committed.")
+        return message
+
+    @cached_property
+    def specification(self) -> iterator_pb2.CampaignSpec:
+        """What was asked for, as it was committed."""
+        return self._first(iterator_pb2.CampaignSpec, "campaign")
+
+    @cached_property
+    def rig(self) -> rig_pb2.RigDescription:
+        """The rig as it described itself."""
+        return self._first(rig_pb2.RigDescription, "rig description")
+
+    @cached_property
+    def status(self) -> iterator_pb2.CampaignStatus | None:
+        """How the campaign ended; None where it did not."""
+        last = deque(self.messages(iterator_pb2.CampaignStatus), maxlen=1)
+        return last.pop() if last else None
+
+    @cached_property
+    def closed(self) -> recorder_pb2.RecordingClosed | None:
+        """The last step; None where the recording was not closed."""
+        return next(self.messages(recorder_pb2.RecordingClosed), None)
+
+    @cached_property
+    def target(self) -> RecordedTarget:
+        """The target as it is judged, in the control band; `target(in_band=...)` has the layout of the responses.
+
+        `responses()` are as measured. Compare `target(in_band=True)` with `responses(in_band=True)`, or take `error()`,
+        which is their difference.
+        """
+        message = self._first(iterator_pb2.TargetInBand, "target")
+        given = self.specification.target
+        with within_contract(self.path):
+            samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
+        return RecordedTarget(
+            channels_of(given.channels),
+            given.sample_rate,
+            samples,
+            note=target_note(self.specification, in_band=True),
+            dataset=self._target_dataset,
+        )
+
+    def _target_dataset(self, in_band: bool) -> xarray.Dataset:
+        from duralab.recording.arrays import target_dataset
+
+        if _true_or_false(in_band):
+            signals = self.target
+        else:
+            with within_contract(self.path):
+                signals = Signals.from_message(self.specification.target, field="target")
+        channels = channels_of(self.rig.responses)
+        return target_dataset(signals, channels, target_note(self.specification, in_band=in_band))
+
+    @cached_property
+    def model(self) -> Model | None:
+        """The identified rig; None where the campaign did not come so far."""
+        message = next(self.messages(identifier_pb2.Model), None)
+        with within_contract(self.path):
+            return Model.from_message(message) if message is not None else None
+
+    @cached_property
+    def _iterations(self) -> list[tuple[iterator_pb2.IterationMetrics, tuple[ActuatorUse, ...], tuple[str, ...]]]:
+        return [
+            (step.metrics, actuator_use(step.actuators), tuple(step.remarks))
+            for step in self.messages(iterator_pb2.IterationStep)
+        ]
+
+    @cached_property
+    def iterations(self) -> IterationTable:
+        """The figures of every playback."""
+        return IterationTable.from_messages(
+            [metrics for metrics, _, _ in self._iterations],
+            confirmations=[
+                step.metrics for step in self.messages(iterator_pb2.ConfirmationStep) if step.HasField("metrics")
+            ],
+            status=self.status,
+        )
+
+    @cached_property
+    def actuators(self) -> list[tuple[ActuatorUse, ...]]:
+        """How the actuators were used, for each playback."""
+        return [use for _, use, _ in self._iterations]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the target was reached."""
+        return judge(self.iterations, specification=self.specification, status=self.status, open_end=self.open_end)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was said of each playback: limits that its drive would have passed, targets out of reach."""
+        return tuple(remark for _, _, remarks in self._iterations for remark in remarks)
+
+    def playback(self, number: int) -> Playback:
+        """Read one playback.
+
+        Parameters
+        ----------
+        number : int
+            From 1 to the number of playbacks.
+
+        Returns
+        -------
+        Playback
+            Drive, response and what was judged.
+
+        Raises
+        ------
+        InputError
+            There is no such playback.
+        """
+        for step in self.messages(iterator_pb2.IterationStep):
+            if step.iteration == number:
+                with within_contract(self.path):
+                    return playback_of(step, self.specification)
+        numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
+        raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
+
+    def signal(self, run: str) -> tuple[Signals, Signals]:
+        """Put the blocks of one run on the rig together again, e.g. of the identification.
+
+        Of a run that was repeated after a fault, what was played to its end counts, as for `responses`; where nothing
+        was, what was written last.
+
+        Parameters
+        ----------
+        run : str
+            Name of the run; `runs` lists them.
+
+        Returns
+        -------
+        drive, response : Signals
+
+        Raises
+        ------
+        InputError
+            It is no text, no block of that run was recorded, or a block is missing: the last one too, where the run
+            was broken off.
+        """
+        require_run_name(run, example="signal('demo.i01')")
+        found = whole_run(self._file, run, rig=self.rig, played=self._played_epochs)
+        return (
+            Signals(channels_of(self.rig.drives), found.sample_rate, found.drive),
+            Signals(channels_of(self.rig.responses), found.sample_rate, found.response),
+        )
+
+    def drives(self, *runs: str) -> xarray.Dataset:
+        """Return what was commanded in runs; see `responses`."""
+        from duralab.recording.arrays import Direction
+
+        return self._signals(runs, Direction.DRIVE)
+
+    def responses(self, *runs: str, in_band: bool = False) -> xarray.Dataset:
+        """Return what was measured in runs; samples are read when they are used, and only those that are.
+
+        Parameters
+        ----------
+        *runs : str
+            Names of runs of one length, e.g. `responses("demo.i01", "demo.i02")` or `responses(*names)`; where none is
+            given, the iterations but those that a resumed campaign took over: their signals are in the recording of its
+            parent, `specification.parent`. One run alone has no dimension `run`; one that was broken off is as long as
+            what there is of it.
+        in_band : bool
+            True for the responses as they are judged against the target: in the control band, without their static
+            part, divided by the level of their playback. There are those of iterations, of all where no run is given,
+            and of confirmations.
+
+        Returns
+        -------
+        xarray.Dataset
+            A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
+            coordinate `iteration` is 0 for a run that is none, and `level` NaN for one that was not judged.
+            `responses().sel(time=slice(20, 30))` reads ten seconds. The coordinate `band` and the attributes
+            `quantity`, `band`, `lowest_frequency`, `highest_frequency`, `static_part` and `level` say what they are:
+            the difference with what is in another band raises InputError.
+            It is the caller's own: what is done in place on it changes nothing that is asked for later.
+
+        Raises
+        ------
+        InputError
+            A run that is no text, no signals of such a run or of any iteration, runs of different lengths, or a file
+            that is damaged or was never finished; in band, a run that was not judged.
+        """
+        from duralab.recording.arrays import Direction
+
+        if _true_or_false(in_band):
+            return self._judged(runs, quantity="response")
+        return self._signals(runs, Direction.RESPONSE)
+
+    def error(self, *runs: str) -> xarray.Dataset:
+        """Return target minus response of playbacks, in the control band, as it is judged.
+
+        Parameters
+        ----------
+        *runs : str
+            Names of iterations or confirmations; all iterations where none is given.
+
+        Returns
+        -------
+        xarray.Dataset
+            As `target(in_band=True) - responses(*runs, in_band=True)`, with attributes. The RMS over `time` of a
+            channel, over that of its target, is the `relative_rms_error` of `iterations`. The error of a playback at
+            partial level is divided by its level.
+
+        Raises
+        ------
+        InputError
+            A run that is no text or was not judged, or a file that is damaged.
+        """
+        return self._judged(runs, quantity="error")
+
+    def _judged(self, runs: Sequence[str], *, quantity: str) -> xarray.Dataset:
+        from duralab.recording.arrays import Direction, signal_dataset
+        from duralab.recording.judged_windows import JudgedWindows
+
+        for run in runs:
+            require_run_name(run, example=f"{quantity}('demo.i01')")
+        target = self.target
+        windows = JudgedWindows(
+            self._file,
+            target=target.samples,
+            sample_rate=target.sample_rate,
+            levels=self._levels,
+            errors=quantity == "error",
+        )
+        return signal_dataset(
+            windows,
+            channels_of(self.rig.responses),
+            runs or tuple(self._iteration_runs),
+            direction=Direction.RESPONSE,
+            iterations=self._iteration_runs,
+            levels=self._levels,
+            flat=len(runs) == 1,
+            note=response_note(self.specification, in_band=True, quantity=quantity),
+        )
+
+    def _signals(self, runs: Sequence[str], direction: Direction) -> xarray.Dataset:
+        from duralab.recording.arrays import Direction, signal_dataset
+
+        for run in runs:
+            require_run_name(run, example=f"{direction.value}s('demo.i01', 'demo.i02') or {direction.value}s(*names)")
+        if not self.whole:
+            raise InputError(
+                f"{self.path} was never finished and has no index; go on with it (`duralab resume`), start the "
+                "recorder on its folder anew, which repairs it, or read whole runs with `signal`."
+            )
+        is_drive = direction is Direction.DRIVE
+        return signal_dataset(
+            self._windows,
+            channels_of(self.rig.drives if is_drive else self.rig.responses),
+            runs or self._iterations_played_here(),
+            direction=direction,
+            iterations=self._iteration_runs,
+            levels=self._levels,
+            flat=len(runs) == 1,
+            note=None if is_drive else response_note(self.specification, in_band=False),
+        )
+
+    @cached_property
+    def _windows(self) -> SignalWindows:
+        return SignalWindows(self._file.paths, played=self._played_epochs)
+
+    @cached_property
+    def _played_epochs(self) -> dict[str, int]:
+        return played_epochs(self.messages(recorder_pb2.RunPlayed))
+
+    @cached_property
+    def _iteration_steps(self) -> dict[str, tuple[int, float]]:
+        return {step.run: (step.iteration, level_of(step)) for step in self.messages(iterator_pb2.IterationStep)}
+
+    @cached_property
+    def _iteration_runs(self) -> dict[str, int]:
+        return {run: number for run, (number, _) in self._iteration_steps.items()}
+
+    @cached_property
+    def _levels(self) -> dict[str, float]:
+        """Levels of the runs that were judged; the best drive is confirmed at full level."""
+        confirmations = {step.run: 1.0 for step in self.messages(iterator_pb2.ConfirmationStep)}
+        return {run: level for run, (_, level) in self._iteration_steps.items()} | confirmations
+
+    def _iterations_played_here(self) -> tuple[str, ...]:
+        """Return the runs of the iterations whose signals belong here: of those taken over only the steps do."""
+        specification = self.specification
+        found = tuple(run for run, number in self._iteration_runs.items() if number > specification.parent_iteration)
+        if self._iteration_runs and not found:
+            raise InputError(
+                f"{self.path} holds no signals of its iterations, which were all taken over; open the recording of its "
+                f"parent {specification.parent!r} for them."
+            )
+        return found
+
+    @cached_property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the playbacks on the rig that were planned, in order."""
+        return tuple(message.run for message in self.messages(recorder_pb2.RunPlanned))
+
+    @cached_property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Named sets of texts that the recorder wrote."""
+        return self._file.metadata()
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the file, hexadecimal; raises InputError where it is not there any more."""
+        try:
+            with self.path.open("rb") as stream:
+                return hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError as error:
+            raise unreadable(self.path, error) from error
+
+    def __repr__(self) -> str:
+        """Return it on one line, without arrays."""
+        return f"Recording({str(self.path)!r})"
+
+    def __str__(self) -> str:
+        """Return it as a table."""
+        return recording_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return recording_html(self)
+
+
+def _true_or_false(in_band: object) -> bool:
+    if not isinstance(in_band, bool):
+        raise InputError(f"in_band is {in_band!r}; give True or False.", field="in_band")
+    return in_band
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording, as `duralab.open` too; see `Recording`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The .mcap file.
+
+    Returns
+    -------
+    Recording
+        Read as it is asked for.
+    """
+    return Recording(path)
+
+
+def _target_lines(recording: Recording) -> str:
+    """Return how the target was made, a line for each step."""
+    steps = recording.specification.target_steps
+    first = 0 if steps and steps[0].name == READ_FILE else 1
+    return "".join(f"target, step {number}, {step.name}: {step.finding}\n" for number, step in enumerate(steps, first))
+
+
+def _recording_title(recording: Recording) -> str:
+    whole = f"; {recording.open_end}".rstrip("; .") if recording.whole else "; never finished"
+    specification = recording.specification
+    return f"{specification.id} on {recording.rig.rig}, {len(recording.runs)} runs, {recording.path}{whole}"
+
+
+def recording_text(recording: Recording) -> str:
+    """Return what a recording holds as text."""
+    return f"{_recording_title(recording)}\n{_target_lines(recording)}{recording.iterations}"
+
+
+def recording_html(recording: Recording) -> str:
+    """Return the same as HTML."""
+    lines = "".join(f"<p>{escape(line)}</p>" for line in _target_lines(recording).splitlines())
+    return f"<p>{escape(_recording_title(recording))}</p>{lines}{iterations_html(recording.iterations)}"

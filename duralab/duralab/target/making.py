@@ -1,0 +1,247 @@
+"""Making a campaign's target: a road driven by a vehicle, or a measured file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from duralab.campaign import Campaign, MeasuredRoad, SyntheticRoad, Target
+from duralab.data import LARGEST_RATE_ERROR, Rig, Signals
+from duralab.errors import InputError
+from duralab.target.editing import EditedTarget, edit_signals
+from duralab.target.measured import map_channels, read_target_file
+from strict_yaml import require_regular
+
+LEAD_IN_SECONDS: Final = 1.0
+"""The vehicle rolls from flat ground onto the road, and off it, in this time."""
+
+
+SHORTEST_ROAD: Final = 60.0
+"""Metres; the synthesis needs a road longer than its longest wave of 50 m."""
+
+_POTHOLES: Final = 1
+"""Number of the seed sequence that places the potholes, beside the road's own."""
+
+ROAD_DRIVES: Final = tuple(
+    f"{side}_{what}" for side in ("left", "right") for what in ("height", "slope", "camber", "speed")
+)
+"""Drives of an axle that plays roads: the effective road under each tyre, and the tyre's speed over it."""
+
+REAR: Final = "rear_"
+"""What the drives of a vehicle's rear axle begin with; its front axle's are named as a single axle's."""
+
+VEHICLE_DRIVES: Final = (*ROAD_DRIVES, *(f"{REAR}{name}" for name in ROAD_DRIVES))
+"""Drives of a rig with two axles on the same road."""
+
+PlayRoad = Callable[[Signals], Signals]
+"""Plays road inputs on the vehicle and returns its responses."""
+
+
+@dataclass(frozen=True)
+class Tyre:
+    """Geometry of what rolls over the road, all in metres."""
+
+    track_width: float = 1.51
+    radius: float = 0.3265
+    contact_length: float = 0.12
+    contact_width: float = 0.19
+    #: How far a vehicle's rear axle rolls behind its front axle.
+    wheelbase: float = 2.8
+
+
+def describe_target(target: Target) -> str:
+    """Return where a target comes from, in words, for the recording and the report.
+
+    Parameters
+    ----------
+    target : Target
+        Section `target` of a campaign file.
+
+    Returns
+    -------
+    str
+        A phrase without a full stop.
+    """
+    drive = f"driven by {target.vehicle} at {target.speed:g} m/s"
+    if target.road is not None:
+        road = target.road
+        holes = f" with {road.potholes.count} potholes" if road.potholes else ""
+        return f"ISO 8608 road of class {road.iso_class}{holes} (seed {road.seed}), {road.duration:g} s {drive}"
+    if target.opencrg is not None:
+        return f"measured road {target.opencrg.path.name}, {target.opencrg.duration:g} s {drive}"
+    return f"file {target.file.name if target.file else ''}"
+
+
+def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> EditedTarget:
+    """Make the target of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What was asked for.
+    rig : Rig
+        The rig that will reproduce the target.
+    vehicle : Rig, optional
+        The rig that plays roads; needed unless the target is a file.
+    play : callable, optional
+        Plays road inputs on the vehicle; needed unless the target is a file.
+
+    Returns
+    -------
+    EditedTarget
+        All responses of the rig, in its order and at its sample rate; and what each step did, reading a file first.
+
+    Raises
+    ------
+    InputError
+        The road or the file does not fit the rig, or a step of editing does not fit them.
+    """
+    source = _source(campaign, rig=rig, vehicle=vehicle, play=play)
+    edited = edit_signals(source.signals, campaign.target.edit)
+    require_playable(edited.signals, rig=rig)
+    return EditedTarget(
+        signals=replace(edited.signals, sample_rate=rig.sample_rate), records=(*source.records, *edited.records)
+    )
+
+
+def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> EditedTarget:
+    target, watched = campaign.target, campaign.update.watch
+    if target.file is not None:
+        return read_target_file(campaign.folder / target.file, rig=rig, channels=target.channels, watched=watched)
+    if vehicle is None or play is None:
+        raise ValueError("A road needs a vehicle that plays it.")
+    if vehicle.sample_rate != rig.sample_rate:
+        raise InputError(
+            f"target.vehicle {vehicle.name!r} runs at {vehicle.sample_rate:g} Hz and rig {rig.name!r} at "
+            f"{rig.sample_rate:g} Hz; they must be equal.",
+            field="target.vehicle",
+        )
+    driven = play(road_inputs(campaign, vehicle=vehicle))
+    return EditedTarget(
+        map_channels(
+            driven,
+            rig=rig,
+            watched=watched,
+            source=f"vehicle {vehicle.name!r}",
+            remedy="take another vehicle, or watch the response (update.watch)",
+        )
+    )
+
+
+def require_playable(signals: Signals, *, rig: Rig) -> None:
+    """Refuse a target that the rig could not play for its sample rate or its length; raises InputError.
+
+    Parameters
+    ----------
+    signals : Signals
+        The target.
+    rig : Rig
+        The rig.
+
+    Raises
+    ------
+    InputError
+        The sample rate is not the rig's, or the target is longer than the rig plays.
+    """
+    if abs(signals.sample_rate / rig.sample_rate - 1) > LARGEST_RATE_ERROR:
+        raise InputError(
+            f"target is sampled at {signals.sample_rate:g} Hz; rig {rig.name!r} plays {rig.sample_rate:g} Hz only, so "
+            f"end target.edit with 'resample: {{rate: {rig.sample_rate:g}}}'.",
+            field="target.edit",
+        )
+    if signals.duration > rig.longest_drive_seconds:
+        raise InputError(
+            f"target lasts {signals.duration:g} s; rig {rig.name!r} plays {rig.longest_drive_seconds:g} s at most, so "
+            "cut or shorten it in target.edit.",
+            field="target.edit",
+        )
+
+
+def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
+    """Return what the road does to the vehicle's tyres: height, slope, camber and speed, left and right.
+
+    A rig with a rear axle gets the same road there, as much later as it needs for the wheelbase.
+
+    Raises
+    ------
+    InputError
+        The vehicle does not play roads, or the road cannot be made or read.
+    """
+    import roads
+
+    drives = tuple(channel.name for channel in vehicle.drives)
+    if drives not in (ROAD_DRIVES, VEHICLE_DRIVES):
+        raise InputError(
+            f"target.vehicle is {vehicle.name!r}, whose drives are {', '.join(c.name for c in vehicle.drives)}; a rig "
+            f"that plays roads has {', '.join(ROAD_DRIVES)}, and those of a rear axle with {REAR!r} before each.",
+            field="target.vehicle",
+        )
+    target, tyre = campaign.target, Tyre()
+    source = target.road or target.opencrg
+    if source is None:
+        raise ValueError("The target has no road.")
+    samples = round(source.duration * vehicle.sample_rate)
+    length = max(SHORTEST_ROAD, target.speed * source.duration + 2 * tyre.radius)
+    try:
+        road = (
+            _synthetic(source, length=length, speed=target.speed, tyre=tyre)
+            if isinstance(source, SyntheticRoad)
+            else _measured(source, folder=campaign.folder, length=length)
+        )
+        inputs = roads.effective_inputs(
+            road,
+            speed=target.speed,
+            sample_rate=vehicle.sample_rate,
+            samples=samples,
+            track_width=tyre.track_width,
+            tyre_radius=tyre.radius,
+            contact_length=tyre.contact_length,
+            contact_width=tyre.contact_width,
+            lead_in_seconds=LEAD_IN_SECONDS,
+            axle_distances=(0.0, tyre.wheelbase) if drives == VEHICLE_DRIVES else (0.0,),
+        )
+    except ValueError as error:
+        section = "target.road" if isinstance(source, SyntheticRoad) else "target.opencrg"
+        raise InputError(f"{section}: {error}", field=section) from error
+    names = [f"{axle}{name}" for axle in ("", REAR) for name in roads.EFFECTIVE_INPUTS]
+    rows: dict[str, np.ndarray] = dict(zip(names[: len(inputs)], inputs, strict=True))
+    steady = np.full(samples, target.speed)
+    samples_of_all = np.array([rows.get(name, steady) for name in drives])
+    return Signals(vehicle.drives, vehicle.sample_rate, samples_of_all)
+
+
+def _synthetic(road: SyntheticRoad, *, length: float, speed: float, tyre: Tyre):  # noqa: ANN202  (roads is imported late)
+    import roads
+
+    surface = roads.iso8608_road(road_class=road.iso_class, length_m=length, seed=road.seed)
+    if road.potholes is None:
+        return surface
+    seed = int(np.random.SeedSequence([road.seed, _POTHOLES]).generate_state(1)[0])
+    return roads.add_potholes(
+        surface,
+        count=road.potholes.count,
+        seed=seed,
+        lead_in_m=LEAD_IN_SECONDS * speed,
+        track_width_m=tyre.track_width,
+        length_m=road.potholes.length,
+        depth_m=road.potholes.depth,
+    )
+
+
+def _measured(road: MeasuredRoad, *, folder: Path, length: float):  # noqa: ANN202
+    import roads
+
+    path = folder / road.path
+    try:
+        require_regular(path)
+        surface = roads.read_opencrg(path)
+    except OSError as error:
+        raise InputError(
+            f"target.opencrg.path is {str(path)!r}, which cannot be read: {error.strerror}; give an OpenCRG file.",
+            field="target.opencrg.path",
+        ) from error
+    return roads.repeat_mirrored(roads.level(surface), length)

@@ -1,0 +1,191 @@
+"""Reading a measured target: from the channels of a file to the responses of a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from duralab.campaign import SourceChannel
+from duralab.data import READ_FILE, ChannelRecord, Rig, Signals, SourceRecord, StepRecord
+from duralab.errors import InputError
+from duralab.target.editing import EditedTarget
+
+
+def read_target_file(
+    path: Path, *, rig: Rig, channels: Mapping[str, SourceChannel], watched: Collection[str] = ()
+) -> EditedTarget:
+    """Read a target from a file of any format that `duralab.formats` knows.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rig : Rig
+        Whose responses are wanted.
+    channels : mapping of str to SourceChannel
+        Which channel of the file a response follows; one that is not named follows the channel of its own name.
+    watched : collection of str
+        Responses that the file need not have: their target is silent.
+
+    Returns
+    -------
+    EditedTarget
+        All responses of the rig in its order and its units, at the file's sample rate; and how each was read.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a channel is missing, or a unit does not fit.
+    """
+    from duralab.formats import read_signals
+
+    try:
+        given = read_signals(path)
+    except InputError as error:
+        raise InputError(f"target.file: {error.message}", field="target.file") from error
+    target = map_channels(
+        given,
+        rig=rig,
+        channels=channels,
+        watched=watched,
+        source=f"file {path}",
+        remedy="say in target.channels which is which",
+    )
+    return EditedTarget(target, (_read_record(path, given=given, target=target, channels=channels),))
+
+
+def _read_record(path: Path, *, given: Signals, target: Signals, channels: Mapping[str, SourceChannel]) -> StepRecord:
+    """Return how the responses were read from the channels of a file."""
+    stated = {name: channel.model_dump(mode="json", exclude_none=True) for name, channel in channels.items()}
+    settings = {"file": path.name, **({"channels": stated} if stated else {})}
+    return StepRecord(
+        name=READ_FILE,
+        settings=yaml.safe_dump(settings, default_flow_style=True, sort_keys=False, width=10_000).strip(),
+        samples_before=given.samples.shape[1],
+        samples_after=target.samples.shape[1],
+        sample_rate_before=given.sample_rate,
+        sample_rate_after=target.sample_rate,
+        channels=tuple(
+            ChannelRecord(response.name, 0.0, source=_source_record(given, target, row, channels.get(response.name)))
+            for row, response in enumerate(target.channels)
+        ),
+    )
+
+
+def _source_record(given: Signals, target: Signals, row: int, asked: SourceChannel | None) -> SourceRecord:
+    response = target.channels[row]
+    wanted = asked or SourceChannel.model_validate(response.name)
+    if wanted.source not in given.names:
+        return SourceRecord(source="")
+    place = given.names.index(wanted.source)
+    unit = wanted.unit or given.channels[place].unit
+    # Zero and one in the file's unit give the factor, whatever the offset between the units.
+    probe = replace(given, samples=np.tile([0.0, 1.0], (len(given.channels), 1)))
+    zero, one = _converted(probe, place, unit=unit, wanted=response.unit, response=response.name)
+    before, after = given.samples[place], target.samples[row]
+    return SourceRecord(
+        source=wanted.source,
+        source_unit=given.channels[place].unit,
+        stated_unit=wanted.unit or "",
+        factor=float(wanted.scale * (one - zero)),
+        peak_before=float(np.abs(before).max()),
+        rms_before=float(np.sqrt(np.mean(before**2))),
+        peak_after=float(np.abs(after).max()),
+        rms_after=float(np.sqrt(np.mean(after**2))),
+    )
+
+
+def map_channels(
+    signals: Signals,
+    *,
+    rig: Rig,
+    source: str,
+    remedy: str,
+    channels: Mapping[str, SourceChannel] | None = None,
+    watched: Collection[str] = (),
+) -> Signals:
+    """Give measured channels the names, the order, the units and the signs of a rig's responses.
+
+    Parameters
+    ----------
+    signals : Signals
+        As they were measured.
+    rig : Rig
+        Whose responses are wanted.
+    source : str
+        What the signals are called in an error.
+    remedy : str
+        What to do where one is missing.
+    channels, watched
+        As for `read_target_file`.
+
+    Raises
+    ------
+    InputError
+        A response is unknown or has no channel, a channel is not there, or a unit does not fit.
+    """
+    known, given = [channel.name for channel in rig.responses], channels or {}
+    _require_known(given, known=known, rig=rig)
+    asked = {name: given.get(name) or SourceChannel.model_validate(name) for name in known}
+    missing = [
+        name
+        for name, wanted in asked.items()
+        if wanted.source not in signals.names and (name in given or name not in watched)
+    ]
+    if missing:
+        raise InputError(
+            _missing(missing, asked=asked, given=signals.names, source=source, remedy=remedy), field="target.channels"
+        )
+    rows = []
+    for response in rig.responses:
+        wanted = asked[response.name]
+        if wanted.source not in signals.names:
+            rows.append(np.zeros(signals.samples.shape[1]))
+            continue
+        row = signals.names.index(wanted.source)
+        unit = wanted.unit or signals.channels[row].unit
+        values = _converted(signals, row, unit=unit, wanted=response.unit, response=response.name)
+        rows.append(wanted.scale * values)
+    return Signals(rig.responses, signals.sample_rate, np.stack(rows), signals.attributes)
+
+
+def _require_known(channels: Collection[str], *, known: list[str], rig: Rig) -> None:
+    unknown = [name for name in channels if name not in known]
+    if unknown:
+        raise InputError(
+            f"target.channels has unknown response {', '.join(unknown)}; rig {rig.name!r} has {', '.join(known)}.",
+            field="target.channels",
+        )
+
+
+def _missing(
+    names: list[str], *, asked: Mapping[str, SourceChannel], given: tuple[str, ...], source: str, remedy: str
+) -> str:
+    wanted = [asked[name].source for name in names]
+    close = get_close_matches(wanted[0], given, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else "."
+    responses = f" for {', '.join(names)}" if names != wanted else ""
+    return f"target: {source} lacks {', '.join(wanted)}{responses}; it has {', '.join(given)}, so {remedy}{guess}"
+
+
+def _converted(signals: Signals, row: int, *, unit: str, wanted: str, response: str) -> np.ndarray:
+    if unit == wanted:
+        return signals.samples[row]
+    from duralab.formats import convert_units
+
+    one = replace(
+        signals, channels=(replace(signals.channels[row], unit=unit),), samples=signals.samples[row : row + 1]
+    )
+    try:
+        return convert_units(one, [wanted]).samples[0]
+    except InputError as error:
+        raise InputError(
+            f"target.channels.{response}: {error.message.rstrip('.')}; the rig needs {wanted}, so name the unit that "
+            "the values have, e.g. 'unit: kN'.",
+            field=f"target.channels.{response}.unit",
+        ) from error
