@@ -13,6 +13,10 @@ import numpy as np
 
 from duralab.errors import InputError
 
+_REAL_KINDS: Final = "iuf"
+
+_IN_WORDS: Final = MappingProxyType({"c": "complex numbers", "b": "truth values", "U": "text", "S": "bytes"})
+
 T = TypeVar("T")
 
 
@@ -127,12 +131,6 @@ def listener(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:
 def _tell_nobody(progress: object) -> None:
     """Do nothing with how far it is."""
     del progress
-
-
-_REAL_KINDS: Final = "iuf"
-
-
-_IN_WORDS: Final = MappingProxyType({"c": "complex numbers", "b": "truth values", "U": "text", "S": "bytes"})
 
 
 def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:

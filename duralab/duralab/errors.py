@@ -17,6 +17,15 @@ import errno
 import os
 from typing import Final
 
+PROCESS_LIMIT: Final = (
+    "the limit of processes and threads of this user or container is reached; end other processes, or raise the limit "
+    "(`ulimit -u`, the container's pids limit)"
+)
+"""Reason and remedy where the system starts no further process or thread."""
+
+# Python, Zenoh's runtime in Rust, and OpenBLAS.
+_NO_THREAD: Final = ("can't start new thread", "can't spawn worker thread", "failed to spawn thread", "pthread_create")
+
 
 class LabError(Exception):
     """The lab could not do what was asked.
@@ -68,17 +77,6 @@ class ServiceEndedError(LabError):
 
 class CampaignFaultError(LabError):
     """A campaign ended before its last playback."""
-
-
-PROCESS_LIMIT: Final = (
-    "the limit of processes and threads of this user or container is reached; end other processes, or raise the limit "
-    "(`ulimit -u`, the container's pids limit)"
-)
-"""Reason and remedy where the system starts no further process or thread."""
-
-
-# Python, Zenoh's runtime in Rust, and OpenBLAS.
-_NO_THREAD: Final = ("can't start new thread", "can't spawn worker thread", "failed to spawn thread", "pthread_create")
 
 
 def ended(sentence: str) -> str:

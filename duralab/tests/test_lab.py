@@ -212,7 +212,7 @@ def test_dying_service_ends_the_run_with_a_clear_error(fake_services, monkeypatc
 def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
     fault = query_pb2.Fault(message="The rig is interlocked: it met a limit.", service="rig_sim")
     status = iterator_pb2.CampaignStatus(id="mine", phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=fault)
-    monkeypatch.setattr("duralab.lab.lab.campaigns.running.follow_campaign", lambda *_, **__: status)
+    monkeypatch.setattr("duralab.lab.campaigns.running.follow_campaign", lambda *_, **__: status)
     with pytest.raises(CampaignFaultError, match="The rig is interlocked") as caught:
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert caught.value.service == "rig_sim"
@@ -223,7 +223,7 @@ def test_a_fault_without_a_full_stop_does_not_run_into_the_sentence_after_it(lab
     status = fake_lab.final_status("mine", iterations=2)
     status.phase = iterator_pb2.CAMPAIGN_PHASE_FAULTED
     status.fault.message = f"The rig was stopped: no reason was given{end}"
-    monkeypatch.setattr("duralab.lab.lab.campaigns.running.follow_campaign", lambda *_, **__: status)
+    monkeypatch.setattr("duralab.lab.campaigns.running.follow_campaign", lambda *_, **__: status)
     with pytest.raises(CampaignFaultError) as caught:
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert "stopped: no reason was given. What was played until then is in " in str(caught.value)
@@ -233,7 +233,7 @@ def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
     def with_a_wrong_hash(_bus, id):
         return recorder_pb2.RecordingInfo(recording=id, closed=True, file_hash="0" * 64)
 
-    monkeypatch.setattr("duralab.lab.lab.campaigns.fetching.wait_until_closed", with_a_wrong_hash)
+    monkeypatch.setattr("duralab.lab.campaigns.fetching.wait_until_closed", with_a_wrong_hash)
     with pytest.raises(LabError, match="SHA-256"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
@@ -241,7 +241,7 @@ def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
 
 def test_a_recording_with_holes_is_no_result(lab, tmp_path, monkeypatch):
     holes = recorder_pb2.RecordingInfo(closed=True, missing_blocks=3)
-    monkeypatch.setattr("duralab.lab.lab.campaigns.fetching.wait_until_closed", lambda *_: holes)
+    monkeypatch.setattr("duralab.lab.campaigns.fetching.wait_until_closed", lambda *_: holes)
     with pytest.raises(LabError, match="lacks 3 signal blocks"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -1,17 +1,24 @@
 """Values that travel through the SDK: rigs, signals, models, playbacks and the figures of iterations."""
 
-from duralab.data.band import BandNote, response_note, target_note
-from duralab.data.band_index import marked
-from duralab.data.identification import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
-from duralab.data.iterations import DAMAGE_SLOPES, IterationTable, counted_slope, iterations_html, passes
-from duralab.data.model import Distortion, Model
-from duralab.data.playback import ActuatorUse, Playback, actuator_use, level_of, playback_of
-from duralab.data.played import Played
-from duralab.data.recorded_signals import RecordedTarget
-from duralab.data.rig import Rig, Rigs
-from duralab.data.rig_state import RigMode, RigState
-from duralab.data.signals import LARGEST_RATE_ERROR, Channel, Signals, channels_of
-from duralab.data.target_steps import READ_FILE, ChannelRecord, SourceRecord, StepRecord, step_record
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from duralab.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from duralab.data.band import BandNote, response_note, target_note
+    from duralab.data.band_index import marked
+    from duralab.data.identification import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
+    from duralab.data.iterations import DAMAGE_SLOPES, IterationTable, counted_slope, iterations_html, passes
+    from duralab.data.model import Distortion, Model, excited_lines
+    from duralab.data.playback import ActuatorUse, Playback, actuator_use, level_of, playback_of
+    from duralab.data.played import Played
+    from duralab.data.recorded_signals import RecordedTarget
+    from duralab.data.rig import Rig, Rigs
+    from duralab.data.rig_state import RigMode, RigState
+    from duralab.data.signals import LARGEST_RATE_ERROR, Channel, Signals, channels_of
+    from duralab.data.target_steps import READ_FILE, ChannelRecord, SourceRecord, StepRecord, step_record
 
 __all__ = [
     "DAMAGE_SLOPES",
@@ -42,6 +49,7 @@ __all__ = [
     "actuator_use",
     "channels_of",
     "counted_slope",
+    "excited_lines",
     "iterations_html",
     "level_of",
     "marked",
@@ -51,3 +59,21 @@ __all__ = [
     "step_record",
     "target_note",
 ]
+
+__getattr__ = lazy_face(
+    __name__,
+    {
+        "band": ("BandNote", "response_note", "target_note"),
+        "band_index": ("marked",),
+        "identification": ("Convergence", "ExperimentPlan", "LevelAdvice", "LevelSeries", "ModelDifference"),
+        "iterations": ("DAMAGE_SLOPES", "IterationTable", "counted_slope", "iterations_html", "passes"),
+        "model": ("Distortion", "Model", "excited_lines"),
+        "playback": ("ActuatorUse", "Playback", "actuator_use", "level_of", "playback_of"),
+        "played": ("Played",),
+        "recorded_signals": ("RecordedTarget",),
+        "rig": ("Rig", "Rigs"),
+        "rig_state": ("RigMode", "RigState"),
+        "signals": ("LARGEST_RATE_ERROR", "Channel", "Signals", "channels_of"),
+        "target_steps": ("READ_FILE", "ChannelRecord", "SourceRecord", "StepRecord", "step_record"),
+    },
+)

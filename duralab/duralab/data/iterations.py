@@ -14,6 +14,8 @@ from duralab_proto.v1 import iterator_pb2
 if TYPE_CHECKING:
     import xarray
 
+_ITERATIONS: Final = "relative RMS error (RMS response), 0 (1) is perfect"
+
 DAMAGE_SLOPES: Final = (3, 5, 8)
 """Slopes of the S-N lines that damage ratios are told for, as the contract orders them."""
 
@@ -269,9 +271,6 @@ def _best_number(
     # An older iterator named the smallest overall error here too, though only the last playback fulfils all criteria.
     reached = status.outcome == iterator_pb2.OUTCOME_REACHED
     return iterations[-1].iteration if reached else status.best_iteration
-
-
-_ITERATIONS: Final = "relative RMS error (RMS response), 0 (1) is perfect"
 
 
 def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:

@@ -17,6 +17,13 @@ from duralab_proto.v1 import identifier_pb2
 if TYPE_CHECKING:
     import xarray
 
+FREQUENCY_AXIS: Final = Axis("frequency [Hz]", logarithmic=True)
+
+_SMALLEST_LEVEL: Final = 1e-3
+"""Lines whose drives have less than this share of the strongest line's density were not excited."""
+
+_MODEL: Final = ("response", "unit", "lowest coherence", "median coherence", "relative deviation of its FRF")
+
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
@@ -206,18 +213,19 @@ class Model:
         return model_html(self)
 
 
-FREQUENCY_AXIS: Final = Axis("frequency [Hz]", logarithmic=True)
-
-
-_SMALLEST_LEVEL: Final = 1e-3
-"""Lines whose drives have less than this share of the strongest line's density were not excited."""
-
-
-_MODEL: Final = ("response", "unit", "lowest coherence", "median coherence", "relative deviation of its FRF")
-
-
 def excited_lines(model: Model) -> np.ndarray:
-    """Return which lines the experiment excited, shape (lines); elsewhere the estimate means nothing."""
+    """Return which lines the experiment excited; elsewhere the estimate is noise over noise.
+
+    Parameters
+    ----------
+    model : Model
+        The identified model.
+
+    Returns
+    -------
+    np.ndarray, shape (lines)
+        True at the lines that were excited.
+    """
     level = np.nan_to_num(model.drive_psd).max(axis=1)
     known = np.abs(np.nan_to_num(model.frf)).max(axis=(1, 2)) > 0.0
     return (level > _SMALLEST_LEVEL * level.max()) & known & (model.frequency > 0.0)

@@ -19,6 +19,8 @@ from duralab_proto.v1 import iterator_pb2, rig_pb2
 if TYPE_CHECKING:
     pass
 
+USE_COLUMNS: Final = ("actuator", "peak of its limit", "saturated", "largest following error")
+
 
 @dataclass(frozen=True)
 class ActuatorUse:
@@ -173,9 +175,6 @@ def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.Ca
         actuators=actuator_use(step.actuators),
         level=level_of(step),
     )
-
-
-USE_COLUMNS: Final = ("actuator", "peak of its limit", "saturated", "largest following error")
 
 
 def use_rows(uses: Sequence[ActuatorUse]) -> list[tuple[str, ...]]:

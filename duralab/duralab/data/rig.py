@@ -13,6 +13,10 @@ from duralab.display import html_table, text_table
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 
+_RIG: Final = ("", "channel", "limits", "rate limit", "what it is")
+
+_RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate")
+
 
 @dataclass(frozen=True, eq=False)
 class Rig:
@@ -109,9 +113,6 @@ def limits_in_words(channel: Channel) -> str:
     return f"{channel.minimum:g} … {channel.maximum:g} {channel.unit}"
 
 
-_RIG: Final = ("", "channel", "limits", "rate limit", "what it is")
-
-
 def _rig_rows(rig: Rig) -> list[tuple[str, ...]]:
     rows = []
     for kind, channels in (("drive", rig.drives), ("response", rig.responses)):
@@ -136,9 +137,6 @@ def rig_text(rig: Rig) -> str:
 def rig_html(rig: Rig) -> str:
     """Return a rig's channels as HTML."""
     return html_table(_RIG, _rig_rows(rig), left=len(_RIG), caption=_rig_title(rig))
-
-
-_RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate")
 
 
 def _rigs_rows(rigs: Sequence[Rig]) -> list[tuple[str, ...]]:

@@ -19,6 +19,14 @@ if TYPE_CHECKING:
 
     import xarray
 
+_LARGEST_JITTER: Final = 1e-6
+"""Of a sample's time, as a share of the time between two: what numbers with a few decimals lose, and not more."""
+
+LARGEST_RATE_ERROR: Final = 1e-5
+"""Of a target's sample rate, as a share: a file whose time step is rounded is 36 ms off after an hour."""
+
+_SIGNALS: Final = ("channel", "unit", "smallest", "largest", "RMS")
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -208,10 +216,6 @@ def channels_of(messages: Iterable[array_pb2.Channel]) -> tuple[Channel, ...]:
     return tuple(Channel.from_message(message) for message in messages)
 
 
-_LARGEST_JITTER: Final = 1e-6
-"""Of a sample's time, as a share of the time between two: what numbers with a few decimals lose, and not more."""
-
-
 def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
     """Return labelled arrays as signals.
 
@@ -282,13 +286,6 @@ def _sample_rate(labelled: xarray.DataArray | xarray.Dataset) -> float:
         )
     # A rate of 500 Hz must not become 499.9999999999: the rig plays exactly one.
     return float(np.round(1.0 / step, 6))
-
-
-LARGEST_RATE_ERROR: Final = 1e-5
-"""Of a target's sample rate, as a share: a file whose time step is rounded is 36 ms off after an hour."""
-
-
-_SIGNALS: Final = ("channel", "unit", "smallest", "largest", "RMS")
 
 
 def _signals_rows(signals: Signals) -> list[tuple[str, ...]]:

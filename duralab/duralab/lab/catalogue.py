@@ -15,6 +15,8 @@ from duralab.lab.client import Asking
 from duralab.lab.recorded_result import Result
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
+_CATALOGUE: Final = ("recording", "rig", "target", "begun", "result", "size")
+
 _BEGINNING: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND: Final = timedelta(microseconds=1)
 _NANOSECONDS: Final = 1000
@@ -296,9 +298,6 @@ class Catalogue:
             Signals.from_message(answer.drive, field="drive"),
             Signals.from_message(answer.response, field="response"),
         )
-
-
-_CATALOGUE: Final = ("recording", "rig", "target", "begun", "result", "size")
 
 
 def _catalogue_rows(entries: Sequence[CatalogueEntry]) -> list[tuple[str, ...]]:

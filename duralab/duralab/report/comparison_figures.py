@@ -9,7 +9,7 @@ import numpy as np
 
 import spectra
 from duralab.analysis import Comparison
-from duralab.data import DAMAGE_SLOPES, Model, Playback, Signals
+from duralab.data import DAMAGE_SLOPES, Model, Playback, Signals, excited_lines
 from duralab.report.drawing import (
     Figure,
     axes,
@@ -23,7 +23,6 @@ from duralab.report.drawing import (
     over_playbacks,
 )
 from duralab.report.load_figures import CountedLoad
-from duralab.report.model_figures import excited_lines
 from duralab.report.series import encode
 from duralab.report.waveforms import SHOWN_BEYOND_BAND, SPECTRUM_OVERLAP, zoom_window
 from loads import count_load_cycles

@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from duralab.data import Distortion, Model
+from duralab.data import Distortion, Model, excited_lines
 from duralab.report.drawing import Figure, axes, band_edges, channel_color, frequency_axis, line
 from duralab.report.series import encode
-
-SMALLEST_LEVEL: Final = 1e-3
-"""A line whose drives have less than this share of the strongest line's level is not drawn."""
-
-
-def excited_lines(model: Model) -> np.ndarray:
-    """Return which lines were excited: elsewhere the estimate is noise over noise, or left at zero."""
-    level = np.nan_to_num(model.drive_psd).max(axis=1)
-    estimated = np.abs(np.nan_to_num(model.frf)).max(axis=(1, 2)) > 0
-    return (level > SMALLEST_LEVEL * level.max()) & estimated & (model.frequency > 0)
 
 
 def contributions(model: Model, band: tuple[float, float]) -> np.ndarray:
