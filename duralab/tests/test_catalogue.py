@@ -200,7 +200,7 @@ def command(ask, monkeypatch):
         assert endpoint == "tcp/127.0.0.1:9"
         yield Lab()
 
-    monkeypatch.setattr("duralab.cli.catalogue_command.connect", connect)
+    monkeypatch.setattr("duralab.lab.connect", connect)
     there = ["--connect", "tcp/127.0.0.1:9"]
     return lambda *arguments: CliRunner().invoke(app, [*arguments, *there], env={"COLUMNS": "200"})
 
@@ -236,7 +236,7 @@ def shown(monkeypatch):
         del endpoint
         yield type("Lab", (), {"catalogue": Catalogue(Ask(recorder_pb2.RecordingList(recordings=SHOWN)))})
 
-    monkeypatch.setattr("duralab.cli.catalogue_command.connect", connect)
+    monkeypatch.setattr("duralab.lab.connect", connect)
 
     def show(columns, **environment):
         settings = {"COLUMNS": str(columns), "NO_COLOR": "1", **environment}

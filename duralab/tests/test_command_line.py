@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from test_cli import COMMAND, invoke
 
-from duralab.cli.command_group import SECTIONS, command_function
+from duralab.cli.commands import SECTIONS, command_function
 from duralab.cli.exit_codes import MEANINGS, ExitCode
-from duralab.cli.json_output import write_json
+from duralab.cli.output import write_json
 from duralab.python_version import python_fault
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -44,7 +44,7 @@ def test_the_exit_code_says_whether_a_lab_would_work(monkeypatch, tmp_path):
     from duralab.diagnosis.finding import fine, problem, warning
 
     found = [fine("a", "well"), warning("b", "half", "mend it")]
-    monkeypatch.setattr("duralab.cli.doctor_command.examine", lambda recordings: found)
+    monkeypatch.setattr("duralab.diagnosis.examine", lambda recordings: found)
     code, stdout, _ = invoke("doctor")
     assert code == 0
     assert "→ mend it" in stdout

@@ -6,8 +6,8 @@ import pytest
 import synthetic_campaign
 from test_catalogue import information
 
+from duralab.cli.commands.status import _service_table
 from duralab.cli.run_display import RunDisplay
-from duralab.cli.status_command import _service_table
 from duralab.data import RigMode
 from duralab.lab import LabStatus, ServiceHealth, lab_status
 from duralab.lab.health import Figure

@@ -13,7 +13,7 @@ from browser import Browser, browser_program
 from PIL import Image
 
 import duralab
-from duralab.cli.report_command import write
+from duralab.cli.commands.report import report
 from duralab.errors import InputError, LabError
 from duralab.report import find_browser, write_comparison, write_pdf, write_report
 
@@ -134,9 +134,9 @@ def test_the_command_prints_beside_the_page_and_overwrites_nothing_unasked(recor
     page, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
     pdf.write_text("mine")
     with pytest.raises(InputError, match="would be overwritten"):
-        write(recording_path, out=page, pdf=pdf, replace=False, as_json=False)
+        report(recording_path, out=page, pdf=pdf, replace=False, as_json=False)
     assert (pdf.read_text(), page.exists()) == ("mine", False)
-    write(recording_path, out=page, pdf=pdf, replace=True, as_json=True)
+    report(recording_path, out=page, pdf=pdf, replace=True, as_json=True)
     assert pdf.read_bytes().startswith(b"%PDF-")
     assert json.loads(capsys.readouterr().out)["pdf"] == str(pdf)
 

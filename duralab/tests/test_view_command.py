@@ -33,7 +33,7 @@ def test_what_is_neither_is_refused_before_a_viewer_starts(tmp_path, monkeypatch
     def no_viewer(**_):
         raise AssertionError
 
-    monkeypatch.setattr("duralab.cli.lab_commands.Viewer", no_viewer)
+    monkeypatch.setattr("duralab.processes.Viewer", no_viewer)
     (tmp_path / name).write_bytes(content)
     code, _, error = invoke("view", tmp_path / name)
     assert code == 2

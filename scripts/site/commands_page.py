@@ -8,7 +8,7 @@ from table_cells import cell
 from typer.main import get_command
 
 from duralab.cli.application import app
-from duralab.cli.command_group import SECTIONS
+from duralab.cli.commands import SECTIONS
 
 _HELP = "--help"
 _VALUE = "VALUE"

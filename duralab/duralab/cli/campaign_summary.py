@@ -4,56 +4,84 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from duralab.campaign import Judgement, judged_rows, repeatability_in_words
 from duralab.cli.exit_codes import ExitCode
 from duralab.cli.opening import open_hint, own_command
+from duralab.cli.output import Output
+from duralab.cli.run_display import RunDisplay
 from duralab.data import DAMAGE_SLOPES, counted_slope
-from duralab.lab import CampaignResult
+from duralab.lab import CampaignResult, RunProgress
 
 LARGEST_COLUMNS = 8
 """Playbacks in a table for the terminal."""
 
 
-def exit_with(result: CampaignResult) -> None:
-    """Raise typer.Exit where the target was not reached."""
+def follow(
+    output: Output, run: Callable[[Callable[[RunProgress], None]], CampaignResult], *, iterations: int | None
+) -> tuple[CampaignResult, Path]:
+    """Run a campaign with a progress display, write its report, and print its figures.
+
+    Parameters
+    ----------
+    output : Output
+        Where to print.
+    run : function
+        Runs the campaign; takes the progress callback.
+    iterations : int or None
+        Most playbacks of the campaign; None if it is not known.
+
+    Returns
+    -------
+    tuple of CampaignResult and Path
+        The result, and the report.
+    """
+    with RunDisplay(output.console, iterations=iterations) as display:
+        result = run(display.show)
+        display.write_report()
+        report = result.report()
+    print_result(output, result, report)
+    return result, report
+
+
+def conclude(output: Output, result: CampaignResult, report: Path) -> None:
+    """Print the JSON document of a campaign if it is asked for; raises typer.Exit if the target was not reached."""
+    output.document(campaign_document(result, report))
     if result.verdict.judgement is not Judgement.REACHED:
         raise typer.Exit(int(ExitCode.NOT_REACHED))
 
 
-def print_result(console: Console, result: CampaignResult, report: Path) -> None:
+def print_result(output: Output, result: CampaignResult, report: Path) -> None:
     """Print the figures of a campaign, its verdict, and how to open what it left."""
     iterations = result.iterations
     title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
-    console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
+    output.console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
     title = "RMS response (1 is perfect)"
-    console.print(figure_table(title, result, iterations.rms_response, overall=None))
-    console.print(judged_table(result))
+    output.console.print(figure_table(title, result, iterations.rms_response, overall=None))
+    output.console.print(judged_table(result))
     style = "bold green" if result.verdict.judgement is Judgement.REACHED else "bold red"
-    console.print(result.verdict.sentence, style=style, highlight=False, markup=False)
+    output.say(result.verdict.sentence, style=style)
     if repeats := repeatability_in_words(result.status):
-        console.print(repeats, highlight=False, markup=False)
+        output.say(repeats)
     if result.status.remarks:
-        console.print("\nWorth knowing", style="bold")
-    for remark in result.status.remarks:
-        console.print(f"· {remark}", highlight=False, markup=False)
-    console.print()
+        output.console.print("\nWorth knowing", style="bold")
+    output.say(*(f"· {remark}" for remark in result.status.remarks))
+    output.console.print()
     rows = (
         ("report", report, open_hint(report)),
         ("recording", result.recording_path, f'in Python, duralab.open("{result.recording_path}")'),
         ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
     )
     # No table: a long path must be whole, so that it can be copied.
-    for name, path, command in rows:
-        console.print(f"{name:<10} {path}   open it:  {command}", highlight=False, markup=False, soft_wrap=True)
+    output.say(*(f"{name:<10} {path}   open it:  {command}" for name, path, command in rows))
 
 
 def judged_table(result: CampaignResult) -> Table:

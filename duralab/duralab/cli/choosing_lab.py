@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from duralab.errors import InputError
 
 if TYPE_CHECKING:
+    from duralab.cli.output import Output
     from duralab.lab import Lab
 
 
@@ -38,12 +40,26 @@ def endpoint_if_any(given: str | None) -> str | None:
     return None if lab is None else lab.endpoint
 
 
-def open_lab(endpoint: str | None, *, rigs: Sequence[str] = ()) -> AbstractContextManager[Lab]:
-    """Return the lab at an endpoint, or one of one's own with these rigs, or the usual ones, where none is given."""
+@contextmanager
+def open_lab(
+    output: Output,
+    endpoint: str | None,
+    *,
+    rigs: Sequence[str] = (),
+    out: Path | None = None,
+    viewer: str | None = None,
+) -> Iterator[Lab]:
+    """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named)."""
     from duralab.lab import DEFAULT_RIGS, connect, start
     from duralab.processes import require_shipped
 
-    if endpoint is not None:
-        return connect(endpoint)
-    require_shipped(rigs, usual=DEFAULT_RIGS)
-    return start(rigs=tuple(rigs) or DEFAULT_RIGS)
+    if endpoint is None:
+        require_shipped(rigs, usual=DEFAULT_RIGS)
+    with ExitStack() as stack:
+        with output.console.status("Joining the lab …" if endpoint is not None else "Starting a private lab …"):
+            lab = stack.enter_context(
+                connect(endpoint, out=out)
+                if endpoint is not None
+                else start(out, rigs=tuple(rigs) or DEFAULT_RIGS, viewer=viewer)
+            )
+        yield lab

@@ -4,53 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
 from typing import Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from duralab.cli.commands import SECTIONS, command_function
 from duralab.cli.ending import ended_well, fail
 from duralab.cli.exit_codes import ExitCode
 
-SECTIONS: Final[dict[str, dict[str, str]]] = {
-    "The lab": {"up": "labs:up", "down": "labs:down", "status": "labs:status", "view": "labs:view"},
-    "Rigs": {
-        "rigs": "rigs:rigs",
-        "play": "rigs:play",
-        "identify": "rigs:identify",
-        "check-rig": "rigs:check_rig",
-        "reset": "rigs:reset",
-    },
-    "Campaigns": {
-        "init": "campaigns:init",
-        "run": "campaigns:run",
-        "resume": "campaigns:resume",
-        "stop": "campaigns:stop",
-        "sweep": "sweeps:sweep",
-    },
-    "Recordings": {
-        "report": "recordings:report",
-        "compare": "recordings:compare",
-        "export": "recordings:export",
-        "catalogue": "recordings:catalogue",
-        "verify": "recordings:verify",
-    },
-    "Files": {"info": "files:info", "import": "files:import_file", "convert": "files:convert"},
-    "This machine": {"doctor": "machine:doctor"},
-    "Secured lab": {"router": "certificates:run_router"}
-    | {f"certs {name}": f"certificates:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")},
-}
-"""For each command its module in `duralab.cli.signatures` and its function there."""
-
-_PLACES: Final = {name: place for commands in SECTIONS.values() for name, place in commands.items()}
-
-
-def command_function(name: str) -> Any:
-    """Return the function of a command: its parameters are the command's, its docstring is its help."""
-    module, _, function = _PLACES[name].partition(":")
-    return getattr(import_module(f"duralab.cli.signatures.{module}"), function)
+_NAMES: Final = [name for names in SECTIONS.values() for name in names]
 
 
 class _Commands(Mapping[str, TyperCommand | TyperGroup]):
@@ -62,7 +26,7 @@ class _Commands(Mapping[str, TyperCommand | TyperGroup]):
     def __getitem__(self, name: str) -> TyperCommand | TyperGroup:
         path = self._words + name
         inner = _Commands(f"{path} ")
-        if path not in _PLACES and len(inner):
+        if path not in _NAMES and len(inner):
             listed = ", ".join(inner)
             group = TyperGroup(name=name, help=f"One of {listed}.", rich_markup_mode=None)
             group.commands = inner  # type: ignore[assignment]  (it is only read)
@@ -77,7 +41,7 @@ class _Commands(Mapping[str, TyperCommand | TyperGroup]):
         return command
 
     def __iter__(self) -> Iterator[str]:
-        inside = [name.removeprefix(self._words) for name in _PLACES if name.startswith(self._words)]
+        inside = [name.removeprefix(self._words) for name in _NAMES if name.startswith(self._words)]
         return iter(dict.fromkeys(name.partition(" ")[0] for name in inside))
 
     def __len__(self) -> int:

@@ -127,7 +127,7 @@ def _end(
     text = Text.assemble(("Error: ", "bold red"), sentence) if error else Text(sentence)
     Console(stderr=True, soft_wrap=True).print(text)
     if as_json:
-        from duralab.cli.json_output import write_json
+        from duralab.cli.output import write_json
 
         write_json({"error": {"message": sentence, "field": field, "service": service, "exit_code": int(code)}})
     raise typer.Exit(int(code))

@@ -1,4 +1,4 @@
-"""What to type to open a file."""
+"""Commands to type next: this command line, and the one that opens a file."""
 
 from __future__ import annotations
 
@@ -25,3 +25,9 @@ def open_hint(path: Path) -> str:
     """Return the command that opens a file in the program the system has for it."""
     program = {"darwin": "open", "win32": "start"}.get(sys.platform, "xdg-open")
     return f"{program} {shlex.quote(str(path))}"
+
+
+def page_lines(name: str, page: Path, *, pdf: Path | None) -> list[str]:
+    """Return a line for a written page, and one for its PDF, with the commands that open them."""
+    files = {name: page} if pdf is None else {name: page, "PDF": pdf}
+    return [f"{what}: {file}   open it with:  {open_hint(file)}" for what, file in files.items()]

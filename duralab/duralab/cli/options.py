@@ -15,15 +15,21 @@ Connect = Annotated[
         help="The lab that listens there, e.g. tcp/127.0.0.1:7474; left out: the one that `duralab up` keeps running.",
     ),
 ]
-Replace = Annotated[bool, typer.Option("--replace", help="Overwrite outputs that are there.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Overwrite existing output files.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON document on standard output.")]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is random in a simulated rig.")]
+Pdf = Annotated[
+    Path | None, typer.Option("--pdf", metavar="FILE", help="Write it as PDF too; needs Chromium or Chrome.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Random seed of the simulated rig.")]
 RealTime = Annotated[
     bool, typer.Option("--real-time", help="Play no faster than real time, as a rehearsal of a real rig.")
 ]
+Source = Annotated[Path, typer.Argument(metavar="IN", help="A file of signals.")]
+Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
+Recording = Annotated[Path, typer.Argument(help="A recording.mcap.")]
 Unit = Annotated[
     list[str] | None,
     typer.Option("--unit", metavar="UNIT", help="SI; or a unit for channels of its kind; or CHANNEL=UNIT; repeatable."),

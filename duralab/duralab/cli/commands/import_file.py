@@ -5,31 +5,47 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from duralab.campaign import ImportSettings, load_import_settings
+import typer
+
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.json_output import console_beside, write_json
-from duralab.data import Signals, StepRecord
+from duralab.cli.options import Connect, FileFormat, Json, Out, Replace, Source, complete_rig
+from duralab.cli.output import Output
 from duralab.errors import InputError
-from duralab.formats import Written, format_of, write_signals
-from duralab.near_files import did_you_mean
-from duralab.output_files import require_free, require_other
-from duralab.target import edit_signals, read_target_file, require_playable
+
+if TYPE_CHECKING:
+    from duralab.data import Signals, StepRecord
+    from duralab.formats import Written
 
 
-def import_target(
-    source: Path,
-    out: Path,
+def import_file(
+    source: Source,
+    out: Out,
     *,
-    rig: str,
-    settings: Path | None,
-    to_format: str | None,
-    endpoint: str | None,
-    replace: bool,
-    as_json: bool,
+    rig: Annotated[
+        str,
+        typer.Option("--rig", metavar="RIG", help="Whose responses are wanted.", autocompletion=complete_rig),
+    ],
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            "--settings", metavar="FILE", help="YAML with `channels` and `edit`, as under `target` of a campaign file."
+        ),
+    ] = None,
+    to_format: FileFormat = None,
+    endpoint: Connect = None,
+    replace: Replace = False,
+    as_json: Json = False,
 ) -> None:
-    """Map the channels of a file to a rig's responses, edit them, write the target, and tell what each step did."""
-    console = console_beside(as_json)
+    """Make a target of a measured file: its channels as a rig's responses, in its units, edited, told step by step."""
+    from duralab.campaign import ImportSettings, load_import_settings
+    from duralab.formats import format_of, write_signals
+    from duralab.near_files import did_you_mean
+    from duralab.output_files import require_free, require_other
+    from duralab.target import edit_signals, read_target_file, require_playable
+
+    output = Output(as_json)
     asked = load_import_settings(settings) if settings is not None else ImportSettings()
     # A wrong name or a file in the way is said before a lab is started.
     format_of(out, to_format)
@@ -39,28 +55,21 @@ def import_target(
         )
     require_other([out], read=[source])
     require_free([out], replace=replace)
-    endpoint = endpoint_if_any(endpoint)
-    waiting = "Asking the lab …" if endpoint is not None else "Starting a lab of its own to ask …"
-    with console.status(waiting), open_lab(endpoint, rigs=(rig,)) as lab:
+    with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         described = lab.describe(rig)
     given = read_target_file(source, rig=described, channels=asked.channels)
     edited = edit_signals(given.signals, asked.edit)
     records = (*given.records, *edited.records)
     require_playable(edited.signals, rig=described)
     written = write_signals(edited.signals, out, format=to_format, overwrite=replace)
-    for record in records:
-        console.print(f"{record.name}: {record.finding}", highlight=False, markup=False)
     signals = edited.signals
-    console.print(
+    output.say(
+        *(f"{record.name}: {record.finding}" for record in records),
         f"{out}: {len(signals.channels)} responses of {rig}, {signals.duration:.6g} s at {signals.sample_rate:g} Hz; "
         f"in a campaign, `target: {{file: {out}}}`.",
-        highlight=False,
-        markup=False,
+        *written.notes,
     )
-    for note in written.notes:
-        console.print(note, highlight=False, markup=False)
-    if as_json:
-        write_json(_document(rig, edited.signals, records, written))
+    output.document(_document(rig, signals, records, written))
 
 
 def _document(rig: str, signals: Signals, records: Sequence[StepRecord], written: Written) -> dict[str, object]:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import secrets
-
 from duralab.cli.choosing_lab import endpoint_of_lab
-from duralab.cli.json_output import console_beside, write_json
+from duralab.cli.options import Connect, Json, RigName
+from duralab.cli.output import Output
 from duralab.errors import InputError, LabError
-from duralab.lab import FIND_SECONDS, join_bus
-from duralab_proto.v1 import rig_pb2
-from labbus import FaultError
 
 
-def reset(rig: str, *, endpoint: str | None, as_json: bool) -> None:
-    """Clear the latch of a rig and say why it was set.
+def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
+    """Clear the latch of an interlocked rig, after the reason is dealt with."""
+    import secrets
 
-    Raises
-    ------
-    LabError
-        The rig is not there, does not come to rest, or was stopped again meanwhile.
-    """
+    from duralab.lab import FIND_SECONDS, join_bus
+    from duralab_proto.v1 import rig_pb2
+    from labbus import FaultError
+
+    output = Output(as_json)
     with join_bus(endpoint_of_lab(endpoint)) as bus:
         try:
             key, state_key = bus.keys.rig_reset(rig), bus.keys.rig_state(rig)
@@ -33,6 +30,5 @@ def reset(rig: str, *, endpoint: str | None, as_json: bool) -> None:
             raise LabError(fault.message, service=fault.service) from fault
     was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"
     now = rig_pb2.RigMode.Name(after.mode).removeprefix("RIG_MODE_").lower()
-    console_beside(as_json).print(f"{rig} {was}; it is {now} now.", highlight=False, markup=False)
-    if as_json:
-        write_json({"rig": rig, "reason": before.reason, "state": now})
+    output.say(f"{rig} {was}; it is {now} now.")
+    output.document({"rig": rig, "reason": before.reason, "state": now})

@@ -4,51 +4,50 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-import numpy as np
+import typer
 
-from duralab.analysis import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
-from duralab.cli.json_output import console_beside, write_json
-from duralab.display import text_table
+from duralab.cli.options import Json
+from duralab.cli.output import Output
 from duralab.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from duralab.analysis import ChannelSummary, SignalSummary
     from duralab.data import Signals
     from duralab.recording import Recording
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 _BLOCK_DB: Final = 6.0
-_HEADINGS: Final = ("channel", "unit", "smallest", "largest", "RMS", f"{ENERGY_SHARE:.0%} of energy", "PSD")
 _NONE: Final = "–"
 
 
-def info(file: Path, *, from_format: str | None, as_json: bool) -> None:
-    """Print what a file holds: the signals of every format that `duralab convert` reads, or a recording."""
-    if file.suffix.lower() == ".mcap" and from_format is None:
-        from duralab.recording import open_recording
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of signals, or a recording.mcap.")],
+    *,
+    from_format: Annotated[
+        str | None, typer.Option("--from-format", metavar="FORMAT", help="Of FILE; by suffix if left out.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show what a file of signals or a recording holds: channels, range, RMS, spectrum; campaign and playbacks."""
+    from duralab.analysis import summarize
+    from duralab.formats import read_signals
+    from duralab.recording import open_recording
 
+    output = Output(as_json)
+    if file.suffix.lower() == ".mcap" and from_format is None:
         recording = open_recording(file)
         parts = {name: summarize(signals) for name, signals in _parts(recording).items()}
-        if as_json:
-            write_json(_recording_document(recording, parts))
-        else:
-            _print([*_recording_lines(recording), *_part_lines(parts)])
+        if not output.document(_recording_document(recording, parts)):
+            output.say(*_recording_lines(recording), *_part_lines(parts))
         return
-    from duralab.formats import read_signals
-
     signals = read_signals(file, format=from_format)
     summary = summarize(signals)
-    if as_json:
-        write_json({"file": file, **_document(summary), "attributes": dict(signals.attributes)})
-    else:
-        _print([str(file), *_summary_lines(summary)])
-
-
-def _print(lines: list[str]) -> None:
-    console = console_beside(False)
-    for line in lines:
-        console.print(line, highlight=False, markup=False)
+    if not output.document({"file": file, **_document(summary), "attributes": dict(signals.attributes)}):
+        output.say(str(file), *_summary_lines(summary))
 
 
 def _parts(recording: Recording) -> dict[str, Signals]:
@@ -108,11 +107,15 @@ def _recording_document(recording: Recording, parts: dict[str, SignalSummary]) -
 
 
 def _summary_lines(summary: SignalSummary) -> list[str]:
+    from duralab.analysis import ENERGY_SHARE
+    from duralab.display import text_table
+
+    headings = ("channel", "unit", "smallest", "largest", "RMS", f"{ENERGY_SHARE:.0%} of energy", "PSD")
     count = len(summary.channels)
     lines = [
         f"{count} channel{'' if count == 1 else 's'}, {summary.samples} samples at {summary.sample_rate:g} Hz, "
         f"{summary.duration:.6g} s",
-        *text_table(_HEADINGS, [_row(channel) for channel in summary.channels], left=2).splitlines(),
+        *text_table(headings, [_row(channel) for channel in summary.channels], left=2).splitlines(),
     ]
     if summary.psd_edges.size:
         first, last = summary.psd_edges[[0, -1]]
@@ -138,6 +141,8 @@ def _row(channel: ChannelSummary) -> tuple[str, ...]:
 
 def _blocks(psd: np.ndarray) -> str:
     """Return a density as a row of blocks; shape (columns)."""
+    import numpy as np
+
     with np.errstate(divide="ignore"):
         below = 10.0 * np.log10(psd.max() / psd) / _BLOCK_DB
     full = len(_BLOCKS) - 1

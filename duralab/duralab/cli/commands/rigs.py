@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
+from typing import TYPE_CHECKING
 
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.json_output import write_json
-from duralab.data import Channel, Rig
+from duralab.cli.options import Connect, Json
+from duralab.cli.output import Output
 from duralab.errors import LabError
-from duralab.processes import shipped_rigs
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from duralab.data import Channel, Rig
 
 
-def list_rigs(*, endpoint: str | None, as_json: bool) -> None:
-    """Print the rigs of a lab, and those that the simulator ships beside them."""
+def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
+    """List the rigs with their channels, limits and sample rates, and what else is shipped."""
+    from duralab.processes import shipped_rigs
+
+    output = Output(as_json)
     endpoint = endpoint_if_any(endpoint)
-    waiting = "Asking the lab …" if endpoint is not None else "Starting a lab of its own to ask …"
     rigs: dict[str, Rig] = {}
     faults: dict[str, str] = {}
-    with Console(stderr=True).status(waiting), open_lab(endpoint) as lab:
+    with open_lab(output, endpoint) as lab:
         for name in lab.rig_names():
             try:
                 rigs[name] = lab.describe(name)
@@ -27,22 +31,19 @@ def list_rigs(*, endpoint: str | None, as_json: bool) -> None:
                 # One that cannot be used hides none of the others.
                 faults[name] = error.message
     others = {name: title for name, title in shipped_rigs().items() if name not in rigs and name not in faults}
-    if as_json:
-        described = [_document(rig) for rig in rigs.values()]
-        unusable = [{"name": name, "fault": fault} for name, fault in faults.items()]
-        write_json({"lab": endpoint, "rigs": described, "unusable": unusable, "shipped": others})
+    described = [_document(rig) for rig in rigs.values()]
+    unusable = [{"name": name, "fault": fault} for name, fault in faults.items()]
+    if output.document({"lab": endpoint, "rigs": described, "unusable": unusable, "shipped": others}):
         return
-    console = Console()
     for rig in rigs.values():
-        console.print(_table(rig))
+        output.console.print(_table(rig), soft_wrap=False)
     for name, fault in faults.items():
-        console.print(f"{name}: {fault}", style="red", highlight=False, markup=False)
+        output.say(f"{name}: {fault}", style="red")
     if not rigs and not faults:
-        console.print("There is no rig in this lab.")
+        output.say("There is no rig in this lab.")
     if others:
-        console.print("Shipped as well; start them with duralab up --rig NAME [--rig NAME ...]:", highlight=False)
-        for name, title in others.items():
-            console.print(f"  {name}: {title}", highlight=False, markup=False)
+        output.say("Shipped as well; start them with duralab up --rig NAME [--rig NAME ...]:")
+        output.say(*(f"  {name}: {title}" for name, title in others.items()))
 
 
 def _document(rig: Rig) -> dict[str, object]:
@@ -73,6 +74,9 @@ def _channel(channel: Channel) -> dict[str, object]:
 
 
 def _table(rig: Rig) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
     table = Table(
         title=f"{rig.name}: {rig.specimen}",
         caption=f"{rig.sample_rate:g} Hz, drives up to {rig.longest_drive_seconds:g} s, engine {rig.engine} "

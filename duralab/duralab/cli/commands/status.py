@@ -6,22 +6,19 @@ import math
 from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from duralab.cli.exit_codes import ExitCode
-from duralab.cli.json_output import write_json
-from duralab.cli.run_display import remaining_words
-from duralab.data import RigMode
+from duralab.cli.options import Connect, Json
+from duralab.cli.output import Output
 from duralab.errors import LabError, UnavailableError
-from duralab.lab import LabStatus, ServiceHealth, join_bus, lab_status
-from duralab.processes import running_labs
-from duralab_proto.keys import MAIN_INSTANCE
-from labbus import BusError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from duralab.lab import LabStatus, ServiceHealth
 
 _FIGURES = {
     "duralab_queries_waiting": "waiting",
@@ -32,17 +29,17 @@ _FIGURES = {
 """What is shown of each service that tells it, by the name that Prometheus knows too."""
 _OF_A_RIG = "duralab_rig_"
 _MEBIBYTE = 1024 * 1024
-_STYLES = {RigMode.INTERLOCKED: "bold red", RigMode.UNKNOWN: "red", RigMode.PLAYING: "green"}
+_STYLES = {"INTERLOCKED": "bold red", "UNKNOWN": "red", "PLAYING": "green"}
+"""Styles of a rig's modes, by the names of `RigMode`."""
 
 
-def status(*, endpoint: str | None, as_json: bool) -> None:
-    """Print how the lab at an endpoint is, or every lab that runs here.
+def status(endpoint: Connect = None, as_json: Json = False) -> None:
+    """Show a lab's services, rigs and their states, campaigns under way, recorder and disk."""
+    from duralab.lab import join_bus, lab_status
+    from duralab.processes import running_labs
+    from labbus import BusError
 
-    Raises
-    ------
-    typer.Exit
-        With code 1 where no lab runs, or one lacks a service or cannot record.
-    """
+    output = Output(as_json)
     here = {lab.endpoint: Path(lab.recordings) for lab in running_labs()}
     asked = [endpoint] if endpoint is not None else list(here)
     documents, whole = [], bool(asked)
@@ -59,35 +56,37 @@ def status(*, endpoint: str | None, as_json: bool) -> None:
             documents.append({"endpoint": place, "fault": error.message})
             whole = False
             if not as_json:
-                Console().print(f"{place}: {error.message}", style="red", highlight=False, markup=False)
+                output.say(f"{place}: {error.message}", style="red")
             continue
         documents.append({"endpoint": place, "whole": found.whole, **asdict(found)})
         whole = whole and found.whole
         if not as_json:
-            _print(place, found)
-    if as_json:
-        write_json({"labs": documents})
-    elif not asked:
-        Console().print("No lab of yours runs on this machine; `duralab up` starts one.")
+            _print(output, place, found)
+    if not output.document({"labs": documents}) and not asked:
+        output.say("No lab of yours runs on this machine; `duralab up` starts one.")
     if not whole:
         raise typer.Exit(int(ExitCode.FAILED))
 
 
-def _print(endpoint: str, found: LabStatus) -> None:
-    console = Console()
-    console.print(f"Lab at {endpoint}", style="bold", highlight=False, markup=False)
+def _print(output: Output, endpoint: str, found: LabStatus) -> None:
+    output.say(f"Lab at {endpoint}", style="bold")
     if found.missing:
-        console.print(f"Missing: {', '.join(found.missing)}.", style="bold red", highlight=False, markup=False)
-    console.print(_service_table(found))
-    console.print(_rig_table(found))
-    if found.campaigns:
-        console.print(_campaign_table(found))
-    else:
-        console.print("No campaign is under way.")
-    console.print(_recorder_sentence(found), highlight=False, markup=False)
+        output.say(f"Missing: {', '.join(found.missing)}.", style="bold red")
+    tables = [_service_table(found), _rig_table(found), *([_campaign_table(found)] if found.campaigns else [])]
+    for table in tables:
+        output.console.print(table, soft_wrap=False)
+    if not found.campaigns:
+        output.say("No campaign is under way.")
+    output.say(_recorder_sentence(found))
 
 
 def _service_table(found: LabStatus) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
+    from duralab_proto.keys import MAIN_INSTANCE
+
     table = Table(box=SIMPLE_HEAD)
     table.add_column("service", no_wrap=True)
     for heading in ("up", *_FIGURES.values()):
@@ -108,12 +107,16 @@ def _value(health: ServiceHealth, figure: str) -> float | None:
 
 
 def _rig_table(found: LabStatus) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
     table = Table(box=SIMPLE_HEAD)
     for heading in ("rig", "state", "run", "why"):
         table.add_column(heading, overflow="fold")
     for rig in found.rigs:
         how_far = f" {rig.fraction:.0%}" if rig.run else ""
-        style = _STYLES.get(rig.mode, "")
+        style = _STYLES.get(rig.mode.name, "")
         table.add_row(
             rig.rig,
             f"[{style}]{rig.mode}[/]" if style else rig.mode.value,
@@ -124,6 +127,12 @@ def _rig_table(found: LabStatus) -> Table:
 
 
 def _campaign_table(found: LabStatus) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
+    from duralab.cli.run_display import remaining_words
+
     table = Table(box=SIMPLE_HEAD)
     for heading in ("campaign", "rig", "what it does"):
         table.add_column(heading, overflow="fold")

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
-from duralab.cli.json_output import console_beside, write_json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from duralab.cli.options import Connect, Json
+from duralab.cli.output import Output
 from duralab.errors import InputError
-from duralab.processes import RunningLab, end_lab, running_labs, the_running_lab
+
+if TYPE_CHECKING:
+    from duralab.processes import RunningLab
 
 
-def down(*, endpoint: str | None, all_labs: bool, as_json: bool) -> None:
-    """End the lab at an endpoint, the one that runs, or all; where none runs there is nothing to do."""
-    console = console_beside(as_json)
+def down(
+    endpoint: Connect = None,
+    all_labs: Annotated[bool, typer.Option("--all", help="End every lab that `duralab up` keeps running.")] = False,
+    as_json: Json = False,
+) -> None:
+    """End the lab that `duralab up` keeps running, and say when it is gone."""
+    from duralab.processes import end_lab
+
+    output = Output(as_json)
     labs = _chosen(endpoint, all_labs=all_labs)
     for lab in labs:
-        with console.status(f"Ending the lab at {lab.endpoint} …"):
+        with output.console.status(f"Ending the lab at {lab.endpoint} …"):
             end_lab(lab)
-        console.print(f"The lab at {lab.endpoint} is down.", highlight=False, markup=False)
+        output.say(f"The lab at {lab.endpoint} is down.")
     if not labs:
-        console.print("No lab of yours runs on this machine.")
-    if as_json:
-        write_json({"ended": [{"endpoint": lab.endpoint, "process_id": lab.process_id} for lab in labs]})
+        output.say("No lab of yours runs on this machine.")
+    output.document({"ended": [{"endpoint": lab.endpoint, "process_id": lab.process_id} for lab in labs]})
 
 
 def _chosen(endpoint: str | None, *, all_labs: bool) -> list[RunningLab]:
+    from duralab.processes import running_labs, the_running_lab
+
     if endpoint is not None and all_labs:
         raise InputError("--connect and --all exclude each other; give one of them.", field="connect")
     if all_labs:

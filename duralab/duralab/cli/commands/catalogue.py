@@ -1,27 +1,26 @@
-"""`duralab catalogue` and `duralab verify`: which recordings there are, and whether one is whole."""
+"""`duralab catalogue`: the recordings of a lab."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
-from pathlib import Path
 from textwrap import wrap
-from typing import Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.cells import cell_len
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from duralab.cli.choosing_lab import endpoint_of_lab
-from duralab.cli.exit_codes import ExitCode
-from duralab.cli.json_output import write_json
+from duralab.cli.options import Connect, Json
+from duralab.cli.output import Output
 from duralab.errors import InputError
-from duralab.lab import CatalogueEntry, Result, connect
-from duralab.processes import findings_of
+from duralab.lab import Result
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from duralab.lab import CatalogueEntry
 
 _MEBIBYTE: Final = 1024 * 1024
 _OPTIONS: Final = {"begun_from": "--from", "begun_before": "--before"}
@@ -34,17 +33,21 @@ _NO_LIMIT: Final = 100_000
 """Of a line that goes into a file or another program."""
 
 
-def list_recordings(
+def catalogue(
     *,
-    endpoint: str | None,
-    rig: str,
-    target: str,
-    begun_from: datetime | None,
-    begun_before: datetime | None,
-    result: Result | None,
-    as_json: bool,
+    rig: Annotated[str, typer.Option("--rig", metavar="NAME", help="Only recordings on this rig.")] = "",
+    target: Annotated[
+        str, typer.Option("--target", metavar="TEXT", help="Only those whose target's source holds this text.")
+    ] = "",
+    begun_from: Annotated[datetime | None, typer.Option("--from", help="Only those begun then or later.")] = None,
+    begun_before: Annotated[datetime | None, typer.Option("--before", help="Only those begun before.")] = None,
+    result: Annotated[Result | None, typer.Option("--result", help="Only those that ended so.")] = None,
+    endpoint: Connect = None,
+    as_json: Json = False,
 ) -> None:
-    """Print the recordings of a lab that are looked for; an error names an option as it is typed."""
+    """List the recordings of a lab, all or those that are looked for."""
+    from duralab.lab import connect
+
     with connect(endpoint_of_lab(endpoint)) as lab:
         try:
             entries = lab.catalogue.search(
@@ -56,26 +59,28 @@ def list_recordings(
                 raise
             sentence = f"{option}{error.message.removeprefix(error.field)}"
             raise InputError(sentence, field=option, service=error.service) from error
-    if as_json:
-        write_json([_plain(entry) for entry in entries])
+    output = Output(as_json)
+    if output.document([_plain(entry) for entry in entries]):
         return
-    console = Console()
     if entries:
-        _show(entries, console)
+        _show(entries, output)
     else:
-        console.print("No recording fits.", highlight=False)
+        output.say("No recording fits.")
 
 
 def _plain(entry: CatalogueEntry) -> dict[str, object]:
     return {**asdict(entry), "begun": None if entry.begun is None else entry.begun.isoformat()}
 
 
-def _show(entries: Sequence[CatalogueEntry], console: Console) -> None:
+def _show(entries: Sequence[CatalogueEntry], output: Output) -> None:
     """Print them in lines as long as they must be: an id and a number are whole or of no use.
 
     The target gives way first: to a terminal it is shortened into what the others leave, or left out where that is next
     to nothing. Then times and results take two lines; then the lines are longer than the terminal.
     """
+    from rich.cells import cell_len
+
+    console = output.console
     columns = console.width
     free = columns if console.is_terminal else _NO_LIMIT
     others = _width(_table(entries, target_width=0), console)
@@ -88,8 +93,7 @@ def _show(entries: Sequence[CatalogueEntry], console: Console) -> None:
     console.width = max(columns, _width(table, console))
     console.print(table, soft_wrap=True)
     if not target_width:
-        said = f"The targets are left out, for which {columns} columns are too few; --json tells them."
-        console.print(said, highlight=False, soft_wrap=True)
+        output.say(f"The targets are left out, for which {columns} columns are too few; --json tells them.")
 
 
 def _width(table: Table, console: Console) -> int:
@@ -98,6 +102,10 @@ def _width(table: Table, console: Console) -> int:
 
 
 def _table(entries: Sequence[CatalogueEntry], *, target_width: int, folded: bool = False) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=SIMPLE_HEAD, padding=(0, 0 if folded else _GAP - 1, 0, 0), show_edge=False)
     for name in ("recording", "begun", "rig"):
         table.add_column(name, no_wrap=True)
@@ -121,42 +129,3 @@ def _table(entries: Sequence[CatalogueEntry], *, target_width: int, folded: bool
             f"{entry.bytes / _MEBIBYTE:.1f}",
         )
     return table
-
-
-def verify(recording: str, *, endpoint: str | None, as_json: bool) -> None:
-    """Have a recording of a lab, or its files, read from end to end and print what is wrong with it.
-
-    Raises
-    ------
-    typer.Exit
-        With code 1 where something is.
-    InputError
-        There is no such recording.
-    """
-    # No id holds a dot or a slash.
-    of_files = "." in recording or "/" in recording
-    findings = findings_of(Path(recording)) if of_files else _findings_of_lab(recording, endpoint)
-    if as_json:
-        write_json({"recording": recording, "whole": not findings, "findings": findings})
-    else:
-        console = Console(soft_wrap=True)
-        for finding in findings:
-            console.print(finding, highlight=False, markup=False)
-        verdict = "is not whole." if findings else "is whole: every checksum, hash, step and signal block is in place."
-        console.print(f"{recording} {verdict}", highlight=False, markup=False)
-    if findings:
-        raise typer.Exit(int(ExitCode.FAILED))
-
-
-def _findings_of_lab(id: str, endpoint: str | None) -> list[str]:
-    with connect(endpoint_of_lab(endpoint)) as lab:
-        try:
-            return lab.catalogue.verify(id)
-        except InputError as error:
-            if id in {entry.id for entry in lab.catalogue.search()}:
-                raise
-            sentence = (
-                f"There is no recording {id!r}; `duralab catalogue` lists those there are, and the path of a "
-                "recording.mcap has its files verified."
-            )
-            raise InputError(sentence, field="recording", service=error.service) from error

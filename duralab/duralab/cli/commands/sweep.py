@@ -4,64 +4,73 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+import typer
 
-from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import open_hint
+from duralab.cli.options import Json
+from duralab.cli.output import Output
 from duralab.errors import InputError, LabError
-from duralab.sweeps import (
-    PLAYBACKS,
-    RESULTS,
-    SweepProgress,
-    SweepResults,
-    default_folder,
-    load_sweep,
-    read_results,
-    run_sweep,
-    write_report,
-)
+
+if TYPE_CHECKING:
+    from duralab.sweeps import SweepProgress, SweepResults
 
 REPORT: Final = "report.html"
 _LINES: Final = 20
 """Lines that are printed of a whole sweep where there is no terminal."""
 
 
+def complete_sweep(incomplete: str) -> list[str]:
+    """Return the shipped sweeps that begin so, for the shell; it completes files by itself."""
+    from duralab.sweeps import shipped_sweeps
+
+    return [name for name in shipped_sweeps() if name.startswith(incomplete)]
+
+
 def sweep(
-    source: str | None,
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SWEEP",
+            help="A sweep file, or a shipped one: fifty_gains_and_seeds.",
+            show_default=False,
+            autocompletion=complete_sweep,
+        ),
+    ] = None,
     *,
-    out: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    retry_failed: bool,
-    report_of: Path | None,
-    as_json: bool,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Its folder; out/sweeps/<name> if left out.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Campaigns at once; one for each core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the workers of a Dask scheduler, tcp://….")
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run those again that failed before.")] = False,
+    report_of: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Only write the report of a sweep's folder.")
+    ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Run a sweep, or write the report of one; raises LabError where a campaign failed."""
-    console = console_beside(as_json)
+    """Run many campaigns, or go on with them, and compare them; needs duralab[sweeps]."""
+    from duralab.sweeps import default_folder, load_sweep, read_results, run_sweep
+
+    output = Output(as_json)
     if (source is None) == (report_of is None):
         raise InputError("Give either a sweep file to run, or --report with the folder of a sweep.")
     if report_of is not None:
         others = {"--out": out, "--workers": workers, "--scheduler": scheduler, "--retry-failed": retry_failed or None}
         if idle := [name for name, value in others.items() if value is not None]:
             raise InputError(f"--report only reads; {', '.join(idle)} is of a sweep that is run.")
-        _conclude(console, read_results(report_of), as_json=as_json)
+        _conclude(output, read_results(report_of))
         return
     plan = load_sweep(str(source))
     folder = out or default_folder(plan)
-    console.print(f"Sweep {plan.name} of campaign {plan.campaign}, into {folder}.", highlight=False, markup=False)
+    output.say(f"Sweep {plan.name} of campaign {plan.campaign}, into {folder}.")
     try:
-        with _Display(console) as display:
+        with _Display(output) as display:
             run_sweep(
                 plan,
                 out=folder,
@@ -71,10 +80,10 @@ def sweep(
                 on_progress=display.show,
             )
     except KeyboardInterrupt:
-        console.print("What has ended is kept; the same command goes on from there.", highlight=False)
+        output.say("What has ended is kept; the same command continues from there.")
         raise
     results = read_results(folder)
-    _conclude(console, results, as_json=as_json)
+    _conclude(output, results)
     if results.failed:
         raise LabError(
             f"{len(results.failed)} of {results.total} campaigns failed, the first with: "
@@ -82,34 +91,32 @@ def sweep(
         )
 
 
-def _conclude(console: Console, results: SweepResults, *, as_json: bool) -> None:
+def _conclude(output: Output, results: SweepResults) -> None:
+    from duralab.sweeps import PLAYBACKS, RESULTS, write_report
+
     report = write_report(results, results.folder / REPORT)
     ended, best = len(results.rows), results.best
-    console.print(f"{ended} of {results.total} campaigns ended, {len(results.failed)} of them failed.", highlight=False)
+    output.say(f"{ended} of {results.total} campaigns ended, {len(results.failed)} of them failed.")
     if best is not None:
         figure = results.objective.value
-        console.print(
+        output.say(
             f"Best {figure.replace('_', ' ')} {best[figure]:.4f}: {settings_in_words(results.keys, best)}\n"
-            f"{best['sentence']}",
-            highlight=False,
-            markup=False,
+            f"{best['sentence']}"
         )
     rows = (("report", report, open_hint(report)), ("figures", results.folder / RESULTS, f"and {PLAYBACKS} beside it"))
-    for name, path, hint in rows:
-        console.print(f"{name:<10} {path}   {hint}", highlight=False, markup=False, soft_wrap=True)
-    if as_json:
-        write_json(
-            {
-                "sweep": results.folder,
-                "ended": ended,
-                "total": results.total,
-                "failed": results.failed,
-                "objective": results.objective,
-                "best": best,
-                "report": report,
-                "figures": results.folder / RESULTS,
-            }
-        )
+    output.say(*(f"{name:<10} {path}   {hint}" for name, path, hint in rows))
+    output.document(
+        {
+            "sweep": results.folder,
+            "ended": ended,
+            "total": results.total,
+            "failed": results.failed,
+            "objective": results.objective,
+            "best": best,
+            "report": report,
+            "figures": results.folder / RESULTS,
+        }
+    )
 
 
 def settings_in_words(keys: tuple[str, ...], row: Mapping[str, Any]) -> str:
@@ -120,8 +127,18 @@ def settings_in_words(keys: tuple[str, ...], row: Mapping[str, Any]) -> str:
 class _Display:
     """A bar while campaigns run; a line now and then where there is no terminal."""
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
+    def __init__(self, output: Output) -> None:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            SpinnerColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        self._output = output
         self._said = -1
         self._progress = Progress(
             SpinnerColumn(),
@@ -131,8 +148,8 @@ class _Display:
             TimeElapsedColumn(),
             TimeRemainingColumn(),
             TextColumn("{task.description}"),
-            console=console,
-            disable=not console.is_terminal,
+            console=output.console,
+            disable=not output.console.is_terminal,
         )
         self._task = self._progress.add_task("starting the workers", total=None)
 
@@ -145,13 +162,9 @@ class _Display:
         words = ", ".join(found)
         self._progress.update(self._task, total=progress.total, completed=progress.ended, description=words)
         step = progress.ended * _LINES // max(1, progress.total)
-        if not self._console.is_terminal and step != self._said:
+        if not self._output.console.is_terminal and step != self._said:
             self._said = step
-            self._console.print(
-                f"{progress.ended}/{progress.total} campaigns{': ' if words else ''}{words}",
-                highlight=False,
-                markup=False,
-            )
+            self._output.say(f"{progress.ended}/{progress.total} campaigns{': ' if words else ''}{words}")
 
     def __enter__(self) -> _Display:
         self._progress.start()

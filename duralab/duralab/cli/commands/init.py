@@ -5,45 +5,71 @@ from __future__ import annotations
 import shlex
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from duralab.campaign import (
-    AWAITED_TARGET,
-    DEFAULT_TEMPLATE,
-    campaign_name,
-    campaign_text,
-    measured_target,
-    parse_campaign,
-    shipped_text,
-    template_for,
-)
+import typer
+
 from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.json_output import console_beside, write_json
 from duralab.cli.opening import own_command
-from duralab.data import Rig, Signals
-from duralab.output_files import replace_when_complete, require_free, require_other
+from duralab.cli.options import Connect, Json, Replace, complete_campaign, complete_rig
+from duralab.cli.output import Output
+
+if TYPE_CHECKING:
+    from duralab.data import Rig
 
 
 def init(
-    file: Path,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign file to write.")] = Path("campaign.yaml"),
     *,
-    template: str | None,
-    rig: str | None,
-    target: Path | None,
-    endpoint: str | None,
-    replace: bool,
-    as_json: bool,
+    template: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="CAMPAIGN",
+            help="The shipped campaign to begin with; the one for the rig, else front_axle_demo, if left out.",
+            autocompletion=complete_campaign,
+        ),
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            "--rig",
+            metavar="RIG",
+            help="The rig that reproduces the target, of the lab or gateway at --connect too.",
+            autocompletion=complete_rig,
+        ),
+    ] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option("--target", metavar="SIGNALS", help="A measured file to reproduce instead of its target."),
+    ] = None,
+    endpoint: Connect = None,
+    replace: Replace = False,
+    as_json: Json = False,
 ) -> None:
-    """Write a campaign file and say how to run it."""
-    console = console_beside(as_json)
+    """Write a campaign file with a comment above every key, for a shipped rig or for one of a lab that runs."""
+    from duralab.campaign import (
+        AWAITED_TARGET,
+        DEFAULT_TEMPLATE,
+        campaign_name,
+        campaign_text,
+        measured_target,
+        parse_campaign,
+        shipped_text,
+        template_for,
+    )
+    from duralab.formats import read_signals
+    from duralab.output_files import replace_when_complete, require_free, require_other
+
+    output = Output(as_json)
     require_other([file], read=[target] if target is not None else [])
     require_free([file], replace=replace)
     template = template or (template_for(rig) if rig is not None else DEFAULT_TEMPLATE)
     shipped = parse_campaign(shipped_text(template), name=template)
     described, section, missing = None, None, []
-    signals = _read(target) if target is not None else None
+    signals = read_signals(target) if target is not None else None
     if rig is not None or target is not None or endpoint is not None:
-        with console.status("Asking for the rig's channels …"):
-            described = _describe(rig or shipped.rig, endpoint)
+        described = _describe(output, rig or shipped.rig, endpoint)
         if signals is not None and target is not None:
             section, missing = measured_target(signals, source=target, folder=file.parent, rig=described)
     text = campaign_text(template, path=file, rig=described, target=section)
@@ -60,31 +86,23 @@ def init(
     if awaited is not None and described is not None:
         wanted = ", ".join(channel.name for channel in described.responses)
         lines.append(f"Put its target at {awaited} first: a file of signals with {wanted}.")
-    for line in lines:
-        console.print(line, highlight=False, markup=False)
-    if as_json:
-        write_json(
-            {
-                "file": file,
-                "campaign": campaign_name(file),
-                "rig": described.name if described is not None else shipped.rig,
-                "run": command,
-                "to_say": missing,
-                "target_awaited": awaited,
-            }
-        )
+    output.say(*lines)
+    output.document(
+        {
+            "file": file,
+            "campaign": campaign_name(file),
+            "rig": described.name if described is not None else shipped.rig,
+            "run": command,
+            "to_say": missing,
+            "target_awaited": awaited,
+        }
+    )
 
 
-def _read(target: Path) -> Signals:
-    from duralab.formats import read_signals
-
-    return read_signals(target)
-
-
-def _describe(rig: str, endpoint: str | None) -> Rig:
+def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:
     """Ask a rig for its description: at an endpoint, in the lab that runs, or in one that is started for it."""
     if endpoint is None:
-        with open_lab(endpoint_if_any(None), rigs=(rig,)) as lab:
+        with open_lab(output, endpoint_if_any(None), rigs=(rig,)) as lab:
             return lab.describe(rig)
     from duralab.lab import FIND_SECONDS, Lab, join_bus
     from labbus import FaultError

@@ -1,0 +1,203 @@
+"""`duralab certs` and `duralab router`: certificates, a router for them, and what a router refused."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from duralab.cli.exit_codes import ExitCode
+from duralab.cli.options import Json, Replace
+from duralab.cli.output import Output
+from duralab.errors import InputError
+
+if TYPE_CHECKING:
+    from duralab.security import CertificateFile
+
+FOLDER = Path("certificates")
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the certificates are.")]
+LabName = Annotated[str, typer.Option("--lab", metavar="NAME", help="Name of the lab.")]
+_EXPIRES_SOON_DAYS = 30.0
+_WATCH_SECONDS = 0.25
+
+
+def init(folder: Folder = FOLDER, lab: LabName = "local", as_json: Json = False) -> None:
+    """Make the certificate authority of a lab: ca.crt and ca.key."""
+    from duralab import security
+
+    made = security.init_authority(folder, lab=lab)
+    output = Output(as_json)
+    _tell(output, made, "made")
+    output.say(
+        f"{made.key} makes anybody a member of this lab: keep it where certificates are issued, and nowhere else."
+    )
+
+
+def issue(
+    role: Annotated[
+        str, typer.Argument(help="router, rig, identifier, iterator, recorder, operator, viewer or admin.")
+    ],
+    name: Annotated[str, typer.Argument(help="Who it is, e.g. main or anna; with the role it is the common name.")],
+    *,
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option("--host", metavar="HOST", help="Name or address of a router; give it again for more of them."),
+    ] = None,
+    days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = 365,
+    folder: Folder = FOLDER,
+    as_json: Json = False,
+) -> None:
+    """Issue a certificate with a private key of its own."""
+    from duralab import security
+
+    _tell(Output(as_json), security.issue(folder, role, name, hosts=hosts or [], days=days), "issued")
+
+
+def renew(
+    name: Annotated[str, typer.Argument(metavar="ROLE.NAME", help="Common name, e.g. operator.anna; or ca.")],
+    days: Annotated[int | None, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = None,
+    folder: Folder = FOLDER,
+    as_json: Json = False,
+) -> None:
+    """Take the place of a certificate and its key by new ones of the same name."""
+    from duralab import security
+
+    _tell(Output(as_json), security.renew(folder, name, days=days), "renewed")
+
+
+def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
+    """List the certificates of a folder with their expiry; exit code 1 where one has expired."""
+    from rich.table import Table
+
+    from duralab.security import read_certificates
+
+    files = read_certificates(folder)
+    output = Output(as_json)
+    if not output.document([_as_json(file) for file in files]):
+        table = Table("name", "expires", "days left", "hosts", "SHA-256", box=None, pad_edge=False)
+        for file in files:
+            days = file.days_left()
+            left = f"{days:.0f}" if days >= 0 else "expired"
+            style = "bold red" if days < 0 else "yellow" if days < _EXPIRES_SOON_DAYS else None
+            table.add_row(
+                file.name,
+                f"{file.expires:%Y-%m-%d %H:%M} UTC",
+                left,
+                ", ".join(file.hosts),
+                f"{file.fingerprint[:16]}…",
+                style=style,
+            )
+        output.console.print(table)
+    if any(file.days_left() < 0 for file in files):
+        raise typer.Exit(int(ExitCode.FAILED))
+
+
+def router(
+    folder: Folder = FOLDER,
+    *,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to; printed if left out.")] = None,
+    certificates: Annotated[
+        str | None,
+        typer.Option("--certificates", metavar="DIR", help="Where the router finds its own; as --folder if left out."),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where the router listens.")] = 7447,
+    lab: LabName = "local",
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Write the configuration of a router that lets in whose certificates are in the folder, each by its role."""
+    from duralab import security
+
+    output = Output(as_json)
+    content = security.configure_router(folder, lab=lab, certificates=certificates or str(folder.resolve()), port=port)
+    if out is None:
+        if not output.document({"configuration": content}):
+            sys.stdout.write(content)
+        return
+    try:
+        with out.open("w" if replace else "x", encoding="utf-8") as stream:
+            stream.write(content)
+    except FileExistsError as error:
+        raise InputError(f"{out} is there already; say --replace to overwrite it.") from error
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}.") from error
+    output.say(f"{out} written; start the router with `zenohd --config {out}`, or try it with `duralab router`.")
+    output.document({"configuration_file": out})
+
+
+def run_router(
+    folder: Folder = FOLDER,
+    *,
+    host: Annotated[
+        str, typer.Option("--host", metavar="ADDRESS", help="Where it listens; 0.0.0.0 for other machines too.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where it listens.")] = 7447,
+    lab: LabName = "local",
+    as_json: Json = False,
+) -> None:
+    """Run the router of a secured lab from Python, to try one without zenohd, until Ctrl-C."""
+    import labbus
+    from duralab import security
+    from duralab.security import AUTHORITY, read_certificates
+    from duralab_proto.access import ROUTER
+    from labbus import BusError
+
+    output = Output(as_json)
+    content = security.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
+    endpoint = f"tls/{f'[{host}]' if ':' in host else host}:{port}"
+    names = [file.name for file in read_certificates(folder)]
+    members = [name for name in names if name != AUTHORITY and not name.startswith(f"{ROUTER}.")]
+    try:
+        with labbus.run_router(content, listen=endpoint):
+            output.say(
+                f"The router of lab {lab} listens at {endpoint} and lets in {', '.join(members)}, each by its role. "
+                "Ctrl-C ends it."
+            )
+            output.document({"endpoint": endpoint, "lab": lab, "members": members}, on_one_line=True)
+            while True:
+                time.sleep(_WATCH_SECONDS)
+    except BusError as error:
+        raise InputError(str(error)) from error
+
+
+def refusals(
+    log: Annotated[Path | None, typer.Argument(help="A router's log; standard input if left out.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object for each, as they come.")] = False,
+) -> None:
+    """Tell whom a router refused what, from its log (docs/security.md says how it logs that)."""
+    from duralab.security import read_refusals
+
+    output = Output(as_json)
+    with ExitStack() as stack:
+        try:
+            lines = sys.stdin if log is None else stack.enter_context(log.open(encoding="utf-8", errors="replace"))
+        except OSError as error:
+            raise InputError(f"The log {log} cannot be read: {error.strerror}.") from error
+        for refusal in read_refusals(lines):
+            if not output.document({"event": "refused", **asdict(refusal)}, on_one_line=True):
+                who = refusal.who or "somebody unknown"
+                session = f" (session {refusal.session})" if refusal.session else ""
+                sys.stdout.write(f"{refusal.time} {who}{session}: {refusal.what}: {refusal.key}\n")
+                sys.stdout.flush()
+
+
+def _as_json(file: CertificateFile) -> dict[str, object]:
+    return {
+        "name": file.name,
+        "certificate": str(file.path),
+        "begins": file.begins.isoformat(),
+        "expires": file.expires.isoformat(),
+        "days_left": round(file.days_left(), 2),
+        "hosts": list(file.hosts),
+        "sha256": file.fingerprint,
+    }
+
+
+def _tell(output: Output, file: CertificateFile, what: str) -> None:
+    output.say(f"{file.path} and {file.key} {what}, valid until {file.expires:%Y-%m-%d %H:%M} UTC.")
+    output.document(_as_json(file))

@@ -1,0 +1,44 @@
+"""`duralab compare`: recorded campaigns beside each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from duralab.cli.opening import page_lines
+from duralab.cli.options import Json, Pdf, Replace
+from duralab.cli.output import Output
+from duralab.errors import InputError
+
+
+def compare(
+    recordings: Annotated[list[Path], typer.Argument(metavar="A B ...", help="Two recordings or more.")],
+    *,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="The HTML file that lays them over each other.")
+    ] = Path("comparison.html"),
+    pdf: Pdf = None,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Compare recorded campaigns: what each reached, which settings differ; one HTML file with their curves."""
+    from duralab.analysis import compare as put_beside
+    from duralab.output_files import require_free, require_other
+    from duralab.recording import open_recording
+    from duralab.report import write_comparison, write_pdf
+
+    if len(recordings) < 2:
+        raise InputError(f"{recordings[0]} is the only recording given; give two or more to compare.")
+    outputs = [out, *([pdf] if pdf else [])]
+    opened = [open_recording(recording) for recording in recordings]
+    require_other(outputs, read=[file for recording in opened for file in recording.files])
+    require_free(outputs, replace=replace)
+    comparison = put_beside(*opened)
+    write_comparison(out, comparison)
+    if pdf is not None:
+        write_pdf(comparison, pdf)
+    output = Output(as_json)
+    output.say(str(comparison), *page_lines("Comparison", out, pdf=pdf))
+    output.document({**comparison.to_document(), "comparison": out, "pdf": pdf})

@@ -1,0 +1,98 @@
+"""`duralab convert`: signals from one file format into another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from dataclasses import replace as replaced
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from duralab.cli.options import DataType, FileFormat, Json, Out, Replace, Source, Unit
+from duralab.cli.output import Output
+
+if TYPE_CHECKING:
+    from duralab.data import Signals
+    from duralab.formats import Written
+
+
+def convert(
+    source: Source,
+    out: Out,
+    *,
+    from_format: Annotated[
+        str | None, typer.Option("--from-format", metavar="FORMAT", help="Of IN; by suffix if left out.")
+    ] = None,
+    to_format: FileFormat = None,
+    units: Unit = None,
+    rate: Annotated[float | None, typer.Option("--rate", metavar="HZ", help="Resample to this rate.")] = None,
+    data_type: DataType = None,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Convert a file of signals to another format, and to other units or another sample rate."""
+    from duralab.formats import format_of, read_signals, write_signals
+    from duralab.output_files import require_free, require_other
+
+    require_other([out], read=[source])
+    # A wrong name or a file in the way is said before a long file is read.
+    format_of(out, to_format)
+    require_free([out], replace=replace)
+    signals = _resampled(in_units(read_signals(source, format=from_format), units), rate)
+    written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
+    say_written(Output(as_json), signals, written)
+
+
+def in_units(signals: Signals, units: Sequence[str] | None) -> Signals:
+    """Convert to the units given: "SI", a unit for all channels of its dimension, or "<channel>=<unit>"."""
+    from duralab.formats import SI_UNITS, convert_units, named_units
+
+    named, plain = named_units(list(units or ()))
+    rest = [row for row, channel in enumerate(signals.channels) if channel.name not in named]
+    if plain and rest:
+        others = replaced(signals, channels=tuple(signals.channels[row] for row in rest), samples=signals.samples[rest])
+        converted = convert_units(others, SI_UNITS if plain == ["SI"] else plain)
+        named |= {channel.name: channel.unit for channel in converted.channels}
+    return convert_units(signals, named) if named else signals
+
+
+def _resampled(signals: Signals, rate: float | None) -> Signals:
+    if rate is None or rate == signals.sample_rate:
+        return signals
+    from duralab.target import edit_signals
+
+    return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
+
+
+def say_written(
+    output: Output,
+    signals: Signals,
+    written: Written,
+    *,
+    origin: Sequence[str] = (),
+    origin_document: Mapping[str, object] | None = None,
+) -> None:
+    """Say what a file of signals holds, where its signals come from, and what its format could not keep."""
+    import numpy as np
+
+    content = {
+        **asdict(written),
+        "sample_rate": signals.sample_rate,
+        "channels": [{"name": channel.name, "unit": channel.unit} for channel in signals.channels],
+        **(origin_document or {}),
+    }
+    if output.document(content):
+        return
+    output.say(
+        f"{written.path}: {len(signals.channels)} channels, {written.samples} samples at {signals.sample_rate:g} Hz, "
+        f"{signals.duration:.6g} s",
+        *origin,
+        *written.notes,
+    )
+    if any(written.largest_errors):
+        output.say("Largest difference between a sample and what is stored of it:")
+        for channel, error, row in zip(signals.channels, written.largest_errors, signals.samples, strict=True):
+            peak = float(np.abs(row).max())
+            share = f" ({error / peak:.1e} of its peak)" if peak else ""
+            output.say(f"  {channel.name}: {error:.3g} {channel.unit}{share}")

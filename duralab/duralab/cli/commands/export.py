@@ -1,0 +1,161 @@
+"""`duralab export`: signals or frequency responses out of a recording into a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace as replaced
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from duralab.cli.commands.convert import in_units, say_written
+from duralab.cli.options import DataType, FileFormat, Json, Out, Replace, Unit
+from duralab.cli.options import Recording as RecordingFile
+from duralab.cli.output import Output
+from duralab.errors import InputError
+
+if TYPE_CHECKING:
+    from duralab.data import Signals
+    from duralab.recording import Recording
+
+
+class Exported(StrEnum):
+    """What a recording can give."""
+
+    TARGET = "target"
+    DRIVE = "drive"
+    RESPONSE = "response"
+    RESPONSE_IN_BAND = "response_in_band"
+    FRF = "frf"
+
+
+def export(
+    recording: RecordingFile,
+    out: Out,
+    *,
+    what: Annotated[
+        str, typer.Option("--what", help="target, drive, response, response_in_band, or frf (into .uff or .unv).")
+    ] = "drive",
+    playback: Annotated[
+        int | None, typer.Option("--playback", metavar="N", help="Which playback; the best if left out.")
+    ] = None,
+    to_format: FileFormat = None,
+    units: Unit = None,
+    data_type: DataType = None,
+    replace: Replace = False,
+    as_json: Json = False,
+) -> None:
+    """Write a drive, a response, the target or the frequency responses of a recording into a file."""
+    from duralab.formats import Format, format_of, write_signals
+    from duralab.output_files import require_other
+    from duralab.recording import open_recording
+
+    output = Output(as_json)
+    try:
+        chosen = Exported(what)
+    except ValueError:
+        raise InputError(f"--what is {what!r}; {', '.join(Exported)} are known.", field="what") from None
+    opened = open_recording(recording)
+    require_other([out], read=opened.files)
+    if chosen is Exported.FRF:
+        _refuse_for_frf(playback=playback, unit=units or [], format=to_format, data_type=data_type)
+        _export_frf(opened, out, replace=replace)
+        if not output.document({"path": out, "format": "uff58", **_origin_document(opened, None)}):
+            output.say(f"{out}: the frequency responses", *_origin(opened, None))
+        return
+    taken = _playback_taken(opened, chosen, playback)
+    signals = in_units(_recorded(opened, chosen, taken), units)
+    if format_of(out, to_format) is Format.RPC3 and chosen is Exported.DRIVE:
+        signals = replaced(signals, attributes={"TIME_TYPE": "DRIVE"})
+    written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
+    say_written(
+        output,
+        signals,
+        written,
+        origin=list(_origin(opened, taken)),
+        origin_document=_origin_document(opened, taken),
+    )
+
+
+def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> int | None:
+    if what is Exported.TARGET:
+        if asked is not None:
+            raise InputError(f"--playback is {asked}; there is one target, so leave it out.", field="playback")
+        return None
+    table = recording.iterations
+    if not table.numbers:
+        raise InputError(f"{recording.path} holds no playback.")
+    return table.numbers[table.best] if asked is None else asked
+
+
+def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:
+    if playback is None:
+        return recording.target
+    taken = recording.playback(playback)
+    return {
+        Exported.DRIVE: taken.drive,
+        Exported.RESPONSE: taken.response,
+        Exported.RESPONSE_IN_BAND: taken.response_in_band,
+    }[what]
+
+
+def _refuse_for_frf(**options: object) -> None:
+    """Refuse options that say how signals are written: nothing of the kind is done to frequency responses."""
+    for name, value in options.items():
+        if value not in (None, []):
+            told = " ".join(map(str, value)) if isinstance(value, list) else value
+            raise InputError(
+                f"--{name.replace('_', '-')} is {told}; the frequency responses are the model's and are written as "
+                "they are, so leave it out.",
+                field=name,
+            )
+
+
+def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
+    from duralab.cli.frf_file import require_frf_file, write_frf
+
+    require_frf_file(out)
+    if recording.model is None:
+        raise InputError(f"{recording.path} holds no model; the campaign did not come so far.")
+    write_frf(recording.model, out, replace=replace)
+
+
+def _origin(recording: Recording, playback: int | None) -> Iterator[str]:
+    """Yield where the exported data come from: the playback (None if they belong to no single one), what is missing."""
+    from duralab.campaign import Judgement
+
+    table, verdict = recording.iterations, recording.verdict
+    if playback is not None:
+        row = table.numbers.index(playback)
+        level = "" if table.level[row] == 1.0 else f", at {table.level[row]:g} of the target"
+        yield (
+            f"It is playback {playback} of {len(table)} in the recording{level}; its relative RMS error over "
+            f"all channels is {table.overall[row]:.3f}."
+        )
+        if row == table.best:
+            yield "It is the best playback."
+        else:
+            yield f"The best is playback {table.numbers[table.best]} with {table.overall[table.best]:.3f}."
+    if not recording.whole:
+        yield f"{recording.path} was never finished: what came after its last whole step is not in it."
+    if verdict.judgement is Judgement.ENDED_EARLY or (
+        playback is not None and verdict.judgement is not Judgement.REACHED
+    ):
+        yield verdict.sentence
+
+
+def _origin_document(recording: Recording, playback: int | None) -> dict[str, object]:
+    table, verdict = recording.iterations, recording.verdict
+    row = None if playback is None else table.numbers.index(playback)
+    return {
+        "playback": playback,
+        "overall_error": None if row is None else table.overall[row],
+        "level": None if row is None else table.level[row],
+        "playbacks": table.numbers,
+        "best_playback": table.numbers[table.best] if table.numbers else None,
+        "judgement": verdict.judgement.value,
+        "verdict": verdict.sentence,
+        "recording_finished": recording.whole,
+    }

@@ -1,0 +1,42 @@
+"""`duralab view`: the viewer on its own."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from duralab.cli.options import Json
+from duralab.cli.output import Output
+
+_WATCH_SECONDS = 0.25
+
+
+def view(
+    file: Annotated[Path | None, typer.Argument(help="A live.rrd, or a recording.mcap to make one of.")] = None,
+    *,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where data are sent to it.")] = 9876,
+    web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Where a browser finds it.")] = 9090,
+    web: Annotated[bool, typer.Option("--web", help="A page for the browser, even where there is a display.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Open the Rerun viewer on 127.0.0.1, in a window or as a page for the browser, until Ctrl-C."""
+    from tempfile import TemporaryDirectory
+
+    from duralab.cli.live_viewer import say_where
+    from duralab.processes import Viewer, is_recording, rebuilt_view
+
+    output = Output(as_json)
+    with ExitStack() as stack:
+        if file is not None and is_recording(file):
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
+            output.say("Making the live view again from the log …")
+            file = rebuilt_view(file, folder / "live.rrd", tell=output.say)
+        viewer = stack.enter_context(Viewer(port=port, web_port=web_port, native=False if web else None, file=file))
+        output.document({"address": viewer.address, "page": viewer.page}, on_one_line=True)
+        say_where(viewer, output)
+        output.say(f"It listens at {viewer.address}. Ctrl-C ends it.")
+        while not viewer.wait(_WATCH_SECONDS):
+            pass

@@ -1,0 +1,77 @@
+"""What a command prints: text for people, and with `--json` one document on standard output."""
+
+from __future__ import annotations
+
+import math
+import sys
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Output:
+    """Standard output of a command; with `--json` the text goes to standard error instead.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether a JSON document is asked for.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self._as_json = as_json
+
+    @cached_property
+    def console(self) -> Console:
+        """Console for text, tables and progress; it does not wrap lines."""
+        from rich.console import Console
+
+        return Console(soft_wrap=True, stderr=self._as_json)
+
+    def say(self, *lines: str, style: str | None = None) -> None:
+        """Print lines as they are, without markup and highlighting."""
+        for line in lines:
+            self.console.print(line, style=style, highlight=False, markup=False)
+
+    def document(self, document: object, *, on_one_line: bool = False) -> bool:
+        """Print the JSON document if it is asked for; return whether it is."""
+        if self._as_json:
+            write_json(document, on_one_line=on_one_line)
+        return self._as_json
+
+
+def write_json(document: object, *, on_one_line: bool = False) -> None:
+    """Print a document.
+
+    Parameters
+    ----------
+    document : object
+        Of mappings, sequences, strings, numbers and None; paths and enums become strings, nan and infinity null.
+    on_one_line : bool
+        For a command that continues: its reader knows that the document is whole at the end of the line.
+    """
+    import json
+
+    text = json.dumps(_plain(document), indent=None if on_one_line else 2, allow_nan=False)
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON knows it."""
+    if hasattr(value, "tolist"):  # a number or an array of numpy
+        value = value.tolist()
+    match value:
+        case dict():
+            plain: Any = {str(key): _plain(item) for key, item in value.items()}
+        case list() | tuple():
+            plain = [_plain(item) for item in value]
+        case float():
+            plain = value if math.isfinite(value) else None
+        case None | bool() | int():
+            plain = value
+        case _:
+            plain = str(value)
+    return plain
