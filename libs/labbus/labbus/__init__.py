@@ -20,7 +20,7 @@ from labbus.security import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration,
 from labbus.session import BusConfig, BusMode, Identity, LiveWatch, TlsConfig, check_identity
 from labbus.spool import SpoolFolder, SpoolFullError, SpoolSpace
 from labbus.streams import Continuity, StreamItem, StreamProof, StreamPublisher, Subscription
-from labbus.yaml_config import ConfigError, explain_validation, load_config
+from labbus.yaml_config import ConfigError, load_config
 
 __all__ = [
     "DEFAULT_HOLDERS",
@@ -56,7 +56,6 @@ __all__ = [
     "check_identity",
     "configure_logs",
     "encoding_of",
-    "explain_validation",
     "host_services",
     "installed_services",
     "keep_few_arenas",

@@ -46,7 +46,7 @@ def test_environment_alone_will_do(monkeypatch):
         ("DURALAB__WORKER", "3", "DURALAB__WORKER, which this service does not know; known are bus"),
         ("DURALAB__WORKERS", "many", "workers is 'many'"),
         ("DURALAB__WORKERS", "65", "workers is '65'"),
-        ("DURALAB__BUS__CONECT", "[]", "bus.conect is unknown"),
+        ("DURALAB__BUS__CONECT", "[]", "unknown key 'conect' in bus; allowed: "),
         ("DURALAB__BUS__LAB", "A B", "'A B' is not a name"),
         ("DURALAB__RIGS", "[a", "DURALAB__RIGS; lists and mappings are written as JSON"),
     ],

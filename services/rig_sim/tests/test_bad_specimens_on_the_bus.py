@@ -28,7 +28,7 @@ SPOILED = {
         "predecessor",
         (r"stiffness: 4\.6e\+4", "stiffness: -4.6e+4"),
         None,
-        r"specimen spring_rate\.yaml: struts\.0\.law\.stiffness is -46000\.0: Input should be greater than 0",
+        r"specimen spring_rate\.yaml: struts\.0\.law\.stiffness is -46000\.0; it must be greater than 0",
     ),
     "bushing_rate": (
         "predecessor",

@@ -26,7 +26,7 @@ def start(folder, config):
             {"rigs": [], "specimens": ["nowhere.yaml"]},
             "specimen nowhere.yaml cannot be read: there is no such file.",
         ),
-        ({"rig": "front_axle"}, "rig is unknown"),
+        ({"rig": "front_axle"}, "unknown key 'rig'; allowed: "),
         (
             {"rigs": ["front_axle"], "faults": {"front_axle": [{"kind": "stuck_sensor", "channel": "mid"}]}},
             "fault stuck_sensor of front_axle names 'mid'; there are left_vertical",

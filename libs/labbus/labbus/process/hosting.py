@@ -13,7 +13,8 @@ from pydantic import ValidationError
 from duralab_proto.keys import MAIN_INSTANCE
 from labbus.bus import Bus
 from labbus.process.service import Build, ServiceConfig
-from labbus.yaml_config import ConfigError, explain_validation
+from labbus.yaml_config import ConfigError
+from strict_yaml import explain_validation
 
 GROUP: Final = "duralab.services"
 """Entry points under which the installed services name what they are made of."""
@@ -93,7 +94,7 @@ def _checked(service: HostedService, given: Mapping[str, object]) -> ServiceConf
     try:
         return service.config_type.model_validate(dict(given))
     except ValidationError as error:
-        raise ConfigError(f"{service.name}: {explain_validation(error, service.config_type)}") from error
+        raise ConfigError(f"{service.name}: {explain_validation(error, service.config_type).sentence}") from error
 
 
 def _declare(bus: Bus, name: str, instances: Sequence[str]) -> None:

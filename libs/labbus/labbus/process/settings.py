@@ -9,7 +9,8 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError, create_model
 
-from labbus.yaml_config import ConfigError, explain_validation, read_mapping
+from labbus.yaml_config import ConfigError, read_mapping
+from strict_yaml import explain_validation
 
 ENVIRONMENT_PREFIX: Final = "DURALAB__"
 """Begins every variable of a configuration: `DURALAB__BUS__LAB` is `lab` in `bus`. Lists and mappings are JSON."""
@@ -49,7 +50,7 @@ def configured(config_type: type[ConfigT], path: Path | str | None) -> ConfigT:
     try:
         return config_type.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(f"{' and '.join(where)}: {explain_validation(error, config_type)}") from error
+        raise ConfigError(f"{' and '.join(where)}: {explain_validation(error, config_type).sentence}") from error
 
 
 def _from_environment(config_type: type[BaseModel], variables: Mapping[str, str]) -> dict[str, Any]:

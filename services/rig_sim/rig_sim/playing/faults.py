@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from rig_sim.hydraulics.mounting import all_supplies
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
-from rig_sim.specimen.specimen import Specimen, SpecimenError, problems_in_words
+from rig_sim.specimen.specimen import Specimen, SpecimenError, explain_problems
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -144,7 +144,9 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
     try:
         return Specimen.model_validate(document)
     except ValidationError as error:
-        raise SpecimenError(f"{specimen.name} cannot be with these faults: {problems_in_words(error)}.") from error
+        raise SpecimenError(
+            f"{specimen.name} cannot be with these faults: {explain_problems(error, Specimen)}"
+        ) from error
 
 
 def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str]) -> tuple[SensorFault, ...]:

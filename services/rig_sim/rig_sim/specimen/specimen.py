@@ -7,7 +7,6 @@ The SDF beside it holds bodies, joints and bushings. Whether the names in the YA
 from __future__ import annotations
 
 import re
-import reprlib
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
@@ -28,11 +27,9 @@ from rig_sim.specimen.documents import SpecimenError, read_document
 from rig_sim.specimen.quantities import UNIT_OF, Quantity
 from rig_sim.specimen.responses import KINDS, SPINDLE, ResponseChannel
 from rig_sim.specimen.watchdogs import WatchdogLimits
+from strict_yaml import explain_validation
 
 SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
-
-_MOST_PROBLEMS = 20
-_LONGEST_KEY = 80
 
 #: What the name of a mirrored part begins with; `right_` takes its place in the mirror image.
 LEFT = "left_"
@@ -241,31 +238,14 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
     try:
         return kind.model_validate(read_document(path))
     except ValidationError as error:
-        raise SpecimenError(f"specimen {path.name}: {problems_in_words(error)}.") from error
+        raise SpecimenError(f"specimen {path.name}: {explain_problems(error, kind)}") from error
 
 
-def problems_in_words(error: ValidationError) -> str:
-    """Return what is wrong with a document, in one line without a full stop; 20 places, and how many more there are."""
-    texts, problems = list[str](), error.errors()
-    # What is said of a whole follows from what is wrong within it: a list without its wrong entry is too short.
-    around = {problem["loc"][:depth] for problem in problems for depth in range(len(problem["loc"]))}
-    problems = [problem for problem in problems if problem["loc"] not in around]
-    for problem in problems[:_MOST_PROBLEMS]:
-        # A union puts the name of the kind it took into the place.
-        place = [str(part) for part in problem["loc"] if part not in {SPINDLE, *KINDS.values(), *CONTROLS}]
-        where = ".".join(part[:_LONGEST_KEY] for part in place) or "the document"
-        match problem["type"]:
-            case "missing":
-                texts.append(f"{where} is missing")
-            case "extra_forbidden" | "unexpected_keyword_argument":
-                texts.append(f"{where} is unknown")
-            case "value_error":
-                texts.append(f"{where}: {problem['msg'].removeprefix('Value error, ')}")
-            case _:
-                texts.append(f"{where} is {reprlib.repr(problem['input'])}: {problem['msg']}")
-    if (more := len(problems) - _MOST_PROBLEMS) > 0:
-        texts.append(f"{more} more are wrong")
-    return "; ".join(texts)
+def explain_problems(error: ValidationError, kind: type[BaseModel]) -> str:
+    """Return what is wrong with a document, in one sentence."""
+    # A union puts the name of the kind it took into the place.
+    hidden = {SPINDLE, *KINDS.values(), *CONTROLS}
+    return explain_validation(error, kind, hidden=hidden).sentence
 
 
 def shipped_specimens() -> dict[str, Path]:

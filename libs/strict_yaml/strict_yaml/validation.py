@@ -1,0 +1,180 @@
+"""Findings of pydantic as one sentence: the place, the value, what is allowed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
+from typing import Any, Final, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+# A file may be wrong in tens of thousands of places: a sentence names some of them, and keys and values by their start.
+_MOST_FINDINGS: Final = 20
+_MOST_COMPARED: Final = 200
+_LONGEST_SHOWN: Final = 80
+_UNKNOWN: Final = frozenset({"extra_forbidden", "unexpected_keyword_argument"})
+_MISSING: Final = frozenset({"missing", "missing_argument", "missing_keyword_only_argument"})
+
+
+@dataclasses.dataclass(frozen=True)
+class Explanation:
+    """Explanation of a validation error.
+
+    Parameters
+    ----------
+    sentence : str
+        All findings, up to 20 of them, with the place, the value and what is allowed; ends with "." or "?".
+    field : str
+        Path of the first finding, e.g. "stop.iterations"; empty for the whole document.
+    """
+
+    sentence: str
+    field: str
+
+
+def explain_validation(
+    error: ValidationError,
+    model: type[Any] | None = None,
+    *,
+    place: Sequence[str] = (),
+    hidden: Collection[str] = (),
+    is_part: bool = False,
+    joint: str = ": ",
+) -> Explanation:
+    """Explain a validation error in one sentence.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What pydantic found.
+    model : type, optional
+        Model of the document; without it the sentence names no allowed keys.
+    place : sequence of str
+        Keys of the document that lead to the part that was validated.
+    hidden : collection of str
+        Tags of unions, which pydantic puts into the path.
+    is_part : bool
+        Whether keys of the part itself may be missing.
+    joint : str
+        Text between the path and the message of a validator.
+
+    Returns
+    -------
+    Explanation
+        The sentence and its first field.
+    """
+    findings = error.errors(include_url=False)
+    if is_part:
+        findings = [finding for finding in findings if finding["type"] not in _MISSING or len(finding["loc"]) > 1]
+    for finding in findings:
+        finding["loc"] = (*place, *(part for part in finding["loc"] if part not in hidden))
+    findings = _without_echoes(findings, model)
+    sentence = "; ".join(_in_words(finding, model, joint) for finding in findings[:_MOST_FINDINGS])
+    if (more := len(findings) - _MOST_FINDINGS) > 0:
+        sentence += f"; {more} more are wrong"
+    return Explanation(f"{sentence}{'' if sentence.endswith('?') else '.'}", _path(findings[0]["loc"]))
+
+
+def _without_echoes(findings: list[ErrorDetails], model: type[Any] | None) -> list[ErrorDetails]:
+    """Leave out what follows from another finding.
+
+    That is a missing key which an unknown one misspells, and what is said of a whole with a wrong part: a list without
+    its wrong entry is too short.
+    """
+    around = {finding["loc"][:depth] for finding in findings for depth in range(len(finding["loc"]))}
+    meant = {
+        (*finding["loc"][:-1], close[0])
+        for finding in findings[:_MOST_COMPARED]
+        if finding["type"] in _UNKNOWN
+        and (close := get_close_matches(_cut(str(finding["loc"][-1])), _keys_at(model, finding["loc"][:-1]), n=1))
+    }
+    return [
+        finding
+        for finding in findings
+        if finding["loc"] not in around and (finding["type"] not in _MISSING or finding["loc"] not in meant)
+    ]
+
+
+def _in_words(finding: ErrorDetails, model: type[Any] | None, joint: str) -> str:
+    context, location, kind = finding.get("ctx", {}), finding["loc"], finding["type"]
+    path = _path(location)
+    if kind in _UNKNOWN:
+        return _unknown_key(location, _keys_at(model, location[:-1]))
+    description = _keys_at(model, location[:-1]).get(str(location[-1]), "") if location else ""
+    hint = f" ({description.rstrip('.')})" if description else ""
+    if kind in _MISSING:
+        return f"{path} is missing{hint}"
+    if kind == "value_error":
+        return f"{path}{joint if path else ''}{context['error']}"
+    value = _cut(repr(finding["input"]))
+    message = finding["msg"].removeprefix("Assertion failed, ")
+    match kind:
+        case "enum" | "literal_error":
+            wanted = f"allowed: {context['expected'].replace(' or ', ', ')}"
+        case "string_pattern_mismatch":
+            wanted = f"it must match {context['pattern']}"
+        case "dict_type" | "model_type" | "dataclass_type":
+            wanted = "it must be a mapping"
+        case _ if " should " in message:
+            wanted = f"it must {message.split(' should ', maxsplit=1)[1]}"
+        case _:
+            wanted = f"{message[:1].lower()}{message[1:]}"
+    return f"{path or 'the document'} is {value}; {wanted}{hint}"
+
+
+def _unknown_key(location: Sequence[int | str], allowed: Collection[str]) -> str:
+    key = str(location[-1])
+    place = f" in {_path(location[:-1])}" if location[:-1] else ""
+    known = f"; allowed: {', '.join(allowed)}" if allowed else ""
+    close = get_close_matches(_cut(key), allowed, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ""
+    return f"unknown key {_cut(repr(key))}{place}{known}{guess}"
+
+
+def _path(location: Sequence[int | str]) -> str:
+    return ".".join(_cut(str(part)) for part in location)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"
+
+
+def _keys_at(model: type[Any] | None, location: Sequence[int | str]) -> dict[str, str]:
+    """Return the keys of the section at a place of a document with their descriptions; empty if no section is known."""
+    named_by_user = False
+    for part in location:
+        # An index or a name that the user gives: the section is that of the list or of the mapping.
+        if named_by_user or isinstance(part, int):
+            named_by_user = False
+            continue
+        annotation = _annotations(model).get(part)
+        if annotation is None:
+            return {}
+        model, named_by_user = _section(annotation)
+    if model is None:
+        return {}
+    if issubclass(model, BaseModel):
+        return {field.alias or name: field.description or "" for name, field in model.model_fields.items()}
+    return {field.name: "" for field in dataclasses.fields(model)}
+
+
+def _annotations(model: type[Any] | None) -> dict[str, Any]:
+    if model is None or not issubclass(model, BaseModel):
+        return {}
+    return {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+
+
+def _section(annotation: Any) -> tuple[type[Any] | None, bool]:
+    """Return the one section that an annotation names, None if there is none or a choice, and whether in a mapping."""
+    parts = [annotation]
+    # The list grows while it is read: annotations stand in one another.
+    for part in parts:
+        parts += get_args(part)
+    sections = {part for part in parts if isinstance(part, type) and _is_section(part)}
+    return sections.pop() if len(sections) == 1 else None, any(get_origin(part) is dict for part in parts)
+
+
+def _is_section(part: type[Any]) -> bool:
+    return issubclass(part, BaseModel) or dataclasses.is_dataclass(part)
