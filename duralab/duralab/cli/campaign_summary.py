@@ -28,22 +28,7 @@ LARGEST_COLUMNS = 8
 def follow(
     output: Output, run: Callable[[Callable[[RunProgress], None]], CampaignResult], *, iterations: int | None
 ) -> tuple[CampaignResult, Path]:
-    """Run a campaign with a progress display, write its report, and print its figures.
-
-    Parameters
-    ----------
-    output : Output
-        Where to print.
-    run : function
-        Runs the campaign; takes the progress callback.
-    iterations : int or None
-        Most playbacks of the campaign; None if it is not known.
-
-    Returns
-    -------
-    tuple of CampaignResult and Path
-        The result, and the report.
-    """
+    """Run a campaign with a progress display, print its figures, and return it and its report."""
     with RunDisplay(output.console, iterations=iterations) as display:
         result = run(display.show)
         display.write_report()

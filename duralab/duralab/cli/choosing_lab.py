@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 
 def endpoint_of_lab(given: str | None) -> str:
-    """Return the endpoint that is given, or that of the one lab that `duralab up` keeps running.
-
-    Raises
-    ------
-    InputError
-        None runs here, or several do.
-    """
+    """Return the endpoint that is given, or that of the one lab that `duralab up` keeps running; refuse none."""
     if (endpoint := endpoint_if_any(given)) is None:
         raise InputError(
             "No lab of yours runs on this machine; start one with `duralab up`, or name one with --connect ENDPOINT.",

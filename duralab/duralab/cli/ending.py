@@ -59,18 +59,7 @@ def _is_closed_terminal(number: int) -> bool:
 
 @contextmanager
 def ended_well(*, as_json: bool = False) -> Iterator[None]:
-    """Turn errors and signals into one sentence on standard error and an exit code.
-
-    Parameters
-    ----------
-    as_json : bool
-        Print the error on standard output as well, as a JSON document in place of the result.
-
-    Raises
-    ------
-    typer.Exit
-        With the code of what went wrong.
-    """
+    """Turn errors and signals into a sentence (with `as_json` a JSON document as well) and typer.Exit with its code."""
     signal.signal(signal.SIGTERM, _on_termination)
     # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -19,13 +19,7 @@ def require_frf_file(path: Path) -> None:
 
 
 def write_frf(model: Model, path: Path, *, replace: bool) -> None:
-    """Write the frequency responses of a model; lines at both ends that were not excited are left out.
-
-    Raises
-    ------
-    InputError
-        No line was identified, or the file cannot be written.
-    """
+    """Write the frequency responses of a model; lines at both ends that were not excited are left out."""
     # Lines without excitation hold NaN; those at both ends are cut off, one in between is an error.
     known = np.flatnonzero(np.isfinite(model.frf).all(axis=(1, 2)))
     if known.size == 0:

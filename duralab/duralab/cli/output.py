@@ -12,13 +12,7 @@ if TYPE_CHECKING:
 
 
 class Output:
-    """Standard output of a command; with `--json` the text goes to standard error instead.
-
-    Parameters
-    ----------
-    as_json : bool
-        Whether a JSON document is asked for.
-    """
+    """Standard output of a command; with `--json` the text goes to standard error instead."""
 
     def __init__(self, as_json: bool) -> None:
         self._as_json = as_json
@@ -43,14 +37,9 @@ class Output:
 
 
 def write_json(document: object, *, on_one_line: bool = False) -> None:
-    """Print a document.
+    """Print a document: paths and enums become strings, nan and infinity null.
 
-    Parameters
-    ----------
-    document : object
-        Of mappings, sequences, strings, numbers and None; paths and enums become strings, nan and infinity null.
-    on_one_line : bool
-        For a command that continues: its reader knows that the document is whole at the end of the line.
+    On one line for a command that continues: its reader knows that the document is whole at the end of the line.
     """
     import json
 

@@ -16,17 +16,7 @@ CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
 
 
 class RunDisplay:
-    """Progress bars of a run; use it in a `with` statement.
-
-    Parameters
-    ----------
-    console : Console
-        Where they are drawn. On a terminal that is none, one line is printed for each new activity instead.
-    iterations : int, optional
-        Most playbacks of the campaign; not shown where it is not known.
-    stages : sequence of Stage
-        A bar for each.
-    """
+    """Progress bars of a run, one a stage; without a terminal one line for each new activity instead."""
 
     def __init__(
         self, console: Console, *, iterations: int | None = None, stages: Sequence[Stage] = CAMPAIGN_STAGES
