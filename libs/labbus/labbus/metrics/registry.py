@@ -101,6 +101,10 @@ class _Family:
 class Metrics:
     """Registry of the metrics of one process. Safe for threads."""
 
+    # Not the registry of prometheus_client, which only serves the page: that one takes one collector a name, while the
+    # rigs of a process share names, and one collector that fails spoils its page. Its labelled counters take three
+    # times as long (1.2 instead of 0.4 us), and every client would import it.
+
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._families: dict[str, _Family] = {}
