@@ -106,7 +106,7 @@ def test_a_wrong_key_or_value_is_found_before_anything_is_run(sweep, sections, t
         ({"axes": {"seed": [1]}, "points": [{"seed": 2}]}, "in two of axes"),
         ({"points": [{"seed": 2}, {"rig": "macpherson"}]}, "different keys"),
         ({"axes": {"seed": {"from": 1}}}, "count is missing"),
-        ({"axis": {"seed": [1]}}, "axis is unknown"),
+        ({"axis": {"seed": [1]}}, "unknown key 'axis'; allowed: name, campaign, "),
         (
             {"search": {"settings": {"update.gain": {"from": 1.0, "to": 0.5}}, "budget": 3, "seed": 1}},
             "below the second",

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
-from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic import Field, TypeAdapter, ValidationError
 
 from duralab.campaign.file import Campaign
 from duralab.campaign.target_edit import EditStep, SourceChannel
 from duralab.campaign.values import ONE_NUMBER, PER_CHANNEL, Section
 from duralab.errors import InputError
 from duralab.near_files import did_you_mean
-from strict_yaml import YamlError, parse_yaml, read_yaml_text
+from strict_yaml import YamlError, explain_validation, parse_yaml, read_yaml_text
 
 _SUFFIX = ".yaml"
-
-# A file may be wrong in tens of thousands of places: a sentence names some of them, and keys and values by their start.
-_MOST_FINDINGS = 20
-_MOST_COMPARED = 200
-_LONGEST_SHOWN = 60
 
 
 def shipped_campaigns() -> list[str]:
@@ -142,99 +134,9 @@ def explained(
     is_part : bool
         Whether keys of the part itself may be missing.
     """
-    findings = error.errors(include_url=False)
-    if is_part:
-        findings = [finding for finding in findings if finding["type"] != "missing" or len(finding["loc"]) > 1]
-    for finding in findings:
-        finding["loc"] = (*place, *finding["loc"])
-    findings = _without_echoes(findings)
-    sentence = "; ".join(_finding(finding) for finding in findings[:_MOST_FINDINGS])
-    if (more := len(findings) - _MOST_FINDINGS) > 0:
-        sentence += f"; {more} more are wrong"
-    return InputError(f"{name}{sentence}{'' if sentence.endswith('?') else '.'}", field=_path(findings[0]["loc"]))
-
-
-def _without_echoes(findings: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Leave out 'x is missing' where an unknown key is most likely x, misspelt."""
-    meant = {
-        (*finding["loc"][:-1], close[0])
-        for finding in findings[:_MOST_COMPARED]
-        if finding["type"] == "extra_forbidden"
-        and (model := _model_at(finding["loc"][:-1])) is not None
-        and (close := get_close_matches(str(finding["loc"][-1])[:_LONGEST_SHOWN], _keys(model), n=1))
-    }
-    return [finding for finding in findings if finding["type"] != "missing" or finding["loc"] not in meant]
-
-
-def _finding(finding: ErrorDetails) -> str:
-    """Put one of pydantic's findings into words: key path, value, what is allowed."""
-    context = finding.get("ctx", {})
-    location, value = tuple(p for p in finding["loc"] if p not in (ONE_NUMBER, PER_CHANNEL)), finding["input"]
-    model, key = _model_at(location[:-1]), str(location[-1]) if location else ""
-    keys = _keys(model) if model else {}
-    description = keys[key].description if key in keys else None
-    hint = f" ({description.rstrip('.')})" if description else ""
-    match finding["type"]:
-        case "extra_forbidden":
-            return _unknown_key(location, model)
-        case "missing":
-            return f"{_path(location)} is missing{hint}"
-        case "value_error":
-            return f"{_path(location)} {context['error']}".strip()
-        case "enum":
-            return f"{_path(location)} is {_shown(value)}; allowed: {context['expected'].replace(' or ', ', ')}{hint}"
-        case "string_pattern_mismatch":
-            return f"{_path(location)} is {_shown(value)}; it must match {context['pattern']}{hint}"
-        case _:
-            wanted = finding["msg"].split("should ", maxsplit=1)[-1]
-            return f"{_path(location)} is {_shown(value)}; it must {wanted}{hint}"
-
-
-def _unknown_key(location: Sequence[int | str], model: type[BaseModel] | None) -> str:
-    key, allowed = str(location[-1]), list(_keys(model)) if model else []
-    place = f" in {_path(location[:-1])}" if location[:-1] else ""
-    close = get_close_matches(key[:_LONGEST_SHOWN], allowed, n=1)
-    guess = f"; did you mean {close[0]!r}?" if close else ""
-    return f"unknown key {_shown(key)}{place}; allowed: {_listed(allowed)}{guess}"
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}…"
-
-
-def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
-    return ", ".join(names)
-
-
-def _path(location: Sequence[int | str]) -> str:
-    parts = (str(part) for part in location if part not in (ONE_NUMBER, PER_CHANNEL))
-    return ".".join(part if len(part) <= _LONGEST_SHOWN else f"{part[: _LONGEST_SHOWN - 3]}…" for part in parts)
-
-
-def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return the fields of a section by the names that the file has for them."""
-    return {field.alias or name: field for name, field in model.model_fields.items()}
-
-
-def _model_at(location: Sequence[int | str]) -> type[BaseModel] | None:
-    """Return the section that stands at a place of the file, or None where no section does."""
-    model: type[BaseModel] = Campaign
-    named_by_user = False
-    for part in location:
-        # The place in a list, or a channel's name: the section is that of the list or of the mapping.
-        if named_by_user or isinstance(part, int):
-            named_by_user = False
-            continue
-        field = _keys(model).get(part)
-        if field is None:
-            return None
-        candidates = (field.annotation, *get_args(field.annotation))
-        section = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
-        if section is None:
-            return None
-        model, named_by_user = section, get_origin(field.annotation) is dict
-    return model
+    hidden = (ONE_NUMBER, PER_CHANNEL)
+    found = explain_validation(error, Campaign, place=place, hidden=hidden, is_part=is_part, joint=" ")
+    return InputError(f"{name}{found.sentence}", field=found.field)
 
 
 class ImportSettings(Section):
