@@ -10,6 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from spectra import drawn_points
+
 WIDTH: Final = 720
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 22, 34
 # Told apart by an eye that sees colours badly, and on black as well as on white.
@@ -126,11 +128,7 @@ def _drawable(curve: Curve, *, x: Axis, y: Axis) -> Curve:
     across, up = curve.x[kept], curve.y[kept]
     columns = WIDTH - _LEFT - _RIGHT
     if across.size > 4 * columns:
-        # Peaks stay: the smallest and the largest of each piece, in the order they come.
-        edges = np.linspace(0, across.size, columns + 1).astype(int)[:-1]
-        pieces = np.split(np.arange(across.size), edges[1:])
-        places = [sorted((piece[up[piece].argmin()], piece[up[piece].argmax()])) for piece in pieces]
-        chosen = np.concatenate([[0], np.ravel(places), [across.size - 1]])
+        chosen = drawn_points(up, -(-up.size // columns))
         across, up = across[chosen], up[chosen]
     return Curve(curve.name, across, up)
 

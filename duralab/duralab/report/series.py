@@ -8,6 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from spectra import piece_extremes
+
 POINTS_PER_PERIOD: Final = 10
 """Of the highest frequency in a curve: its peaks are drawn at 95 % or more."""
 
@@ -74,9 +76,5 @@ def thin_out(samples: np.ndarray, *, sample_rate: float, highest_frequency: floa
     if samples.size <= LARGEST_POINTS * stride:
         return EvenCurve(0.0, stride / sample_rate, samples[::stride], is_envelope=False)
     width = -(-samples.size // (LARGEST_POINTS // 2))
-    bins = -(-samples.size // width)
-    # The last bin is filled with the last sample, which widens no envelope.
-    padded = np.concatenate([samples, np.full(bins * width - samples.size, samples[-1])]).reshape(bins, width)
-    envelope = np.empty(2 * bins)
-    envelope[0::2], envelope[1::2] = padded.min(axis=1), padded.max(axis=1)
+    envelope = samples[piece_extremes(samples, width)].ravel()
     return EvenCurve(width / 4 / sample_rate, width / 2 / sample_rate, envelope, is_envelope=True)

@@ -23,6 +23,7 @@ from spectra.noise_floor import noise_floor
 from spectra.records import as_record, require_sample_rate, shaped_record
 from spectra.running_spectra import CrossSpectra, SpectraEstimate
 from spectra.static_part import dynamic_part, static_levels
+from spectra.thinning import drawn_points, piece_extremes
 from spectra.welch import auto_spectra, cross_spectra, paired_spectra
 from spectra.windows import hann_periodic
 
@@ -39,6 +40,7 @@ __all__ = [
     "count_blocks",
     "crest_factor",
     "cross_spectra",
+    "drawn_points",
     "dynamic_part",
     "filter_whole_record",
     "hann_periodic",
@@ -51,6 +53,7 @@ __all__ = [
     "overlap_save",
     "paired_spectra",
     "peak_ratio",
+    "piece_extremes",
     "pseudo_inverse",
     "relative_rms_error",
     "require_sample_rate",
