@@ -10,14 +10,13 @@ from typing import Any, Final
 from duralab.campaign import Criterion, Judgement, Verdict, compare_with_first
 from duralab.data import DAMAGE_SLOPES, Channel, IterationTable, Model, Signals, counted_slope
 from duralab.errors import InputError
-from duralab.output_files import replace_when_complete, require_other
 from duralab.recording import Recording, open_recording
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.drawing import Figure
 from duralab.report.held_drives import HeldStretch, held_stretches
 from duralab.report.provenance import method_in_words, provenance, source_rows, target_step_rows
-from duralab.report.rendering import render
+from duralab.report.rendering import render, write_page
 
 TONES: Final = {
     Judgement.REACHED: "good",
@@ -48,11 +47,7 @@ def write_report(source: str | Path | Recording, path: str | Path) -> Path:
         The recording cannot be read or holds no playback yet, or `path` is a file of it.
     """
     recording = source if isinstance(source, Recording) else open_recording(source)
-    require_other([Path(path)], read=recording.files)
-    html = render_report(recording)
-    with replace_when_complete(Path(path)) as temporary:
-        temporary.write_text(html, encoding="utf-8")
-    return Path(path)
+    return write_page(path, lambda: render_report(recording), read=recording.files)
 
 
 def render_report(recording: Recording) -> str:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from duralab.analysis import Comparison, Recorded, compare
 from duralab.data import DAMAGE_SLOPES
-from duralab.output_files import replace_when_complete, require_other
 from duralab.report import comparison_figures, load_figures
 from duralab.report.campaign_report import TONES
 from duralab.report.drawing import Figure
-from duralab.report.rendering import render
+from duralab.report.rendering import render, write_page
 from duralab.report.tables import comparison_rows
 
 if TYPE_CHECKING:
@@ -40,11 +39,8 @@ def write_comparison(path: str | Path, recordings: Comparison | Sequence[str | P
         What `compare` refuses, or `path` is a file of one of the recordings.
     """
     comparison = recordings if isinstance(recordings, Comparison) else compare(*recordings)
-    require_other([Path(path)], read=[file for entry in comparison.recordings for file in entry.recording.files])
-    html = render_comparison(comparison)
-    with replace_when_complete(Path(path)) as temporary:
-        temporary.write_text(html, encoding="utf-8")
-    return Path(path)
+    read = [file for entry in comparison.recordings for file in entry.recording.files]
+    return write_page(path, lambda: render_comparison(comparison), read=read)
 
 
 def render_comparison(comparison: Comparison) -> str:

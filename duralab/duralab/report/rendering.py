@@ -3,31 +3,42 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from duralab.output_files import replace_when_complete, require_other
 from duralab.report.drawing import Figure
 
+_PACKAGE: Final = "duralab.report"
 
-def render(template: str, *, figures: Mapping[str, Figure], **values: Any) -> str:
+
+def render(template: str, *, figures: Mapping[str, Figure], package: str = _PACKAGE, **values: Any) -> str:
     """Return a page as HTML.
 
     Parameters
     ----------
     template : str
-        Name of a file of this folder.
+        Name of a file of the package; it may extend a template of this folder.
     figures : mapping of str to Figure
         By the names that the page's plots have: kind, or kind and value joined by a hyphen.
+    package : str
+        Package that has the template.
     **values
-        What the template names.
+        Values that the template names.
+
+    Returns
+    -------
+    str
+        The page: style, script and figures within one file.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("duralab.report", "."),
+        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(name, ".") for name in dict.fromkeys((package, _PACKAGE))]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -62,5 +73,35 @@ def json_in_html(content: object) -> Markup:
     return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))
 
 
+def write_page(path: str | Path, page: Callable[[], str], *, read: Sequence[Path] = ()) -> Path:
+    """Write a page; an existing file is replaced when the new one is complete.
+
+    Parameters
+    ----------
+    path : str or Path
+        The HTML file.
+    page : function
+        Returns the page; called when `path` is found to be another file than those that are read.
+    read : sequence of Path
+        Files that the page is made of.
+
+    Returns
+    -------
+    Path
+        The HTML file.
+
+    Raises
+    ------
+    InputError
+        `path` is one of `read` or cannot be written.
+    """
+    path = Path(path)
+    require_other([path], read=read)
+    html = page()
+    with replace_when_complete(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+    return path
+
+
 def _asset(name: str) -> Markup:
-    return Markup((files("duralab.report") / name).read_text(encoding="utf-8"))
+    return Markup((files(_PACKAGE) / name).read_text(encoding="utf-8"))

@@ -6,18 +6,13 @@ import base64
 import shlex
 from collections.abc import Mapping
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-import jinja2
 import numpy as np
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from duralab.errors import InputError
-from duralab.output_files import replace_when_complete
-from duralab.report import json_in_html
+from duralab.report import render, write_page
 from duralab.sweeps import figures
 from duralab.sweeps.campaign_task import CAMPAIGN
 from duralab.sweeps.results import POINTS, SweepResults
@@ -48,10 +43,7 @@ def write_report(results: SweepResults, path: str | Path) -> Path:
     """
     if not results.rows:
         raise InputError(f"No campaign of the sweep in {results.folder} has ended, so there is nothing to report.")
-    html = render_report(results)
-    with replace_when_complete(Path(path)) as temporary:
-        temporary.write_text(html, encoding="utf-8")
-    return Path(path)
+    return write_page(path, lambda: render_report(results))
 
 
 def render_report(results: SweepResults) -> str:
@@ -62,10 +54,10 @@ def render_report(results: SweepResults) -> str:
     if results.finished:
         drawn["all"] = figures.parallel_coordinates(results)
     ranked = sorted(results.finished, key=lambda row: row[objective])
-    return _template().render(
-        asset=_asset,
-        plotly=Markup(get_plotlyjs()),
-        figures=json_in_html(drawn),
+    return render(
+        "page.html.j2",
+        package="duralab.sweeps",
+        figures=drawn,
         results=results,
         objective=figures.words(objective),
         keys=keys,
@@ -126,18 +118,3 @@ def _costs(results: SweepResults) -> list[tuple[str, str]]:
         ("Processor time of the workers", told("seconds_processor")),
         ("Recordings", f"{size / 2**20:,.0f} MiB"),
     ]
-
-
-def _asset(name: str) -> Markup:
-    return Markup((files("duralab.report") / name).read_text(encoding="utf-8"))
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("duralab.sweeps", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.j2")
