@@ -1,4 +1,8 @@
-"""Values that a script hands in, checked for their type before anything is asked or moved."""
+"""Checks of the arguments of a script, before anything is asked or moved.
+
+Not by `pydantic.validate_call`: it resolves annotations on import, so that xarray would be imported as well,
+takes True for a number, and has no sentence that says what to give instead.
+"""
 
 from __future__ import annotations
 
@@ -21,105 +25,38 @@ T = TypeVar("T")
 
 
 def whole_number(value: object) -> bool:
-    """Tell whether a value is a whole number, one of numpy's too; True and False are none."""
+    """Return whether a value is an integer, also of numpy, but not True or False."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def require_text(value: object, *, field: str) -> None:
-    """Check a text.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    field : str
-        The argument's name.
-
-    Raises
-    ------
-    InputError
-        It is no text.
-    """
+    """Refuse a value that is not a string."""
     if not isinstance(value, str):
         raise InputError(f"{field} is {value!r}; give a text.", field=field)
 
 
 def require_switch(value: object, *, field: str) -> None:
-    """Check a value that is True or False, numpy's too.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    field : str
-        The argument's name.
-
-    Raises
-    ------
-    InputError
-        `value` is neither.
-    """
+    """Refuse a value other than True and False, also of numpy."""
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{field} is {value!r}; give True or False.", field=field)
 
 
 def folder_of(given: str | Path | None, *, usual: Path, field: str = "out") -> Path:
-    """Return the folder that is given, or the usual one where none is.
-
-    Parameters
-    ----------
-    given : str, Path or None
-        What was given.
-    usual : Path
-        Where things go else.
-    field : str
-        The argument's name.
-
-    Raises
-    ------
-    InputError
-        It is no path.
-    """
+    """Return the given folder, or the usual one if none is given; refuse what is not a path."""
     require_path(given, of="a folder", field=field)
     return usual if given is None else Path(given)
 
 
 def require_path(given: object, *, of: str, field: str) -> None:
-    """Check a path that may be left out.
-
-    Parameters
-    ----------
-    given : object
-        What was given.
-    of : str
-        What the path is of, for the error.
-    field : str
-        The argument's name.
-
-    Raises
-    ------
-    InputError
-        It is neither a path nor None.
-    """
+    """Refuse a value that is neither a path nor None; `of` says what the path leads to, e.g. "a folder"."""
     if given is not None and not isinstance(given, str | os.PathLike):
         raise InputError(f"{field} is {given!r}; give the path of {of}, a text or a pathlib.Path.", field=field)
 
 
-def listener(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:
-    """Return what is told of the progress: the function that is given, or one that does nothing.
-
-    Parameters
-    ----------
-    on_progress : callable or None
-        What was given.
-
-    Raises
-    ------
-    InputError
-        It cannot be called.
-    """
+def progress_callback(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:
+    """Return the progress callback, or a no-op if none was given; refuse what cannot be called."""
     if on_progress is None:
-        return _tell_nobody
+        return _ignore
     if not callable(on_progress):
         # Found at the first progress, it would be found after the rig has begun to move.
         raise InputError(
@@ -128,8 +65,8 @@ def listener(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:
     return on_progress
 
 
-def _tell_nobody(progress: object) -> None:
-    """Do nothing with how far it is."""
+def _ignore(progress: object) -> None:
+    """Do nothing."""
     del progress
 
 
@@ -187,17 +124,6 @@ def _require_plain(values: object, *, what: str, field: str) -> None:
 
 
 def require_seed(seed: int) -> None:
-    """Check a seed that comes from a script or an option, as `Seed` does one of a file.
-
-    Parameters
-    ----------
-    seed : int
-        0 to 2^63 - 1.
-
-    Raises
-    ------
-    InputError
-        It is another number, or none.
-    """
+    """Refuse a seed outside 0 to 2^63 - 1, the range of `Seed` in a campaign file."""
     if not (whole_number(seed) and 0 <= seed < 2**63):
         raise InputError(f"The seed is {seed!r}; it must be a whole number from 0 to 2^63 - 1.", field="seed")

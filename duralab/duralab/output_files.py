@@ -29,14 +29,10 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def require_free(paths: Iterable[Path], *, replace: bool) -> None:
-    """Refuse to go on where an output would take the place of an existing file.
-
-    Raises
-    ------
-    InputError
-        Naming the files that are there.
-    """
+def require_outputs(paths: Iterable[Path], *, replace: bool, read: Iterable[Path] = ()) -> None:
+    """Refuse outputs that are files which are read for them, and without `replace` those that exist."""
+    paths = list(paths)
+    require_other(paths, read=read)
     there = [path for path in paths if _is_there(path)]
     if there and not replace:
         raise InputError(
@@ -45,13 +41,7 @@ def require_free(paths: Iterable[Path], *, replace: bool) -> None:
 
 
 def require_other(paths: Iterable[Path], *, read: Iterable[Path]) -> None:
-    """Refuse to write an output over a file that is read for it, by whatever name or link.
-
-    Raises
-    ------
-    InputError
-        Naming the output.
-    """
+    """Refuse an output that is one of the files which are read for it, by whatever name or link."""
     sources = [source for source in read if _is_there(source)]
     for path in filter(_is_there, paths):
         if any(path.samefile(source) for source in sources):

@@ -10,7 +10,7 @@ from test_verdict import table_of
 from duralab.campaign import judge, repeatability_in_words
 from duralab.data import Channel, IterationTable, Signals
 from duralab.errors import InputError
-from duralab.output_files import replace_when_complete, require_free
+from duralab.output_files import replace_when_complete, require_outputs
 from duralab.recording import open_recording
 from duralab.report import write_report
 from duralab.report.model_figures import contributions
@@ -242,5 +242,5 @@ def test_existing_outputs_are_named_and_kept(tmp_path):
     path = tmp_path / "a"
     path.write_text("mine")
     with pytest.raises(InputError, match="would be overwritten; give --replace"):
-        require_free([path, tmp_path / "b"], replace=False)
-    require_free([path], replace=True)
+        require_outputs([path, tmp_path / "b"], replace=False)
+    require_outputs([path], replace=True)

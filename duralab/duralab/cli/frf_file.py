@@ -9,7 +9,7 @@ import numpy as np
 from duralab.data import Model
 from duralab.errors import InputError
 from duralab.formats import Format, FrequencyResponse, format_of, write_frequency_response
-from duralab.output_files import replace_when_complete, require_free
+from duralab.output_files import replace_when_complete, require_outputs
 
 
 def require_frf_file(path: Path) -> None:
@@ -26,6 +26,6 @@ def write_frf(model: Model, path: Path, *, replace: bool) -> None:
         raise InputError(f"{path} is not written: the model holds no line that was identified.")
     lines = slice(int(known[0]), int(known[-1]) + 1)
     response = FrequencyResponse(model.drives, model.responses, model.frequency[lines], model.frf[lines])
-    require_free([path], replace=replace)
+    require_outputs([path], replace=replace)
     with replace_when_complete(path) as temporary:
         write_frequency_response(response, temporary)

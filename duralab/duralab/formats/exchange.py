@@ -16,7 +16,7 @@ from duralab.errors import InputError
 from duralab.formats.errors import FormatError
 from duralab.formats.written import Written
 from duralab.near_files import did_you_mean
-from duralab.output_files import replace_when_complete, require_free
+from duralab.output_files import replace_when_complete, require_outputs
 
 if TYPE_CHECKING:
     from duralab.formats.rpc3_layout import DataType
@@ -173,7 +173,7 @@ def write_signals(
     form = format_of(path, format)
     _require_writable(signals, path)
     arguments = (_rpc3_settings(data_type, form),) if data_type is not None else ()
-    require_free([path], replace=overwrite)
+    require_outputs([path], replace=overwrite)
     writer = _function(_CODECS[form].writer)
     with replace_when_complete(path) as temporary:
         # The suffix tells a drive from a response; the name must differ from the temporary one.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from duralab.arguments import listener, real_numbers, require_seed
+from duralab.arguments import progress_callback, real_numbers, require_seed
 from duralab.campaign import EstimatorSettings, ExcitationSettings, estimator_message, excitation_message
 from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
 from duralab.errors import InputError
@@ -296,7 +296,7 @@ class Identifier:
 
 
 def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
-    tell = listener(on_progress)
+    tell = progress_callback(on_progress)
 
     def report(progress: query_pb2.Progress) -> None:
         tell(RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds))

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duralab.arguments import folder_of, listener, require_text
+from duralab.arguments import folder_of, progress_callback, require_text
 from duralab.campaign import (
     Campaign,
     PartialSettings,
@@ -186,7 +186,7 @@ class Lab(LabRigs):
         """
         end = patience(timeout_seconds, cancel)
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
-        tell = listener(on_progress)
+        tell = progress_callback(on_progress)
         id = free_id(self._ask, plan.name)
         folder = folder_of(out, usual=self.out / id)
         tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
@@ -270,7 +270,7 @@ class Lab(LabRigs):
             folder=lambda name: folder_of(out, usual=self.out / name),
             place=self._recordings,
             replace=replace,
-            tell=listener(on_progress),
+            tell=progress_callback(on_progress),
             patience=patience(timeout_seconds, cancel),
         )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duralab.arguments import listener
+from duralab.arguments import progress_callback
 from duralab.campaign import EstimatorSettings, ExcitationSettings
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError
@@ -172,7 +172,9 @@ class LabRigs:
             It met a limit, or is gone.
         """
         end = patience(timeout_seconds, cancel)
-        return self._play(rig, drive, run=run, seed=seed, real_time=real_time, tell=listener(on_progress), end=end)
+        return self._play(
+            rig, drive, run=run, seed=seed, real_time=real_time, tell=progress_callback(on_progress), end=end
+        )
 
     def _play(
         self,

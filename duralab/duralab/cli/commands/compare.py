@@ -25,16 +25,15 @@ def compare(
 ) -> None:
     """Compare recorded campaigns: what each reached, which settings differ; one HTML file with their curves."""
     from duralab.analysis import compare as put_beside
-    from duralab.output_files import require_free, require_other
+    from duralab.output_files import require_outputs
     from duralab.recording import open_recording
     from duralab.report import write_comparison, write_pdf
 
     if len(recordings) < 2:
         raise InputError(f"{recordings[0]} is the only recording given; give two or more to compare.")
-    outputs = [out, *([pdf] if pdf else [])]
     opened = [open_recording(recording) for recording in recordings]
-    require_other(outputs, read=[file for recording in opened for file in recording.files])
-    require_free(outputs, replace=replace)
+    read = [file for recording in opened for file in recording.files]
+    require_outputs([out, *([pdf] if pdf else [])], read=read, replace=replace)
     comparison = put_beside(*opened)
     write_comparison(out, comparison)
     if pdf is not None:

@@ -33,12 +33,11 @@ def convert(
 ) -> None:
     """Convert a file of signals to another format, and to other units or another sample rate."""
     from duralab.formats import format_of, read_signals, write_signals
-    from duralab.output_files import require_free, require_other
+    from duralab.output_files import require_outputs
 
-    require_other([out], read=[source])
     # A wrong name or a file in the way is said before a long file is read.
     format_of(out, to_format)
-    require_free([out], replace=replace)
+    require_outputs([out], read=[source], replace=replace)
     signals = _resampled(in_units(read_signals(source, format=from_format), units), rate)
     written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
     say_written(Output(as_json), signals, written)

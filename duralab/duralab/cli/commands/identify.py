@@ -40,13 +40,13 @@ def identify(
     from duralab.cli.frf_file import require_frf_file, write_frf
     from duralab.cli.run_display import RunDisplay
     from duralab.lab import Stage
-    from duralab.output_files import require_free
+    from duralab.output_files import require_outputs
 
     output = Output(as_json)
     asked = load_identification(settings)
     if out is not None:
         require_frf_file(out)
-        require_free([out], replace=replace)
+        require_outputs([out], replace=replace)
     with (
         open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab,
         RunDisplay(output.console, stages=(Stage.IDENTIFICATION,)) as display,

@@ -42,7 +42,7 @@ def import_file(
     from duralab.campaign import ImportSettings, load_import_settings
     from duralab.formats import format_of, write_signals
     from duralab.near_files import did_you_mean
-    from duralab.output_files import require_free, require_other
+    from duralab.output_files import require_outputs
     from duralab.target import edit_signals, read_target_file, require_playable
 
     output = Output(as_json)
@@ -53,8 +53,7 @@ def import_file(
         raise InputError(
             f"There is no file {str(source)!r}; give a file of signals{did_you_mean(source)}", field="source"
         )
-    require_other([out], read=[source])
-    require_free([out], replace=replace)
+    require_outputs([out], read=[source], replace=replace)
     with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         described = lab.describe(rig)
     given = read_target_file(source, rig=described, channels=asked.channels)

@@ -59,11 +59,10 @@ def init(
         template_for,
     )
     from duralab.formats import read_signals
-    from duralab.output_files import replace_when_complete, require_free, require_other
+    from duralab.output_files import replace_when_complete, require_outputs
 
     output = Output(as_json)
-    require_other([file], read=[target] if target is not None else [])
-    require_free([file], replace=replace)
+    require_outputs([file], read=[target] if target is not None else [], replace=replace)
     template = template or (template_for(rig) if rig is not None else DEFAULT_TEMPLATE)
     shipped = parse_campaign(shipped_text(template), name=template)
     described, section, missing = None, None, []

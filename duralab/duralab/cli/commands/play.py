@@ -43,13 +43,12 @@ def play(
     from duralab.cli.run_display import RunDisplay
     from duralab.formats import format_of, write_signals
     from duralab.lab import Stage, read_drive_file
-    from duralab.output_files import require_free, require_other
+    from duralab.output_files import require_outputs
 
     output = Output(as_json)
     path = out or drive.with_name(f"{drive.stem}_response.csv")
     format_of(path, None)
-    require_other([path], read=[drive])
-    require_free([path], replace=replace)
+    require_outputs([path], read=[drive], replace=replace)
     with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         signals = read_drive_file(drive, lab.describe(rig), units=units or [])
         with RunDisplay(output.console, stages=(Stage.PLAYBACK,)) as display:

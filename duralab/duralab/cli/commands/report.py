@@ -23,15 +23,13 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write the report of a recording: one HTML file that opens offline."""
-    from duralab.output_files import require_free, require_other
+    from duralab.output_files import require_outputs
     from duralab.recording import open_recording
     from duralab.report import write_pdf, write_report
 
     opened = open_recording(recording)
     path = out or recording.with_name("report.html")
-    outputs = [path, *([pdf] if pdf else [])]
-    require_other(outputs, read=opened.files)
-    require_free(outputs, replace=replace)
+    require_outputs([path, *([pdf] if pdf else [])], read=opened.files, replace=replace)
     write_report(opened, path)
     if pdf is not None:
         write_pdf(opened, pdf)

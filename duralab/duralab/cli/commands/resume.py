@@ -38,7 +38,7 @@ def resume(
     from duralab.campaign import Campaign, PartialSettings, completed, load_settings
     from duralab.cli.campaign_summary import conclude, follow
     from duralab.lab import expected_id, recording_file
-    from duralab.output_files import OUTPUTS, require_free, require_other
+    from duralab.output_files import OUTPUTS, require_outputs
     from duralab.recording import open_recording
 
     output = Output(as_json)
@@ -61,9 +61,7 @@ def resume(
                 # What the lab would refuse is refused before it starts.
                 completed(plan, recording.specification)
             out = out or Path("out") / expected_id(recording, is_changed=plan is not None or from_iteration > 0)
-            outputs = [out / name for name in OUTPUTS]
-            require_other(outputs, read=recording.files)
-            require_free(outputs, replace=replace)
+            require_outputs([out / name for name in OUTPUTS], read=recording.files, replace=replace)
             rig = recording.specification.rig
             lab = stack.enter_context(open_lab(output, None, rigs=[rig], out=out))
             text = f"Campaign of {path} on rig {rig}, in a private lab at {lab.endpoints[0]}, which ends with it."

@@ -44,7 +44,7 @@ def run(
     from duralab.cli.campaign_summary import conclude, follow
     from duralab.cli.live_viewer import open_viewer
     from duralab.lab import DEFAULT_RIGS
-    from duralab.output_files import OUTPUTS, require_free
+    from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
 
     output = Output(as_json)
@@ -56,7 +56,7 @@ def run(
     folder = out or Path("out") / plan.name
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")
-    require_free([folder / name for name in OUTPUTS], replace=replace)
+    require_outputs([folder / name for name in OUTPUTS], replace=replace)
     if endpoint is None:
         require_shipped(plan.rigs, usual=DEFAULT_RIGS)
     with ExitStack() as stack:

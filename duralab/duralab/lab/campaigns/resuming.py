@@ -19,7 +19,7 @@ from duralab.lab.campaigns.running import collect, followed, free_id
 from duralab.lab.client import Asking
 from duralab.lab.deadline import Patience
 from duralab.lab.progress import OnProgress
-from duralab.output_files import OUTPUTS, require_free
+from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from labbus import Bus, FaultError
@@ -191,7 +191,7 @@ def resume_campaign(
             raise
 
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
-        require_free([folder(name) / file for file in OUTPUTS], replace=replace)
+        require_outputs([folder(name) / file for file in OUTPUTS], replace=replace)
         request.new_id = name if name != id else ""
         return followed(ask, name, begin=begin, tell=tell, rescue=rescue(name), patience=patience)
 
