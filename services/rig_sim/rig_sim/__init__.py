@@ -1,8 +1,9 @@
 """Multibody test rigs with servo-hydraulic actuators: Drake is the model and the judge, compiled code plays."""
 
+from duralab_gateway.motion import Block, RigFaultError, Use
 from rig_sim.engines import Engine, EngineChoice
 from rig_sim.loading import load_any_rig
-from rig_sim.playing import Block, KnowsItsFrf, PlayableRig, Playback, Rig, RigFaultError, Use, load_rig
+from rig_sim.playing import KnowsItsFrf, PlayableRig, Playback, Rig, load_rig
 from rig_sim.specimen import Specimen, SpecimenError, load_specimen, shipped_specimens
 
 __all__ = [

@@ -6,9 +6,10 @@
 import json
 import sys
 
+from duralab_gateway import SERVICE
 from labbus import HostedService, service_main
 from rig_sim.loading import shipped_documents, shipped_titles
-from rig_sim.service import SERVICE, RigSimConfig, serve
+from rig_sim.service import RigSimConfig, serve
 
 # The rigs declare themselves live: a specimen's file says its name, the configuration does not.
 HOSTED = HostedService(SERVICE, RigSimConfig, lambda config: lambda bus: serve(bus, config), instances=())

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import labbus
+from duralab_gateway import SERVICE, RigServer
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import rig_pb2
-from rig_sim.service import SERVICE, RigServer
+from rig_sim.bus import simulated
 
 RIG = "front_axle"
 WAIT = 120.0
@@ -75,7 +76,9 @@ class Client:
 @contextmanager
 def served(rig, *, real_time=False):
     with labbus.open_bus(service=SERVICE) as server_bus:
-        server = RigServer(server_bus, rig, labbus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time)
+        server = RigServer(
+            server_bus, simulated(rig), labbus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time
+        )
         server_bus.declare_live(SERVICE, RIG)
         with labbus.open_bus(labbus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:
             bus.wait_for_live({(SERVICE, RIG)}, WAIT)

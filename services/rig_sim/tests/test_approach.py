@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from duralab_gateway.motion import Approach, lead_in, lead_out
 from rig_sim import load_any_rig, shipped_specimens
-from rig_sim.specimen.approach import Approach, lead_in, lead_out
 
 FREE, SLOW = SimpleNamespace(slew_limit=0.0), SimpleNamespace(slew_limit=0.02)
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from duralab_gateway import Approach, check_drive
+from duralab_proto.v1 import array_pb2, rig_pb2
+from labbus import FaultError
 from rig_sim import shipped_specimens
-from rig_sim.playing.drive_check import DriveError, check_drive
-from rig_sim.specimen.approach import Approach
+from rig_sim.bus.simulated_rig import _drive_channel
 from rig_sim.specimen.specimen import Specimen, read_specimen
 from rig_sim.structure.specimen import StructureSpecimen
 
@@ -32,7 +34,18 @@ def ramp(row, share, specimen):
 
 def check(specimen, **changes):
     given = {"names": NAMES, "units": UNITS, "sample_rate": 1000.0, "drive": drive()} | changes
-    check_drive(specimen, given["names"], given["units"], given["sample_rate"], given["drive"])
+    check_against(specimen, given["names"], given["units"], given["sample_rate"], given["drive"])
+
+
+def check_against(specimen, names, units, sample_rate, drive):
+    description = rig_pb2.RigDescription(
+        rig=specimen.name,
+        sample_rate=specimen.sample_rate,
+        longest_drive_seconds=specimen.longest_drive,
+        drives=[_drive_channel(channel) for channel in specimen.drives],
+    )
+    channels = [array_pb2.Channel(name=name, unit=unit) for name, unit in zip(names, units, strict=False)]
+    check_drive(description, channels, sample_rate, drive, steps_in=specimen.approach.ramp == 0.0)
 
 
 def test_a_good_drive_passes(front_axle):
@@ -70,9 +83,9 @@ def test_a_good_drive_passes(front_axle):
     ],
 )
 def test_a_bad_drive_is_refused_with_value_and_limit(front_axle, changes, field, said):
-    with pytest.raises(DriveError) as caught:
+    with pytest.raises(FaultError) as caught:
         check(front_axle.specimen, **changes)
-    assert caught.value.field == field
+    assert (caught.value.code_name, caught.value.field) == ("INVALID_ARGUMENT", field)
     message = str(caught.value)
     assert message.endswith(".")
     assert "\n" not in message
@@ -82,7 +95,7 @@ def test_a_bad_drive_is_refused_with_value_and_limit(front_axle, changes, field,
 
 def test_a_drive_that_is_too_fast_is_refused(front_axle):
     limit = front_axle.specimen.drives[4].slew_limit
-    with pytest.raises(DriveError) as caught:
+    with pytest.raises(FaultError) as caught:
         check(front_axle.specimen, drive=ramp(4, 1.01, front_axle.specimen))
     assert f"right_lateral moves at {1.01 * limit:.3g} m/s" in str(caught.value)
     assert str(caught.value).endswith(f"allowed {limit:g}.")
@@ -94,21 +107,21 @@ def test_a_drive_may_begin_and_end_anywhere_within_its_limits(front_axle):
 
 def test_the_first_sample_is_a_step_from_zero_where_the_rig_has_no_ramp(front_axle):
     blunt = front_axle.specimen.model_copy(update={"approach": Approach(ramp=0.0)})
-    with pytest.raises(DriveError, match=r"left_lateral moves at 3 m/s at 0\.000 s"):
+    with pytest.raises(FaultError, match=r"left_lateral moves at 3 m/s at 0\.000 s"):
         check(blunt, drive=np.full((6, 100), 0.003))
 
 
 def test_all_channels_beyond_their_limits_are_named_at_once(front_axle):
     given = spoiled(0, 5, 1.0)
     given[3, 7] = -2.0
-    with pytest.raises(DriveError, match=r"left_vertical is 1 m at 0\.005 s.*; right_vertical is -2 m at 0\.007 s"):
+    with pytest.raises(FaultError, match=r"left_vertical is 1 m at 0\.005 s.*; right_vertical is -2 m at 0\.007 s"):
         check(front_axle.specimen, drive=given)
 
 
 def test_a_channel_without_slew_limit_may_step(predecessor):
     specimen = predecessor.specimen
     names, units = [c.name for c in specimen.drives], [c.unit for c in specimen.drives]
-    check_drive(specimen, names, units, 1000.0, np.full((8, 100), 0.05))
+    check_against(specimen, names, units, 1000.0, np.full((8, 100), 0.05))
 
 
 @pytest.mark.parametrize(
@@ -129,6 +142,6 @@ def test_before_it_plays_a_drive_is_held_to_stroke_velocity_force_and_slew(rig, 
     drive = np.zeros((len(specimen.drives), 200))
     drive[row, 100:] = change
     names, units = [c.name for c in specimen.drives], [c.unit for c in specimen.drives]
-    with pytest.raises(DriveError) as caught:
-        check_drive(specimen, names, units, specimen.sample_rate, drive)
+    with pytest.raises(FaultError) as caught:
+        check_against(specimen, names, units, specimen.sample_rate, drive)
     assert str(caught.value) == f"the drive is beyond the limits of {rig}: {said}."

@@ -4,11 +4,11 @@ import numpy as np
 from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
+from duralab_gateway.motion import to_poses
+from duralab_gateway.pose_stream import PoseStream
 from rig_sim import shipped_specimens
-from rig_sim.bus.pose_stream import PoseStream
 from rig_sim.checks.proof import random_state
 from rig_sim.multibody.drake_reader import load_plant
-from rig_sim.view.poses import to_poses
 
 
 def test_poses_are_drakes(rig):
@@ -57,10 +57,10 @@ class Wire:
 
 def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
     wire = Wire()
-    stream = PoseStream(wire, "front_axle", front_axle.poses)
+    stream = PoseStream(wire, "front_axle")
     stream.begin("a")
     for sample in range(1, 2001):
-        stream.add(sample / 1000.0, front_axle.rest[: front_axle.model.position_count])
+        stream.add(sample / 1000.0, lambda: front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count]))
     stream.flush()
     times = np.concatenate([np.frombuffer(block.time.data) for block in wire.sent])
     assert 110 <= len(times) <= 120

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from served_rig import WAIT, served, wave
 
+import duralab_gateway.playback_session
+import duralab_gateway.publishing
 import labbus
-import rig_sim.bus.playback_session
+from duralab_gateway.interlock import Interlock
+from duralab_gateway.motion import Block, RigFaultError
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
-from rig_sim.bus.interlock import Interlock
-from rig_sim.playing.playback import Block
-from rig_sim.playing.player import Playback, RigFaultError
+from rig_sim.playing.player import Playback
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def in_background(client, run, drive, *, real_time):
 def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_time, monkeypatch):
     """Whatever this machine does meanwhile: counted in samples played after the stop was heard."""
     looked = []
-    watched = rig_sim.bus.playback_session.WatchdogMonitor.first_trip
+    watched = duralab_gateway.playback_session.WatchdogMonitor.first_trip
 
     def watching(*arguments, **options):
         looked.append((options["first_sample"], options["response"].shape[1]))
@@ -43,7 +44,7 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_tim
             client.server.stop("enough")
         return watched(*arguments, **options)
 
-    monkeypatch.setattr(rig_sim.bus.playback_session.WatchdogMonitor, "first_trip", watching)
+    monkeypatch.setattr(duralab_gateway.playback_session.WatchdogMonitor, "first_trip", watching)
     drive = wave(20.0)
     run = f"stopped-{real_time}".lower()
     assert client.fault(run, drive, real_time=real_time).code_name == "CANCELLED"
@@ -62,14 +63,14 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_tim
 def test_a_paced_playback_waits_for_its_time_before_every_slice(client, monkeypatch):
     """What makes samples milliseconds: after each slice it waits until the clock has come to its end."""
     waits = []
-    real = rig_sim.bus.playback_session._Clock.ahead
+    real = duralab_gateway.publishing.Clock.ahead
 
     def ahead(clock, block):
         seconds = real(clock, block)
         waits.append((block.end, time.monotonic() - clock._started + seconds))
         return seconds
 
-    monkeypatch.setattr(rig_sim.bus.playback_session._Clock, "ahead", ahead)
+    monkeypatch.setattr(duralab_gateway.publishing.Clock, "ahead", ahead)
     client.play("waits", wave(0.5), real_time=True)
     # Those of the drive; the way back to zero keeps to the same clock.
     assert [end for end, _ in waits][:25] == list(range(20, 501, 20))
@@ -160,8 +161,8 @@ def test_a_defect_within_a_drive_latches_the_rig(client, monkeypatch):
 
 def test_the_time_that_a_playback_waits_for_room_is_none_of_its_clock(monkeypatch):
     now = 100.0
-    monkeypatch.setattr(rig_sim.bus.playback_session, "time", SimpleNamespace(monotonic=lambda: now))
-    clock = rig_sim.bus.playback_session._Clock(1000.0, real_time=True)
+    monkeypatch.setattr(duralab_gateway.publishing, "time", SimpleNamespace(monotonic=lambda: now))
+    clock = duralab_gateway.publishing.Clock(1000.0, real_time=True)
     now = 130.0
     empty = np.zeros((1, 20))
     first, second = (Block(at, empty, empty, empty, empty) for at in (0, 20))
@@ -222,14 +223,14 @@ def test_a_rig_of_a_lab_in_real_time_paces_every_drive_and_answers_the_same_byte
     fast = client.play("at-full-speed", drive)
     with served(front_axle, real_time=True) as paced:
         ends = []
-        real = rig_sim.bus.playback_session._Clock.ahead
+        real = duralab_gateway.publishing.Clock.ahead
 
         def ahead(clock, block):
             seconds = real(clock, block)
             ends.append((block.end / 1000.0, time.monotonic() - clock._started + seconds))
             return seconds
 
-        monkeypatch.setattr(rig_sim.bus.playback_session._Clock, "ahead", ahead)
+        monkeypatch.setattr(duralab_gateway.publishing.Clock, "ahead", ahead)
         result = paced.play("asked-for-full-speed", drive)
         assert ends
         assert all(until >= end - 1e-3 for end, until in ends)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig_sim.specimen.watchdogs import Range, Source, WatchdogLimits, WatchdogMonitor, set_up_watchdogs
+from duralab_gateway.motion import Source, WatchdogMonitor
+from rig_sim.specimen.watchdogs import Range, WatchdogLimits, set_up_watchdogs
 
 
 def dogs(**limits):

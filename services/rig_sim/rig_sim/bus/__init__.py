@@ -1,14 +1,11 @@
-"""A rig's part of the contract: interlock, playback with its signal stream, poses, view and FRF."""
+"""A simulated rig in the contract's words: what the gateway serves, its shapes and lines for a view."""
 
-from rig_sim.bus.frf_query import answer_frf
-from rig_sim.bus.interlock import Interlock
-from rig_sim.bus.playback_session import PlaybackSession, published_samples
+from rig_sim.bus.simulated_rig import SimulatedRig, describe_rig, simulated
 from rig_sim.bus.view_messages import describe_view
 
 __all__ = [
-    "Interlock",
-    "PlaybackSession",
-    "answer_frf",
+    "SimulatedRig",
+    "describe_rig",
     "describe_view",
-    "published_samples",
+    "simulated",
 ]

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim.multibody.tree import Pose
@@ -21,7 +22,6 @@ from rig_sim.view.geometry import (
     ShapeRole,
     SphereSolid,
 )
-from rig_sim.view.poses import to_poses
 
 _ROLES: Final = {
     ShapeRole.SPECIMEN: rig_pb2.SHAPE_ROLE_SPECIMEN,

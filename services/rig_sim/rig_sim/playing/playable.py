@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from rig_sim.playing.actuator_use import Use
-from rig_sim.playing.playback import Block
-from rig_sim.specimen.approach import Approach
+from duralab_gateway.motion import Approach, DrivePlayback, Watchdog
 from rig_sim.specimen.specimen import InputChannel, Quantity
-from rig_sim.specimen.watchdogs import Watchdog, WatchdogLimits
+from rig_sim.specimen.watchdogs import WatchdogLimits
+
+#: Samples of every block of a playback but the last, where the engine is fast.
+BLOCK_SAMPLES = 100
 
 
 class Response(Protocol):
@@ -92,41 +93,6 @@ class PlayableSpecimen(Protocol):
         ...
 
 
-class PlayableRun(Protocol):
-    """A playback: iterate over `approach()`, then `blocks()`; then read `response` and `uses()`."""
-
-    #: May be made smaller before it plays.
-    block_samples: int
-    #: Measured (responses, samples); filled as blocks are played.
-    response: np.ndarray
-
-    @property
-    def samples_done(self) -> int:
-        """Samples of the drive that were played."""
-        ...
-
-    @property
-    def rests_at_zero(self) -> bool:
-        """Whether all drives are at zero, so that there is nothing to ramp down."""
-        ...
-
-    def approach(self) -> Iterator[Block]:
-        """Go to the drive's first sample and settle there, block by block."""
-        ...
-
-    def blocks(self) -> Iterator[Block]:
-        """Play on, block by block."""
-        ...
-
-    def ramp_down(self) -> Iterator[Block]:
-        """From where the playback was left, bring all drives to zero."""
-        ...
-
-    def uses(self) -> list[Use]:
-        """Return how every drive channel was used so far."""
-        ...
-
-
 class PlayableRig(Protocol):
     """A rig that is ready to play."""
 
@@ -160,13 +126,13 @@ class PlayableRig(Protocol):
         """SHA-256 of everything that decides what it answers."""
         ...
 
-    def playback(self, drive: np.ndarray, *, seed: int) -> PlayableRun:
+    def playback(self, drive: np.ndarray, *, seed: int) -> DrivePlayback:
         """Return a playback of a checked drive (drives, samples) that has not begun yet."""
         ...
 
 
 @runtime_checkable
-class KnowsItsFrf(Protocol):
+class KnowsItsFrf(PlayableRig, Protocol):
     """A rig whose FRF is known in closed form."""
 
     def sampled_frf(self, frequency: np.ndarray) -> np.ndarray:

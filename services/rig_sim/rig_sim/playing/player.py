@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, Use, Watchdog, when
 from rig_sim.checks.equilibrium import find_equilibrium
 from rig_sim.checks.linearisation import linearise
 from rig_sim.checks.proof import Proof, prove
@@ -21,22 +22,18 @@ from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.model.assembly import assemble
 from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.playing.actuator_use import Use, UseMeter
+from rig_sim.playing.actuator_use import UseMeter
 from rig_sim.playing.faults import Fault, FaultySensors, break_specimen
-from rig_sim.playing.playback import BLOCK_SAMPLES, Block, DrivePlayback
+from rig_sim.playing.playable import BLOCK_SAMPLES
 from rig_sim.playing.software import software_hash
 from rig_sim.specimen.documents import document_files
 from rig_sim.specimen.specimen import Specimen, SpecimenError, load_specimen
-from rig_sim.specimen.watchdogs import Watchdog, set_up_watchdogs, when
+from rig_sim.specimen.watchdogs import set_up_watchdogs
 from rig_sim.view.geometry import ViewGeometry, view_geometry
 from rig_sim.view.poses import Poses
 
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20
-
-
-class RigFaultError(RuntimeError):
-    """A playback that could not be brought to its end, in one sentence."""
 
 
 @dataclass(frozen=True)
@@ -215,6 +212,10 @@ class Playback(DrivePlayback):
     def positions(self) -> np.ndarray:
         """Drake's positions (n_q,) after what is played so far."""
         return self._state[: self._rig.model.position_count]
+
+    def frames(self) -> np.ndarray:
+        """Return where the bodies are, (bodies, 12)."""
+        return self._rig.poses.frames(self.positions)
 
     def uses(self) -> list[Use]:
         """Return how every drive channel was used by the drive so far; ramps do not count."""

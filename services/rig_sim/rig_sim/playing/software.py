@@ -1,4 +1,4 @@
-"""What this simulator is made of: part of every rig's content hash, so that no change of the equations is forgotten."""
+"""What plays a simulated rig: part of its content hash, so that no change of the equations is forgotten."""
 
 from __future__ import annotations
 
@@ -9,33 +9,36 @@ from importlib.resources import files
 from pathlib import Path
 
 _PACKAGE = "rig_sim"
-_OWN_IMPORT = re.compile(rf"^[ ]*from {_PACKAGE}(?:\.\w+)* import (?:\(([^)]*)\)|(.*))\n", re.MULTILINE)
+#: Ways in and out, and the blocks of a playback.
+_MOTION = "duralab_gateway.motion"
+_OWN_IMPORT = re.compile(rf"^[ ]*from (?:{_PACKAGE}|{_MOTION})(?:\.\w+)* import (?:\(([^)]*)\)|(.*))\n", re.MULTILINE)
 _OWN_MODULE = re.compile(rf"\b{_PACKAGE}\.(?:\w+\.)*(?=\w)")
 
 
 @cache
 def software_hash() -> str:
-    """Return the SHA-256 of this package's own sources; any change of them may change what a rig answers.
+    """Return the SHA-256 of the sources that play a rig; any change of them may change what it answers.
 
-    Where a module lies in the package does not count: one that only moves leaves every rig's content hash as it is.
+    Where a module lies does not count: one that only moves leaves every rig's content hash as it is.
     """
-    return sources_hash(Path(str(files(_PACKAGE))))
+    return sources_hash(Path(str(files(_PACKAGE))), Path(str(files(_MOTION))))
 
 
-def sources_hash(folder: Path) -> str:
-    """Return the SHA-256 of the modules in a folder: what they say and which names they import, not where they lie.
+def sources_hash(*folders: Path) -> str:
+    """Return the SHA-256 of the modules in folders: what they say and which names they import, not where they lie.
 
     Parameters
     ----------
-    folder : Path
-        Of a copy of this package. The `__init__.py` do not count: they only name what is said elsewhere.
+    *folders : Path
+        Of copies of this package and of `duralab_gateway.motion`. The `__init__.py` do not count: they only name what
+        is said elsewhere.
 
     Returns
     -------
     str
         In hexadecimal digits.
     """
-    modules = [_module_hash(path) for path in folder.rglob("*.py") if path.name != "__init__.py"]
+    modules = [_module_hash(path) for folder in folders for path in folder.rglob("*.py") if path.name != "__init__.py"]
     return hashlib.sha256("\n".join(sorted(modules)).encode()).hexdigest()
 
 

@@ -14,6 +14,7 @@ from typing import Annotated, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from duralab_gateway.motion import Approach
 from rig_sim.compile.runge_kutta import Method
 from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
 from rig_sim.elements.rubber import RubberLaw
@@ -22,7 +23,6 @@ from rig_sim.elements.tyre import TyreLaw
 from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
 from rig_sim.hydraulics.supply import Supply
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
-from rig_sim.specimen.approach import Approach
 from rig_sim.specimen.documents import SpecimenError, read_document
 from rig_sim.specimen.quantities import UNIT_OF, Quantity
 from rig_sim.specimen.responses import KINDS, SPINDLE, ResponseChannel

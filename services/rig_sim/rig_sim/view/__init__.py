@@ -1,11 +1,10 @@
 """What a 3-D view of a rig shows: where its bodies are, their shapes, and the lines of its elements."""
 
 from rig_sim.view.geometry import ViewGeometry, view_geometry
-from rig_sim.view.poses import Poses, to_poses
+from rig_sim.view.poses import Poses
 
 __all__ = [
     "Poses",
     "ViewGeometry",
-    "to_poses",
     "view_geometry",
 ]

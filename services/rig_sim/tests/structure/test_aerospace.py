@@ -7,8 +7,10 @@ import pytest
 import yaml
 
 import rig_sim.structure.rig
+from duralab_gateway import check_drive
+from labbus import FaultError
+from rig_sim.bus import describe_rig
 from rig_sim.loading import load_any_rig
-from rig_sim.playing.drive_check import DriveError, check_drive
 from rig_sim.specimen.specimen import SpecimenError, shipped_specimens
 from rig_sim.structure import finite_elements
 
@@ -137,11 +139,11 @@ def test_the_ramp_down_goes_on_without_a_seam_and_ends_at_zero(tmp_path):
 
 
 def test_a_force_beyond_the_shaker_is_refused(aerospace):
-    names = [channel.name for channel in aerospace.specimen.drives]
+    description = describe_rig(aerospace)
     drive = np.zeros((4, 10))
     drive[2, 5] = 21.0
-    with pytest.raises(DriveError, match="nose is 21 N"):
-        check_drive(aerospace.specimen, names, ["N"] * 4, 512.0, drive)
+    with pytest.raises(FaultError, match="nose is 21 N"):
+        check_drive(description, description.drives, 512.0, drive)
 
 
 def test_what_it_answers_has_a_hash_of_its_own(tmp_path, aerospace):

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from duralab_gateway import answer_frf
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import rig_pb2
 from labbus import FaultError
-from rig_sim.bus.frf_query import answer_frf
+from rig_sim.bus import describe_rig
 from rig_sim.loading import load_any_rig
 from rig_sim.specimen.specimen import shipped_specimens
 
@@ -17,7 +18,9 @@ def aerospace():
 
 
 def asked(rig, frequency):
-    return answer_frf(rig, rig_pb2.RigFrfRequest(frequency=to_array(np.asarray(frequency, dtype=float))))
+    return answer_frf(
+        rig, describe_rig(rig), rig_pb2.RigFrfRequest(frequency=to_array(np.asarray(frequency, dtype=float)))
+    )
 
 
 def test_the_answer_is_the_sampled_frf_at_the_lines_asked_for(aerospace):

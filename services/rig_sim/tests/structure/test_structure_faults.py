@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from duralab_gateway.motion import WatchdogMonitor
 from rig_sim import SpecimenError, load_any_rig, shipped_specimens
 from rig_sim.playing.faults import Fault
 from rig_sim.specimen.specimen import Specimen, read_specimen
-from rig_sim.specimen.watchdogs import WatchdogMonitor
 
 PATH = shipped_specimens()["aerospace"]
 

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from duralab_gateway.rig import KnowsItsFrf
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import query_pb2, rig_pb2
 from labbus import FaultError
-from rig_sim.playing.playable import KnowsItsFrf, PlayableRig
 
 #: Of one answer; each line of a 6 by 4 rig takes 384 bytes.
 MOST_LINES = 200_000
 
 
-def answer_frf(rig: PlayableRig, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
+def answer_frf(rig: object, description: rig_pb2.RigDescription, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
     """Answer the query.
 
     Parameters
     ----------
-    rig : PlayableRig
-        The rig that is asked.
+    rig : object
+        The rig that is asked; it may know its FRF, see `KnowsItsFrf`.
+    description : rig_pb2.RigDescription
+        Of the rig.
     request : rig_pb2.RigFrfRequest
         Frequencies in Hz.
 
@@ -33,7 +35,7 @@ def answer_frf(rig: PlayableRig, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigF
     FaultError
         UNIMPLEMENTED where the rig does not know its FRF, INVALID_ARGUMENT where a frequency is none of its own.
     """
-    name, rate = rig.specimen.name, rig.specimen.sample_rate
+    name, rate = description.rig, description.sample_rate
     if not isinstance(rig, KnowsItsFrf):
         raise FaultError(
             query_pb2.FAULT_CODE_UNIMPLEMENTED,
@@ -53,4 +55,6 @@ def answer_frf(rig: PlayableRig, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigF
             field="frequency",
         )
     frf = rig.sampled_frf(frequency)
-    return rig_pb2.RigFrf(rig=name, frequency=to_array(frequency), frf=to_array(frf), content_hash=rig.content_hash)
+    return rig_pb2.RigFrf(
+        rig=name, frequency=to_array(frequency), frf=to_array(frf), content_hash=description.content_hash
+    )

@@ -9,15 +9,13 @@ from collections.abc import Sequence
 from typing import Annotated, Protocol
 
 import numpy as np
-from pydantic import BaseModel, Field
-
-from rig_sim.parameters import STRICT
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Approach(BaseModel):
     """Times of a rig's way to a drive's first sample and back; a slew limit makes a ramp longer."""
 
-    model_config = STRICT
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     #: From rest to the first sample, in s; 0 for a rig that may begin with a step.
     ramp: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0

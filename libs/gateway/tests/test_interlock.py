@@ -4,10 +4,10 @@ import threading
 
 import pytest
 
-import rig_sim.bus.interlock
+import duralab_gateway.interlock
+from duralab_gateway.interlock import LONGEST_REASON, Interlock
 from duralab_proto.v1 import rig_pb2
 from labbus import FaultError
-from rig_sim.bus.interlock import LONGEST_REASON, Interlock
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_one_playback_at_a_time_and_no_name_twice(interlock):
 
 
 def test_the_memory_of_names_is_bounded(interlock, monkeypatch):
-    monkeypatch.setattr(rig_sim.bus.interlock, "REMEMBERED_RUNS", 3)
+    monkeypatch.setattr(duralab_gateway.interlock, "REMEMBERED_RUNS", 3)
     for number in range(5):
         interlock.begin(f"run{number}")
         interlock.end()
@@ -79,7 +79,7 @@ def test_rest_is_waited_for(interlock):
 
 
 def test_a_rig_that_does_not_come_to_rest_is_told_of(interlock, monkeypatch):
-    monkeypatch.setattr(rig_sim.bus.interlock, "REST_SECONDS", 0.05)
+    monkeypatch.setattr(duralab_gateway.interlock, "REST_SECONDS", 0.05)
     interlock.begin("a")
     with pytest.raises(FaultError, match=r"run 'a' has not come to rest in 0\.05 s") as caught:
         interlock.wait_for_rest()
@@ -117,7 +117,7 @@ def test_a_reset_is_done_once(interlock, monkeypatch):
     with pytest.raises(FaultError, match="'first' of bench was done before") as caught:
         interlock.claim("first")
     assert (caught.value.code_name, caught.value.field) == ("ALREADY_EXISTS", "command")
-    monkeypatch.setattr(rig_sim.bus.interlock, "REMEMBERED_RUNS", 2)
+    monkeypatch.setattr(duralab_gateway.interlock, "REMEMBERED_RUNS", 2)
     for command in ("second", "third"):
         interlock.claim(command)
     # The memory is bounded, and a run may have the name that a reset had.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
 from labbus import Bus, SpoolSpace
-from rig_sim.view.poses import Poses, to_poses
 
 LARGEST_RATE = 60.0
 _POSES = 10
@@ -18,9 +20,8 @@ _KEPT_BYTES = 2**20
 class PoseStream:
     """Gathers and publishes the poses of one rig."""
 
-    def __init__(self, bus: Bus, rig: str, poses: Poses) -> None:
+    def __init__(self, bus: Bus, rig: str) -> None:
         self._publisher = bus.publisher(bus.keys.rig_pose(rig), spools=SpoolSpace(8 * _KEPT_BYTES))
-        self._poses = poses
         self.begin("")
 
     def begin(self, run: str) -> None:
@@ -30,13 +31,13 @@ class PoseStream:
         self._frames: list[np.ndarray] = []
         self._next = 0.0
 
-    def add(self, seconds: float, positions: np.ndarray) -> None:
-        """Take Drake's positions (n_q,) at a time of the run; left out where they come too often."""
-        if seconds < self._next:
+    def add(self, seconds: float, frames: Callable[[], np.ndarray | None]) -> None:
+        """Take the frames (bodies, 12) at a time of the run; not asked for where they would come too often."""
+        if seconds < self._next or (shown := frames()) is None:
             return
         self._next = seconds + 1.0 / LARGEST_RATE
         self._times.append(seconds)
-        self._frames.append(self._poses.frames(positions))
+        self._frames.append(shown)
         if len(self._times) >= _POSES:
             self.flush()
 

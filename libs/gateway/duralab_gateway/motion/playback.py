@@ -5,14 +5,35 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from rig_sim.specimen.approach import Approach, lead_in, lead_out
-from rig_sim.specimen.specimen import InputChannel
+from duralab_gateway.motion.approach import Approach, lead_in, lead_out
+from duralab_gateway.motion.use import Use
 
-#: Of every block but the last.
-BLOCK_SAMPLES = 100
+
+class RigFaultError(RuntimeError):
+    """A playback that could not be brought to its end, in one sentence."""
+
+
+class DriveChannel(Protocol):
+    """A drive channel: its limits, as far as a playback needs them."""
+
+    @property
+    def minimum(self) -> float:
+        """Lower limit, in the channel's unit."""
+        ...
+
+    @property
+    def maximum(self) -> float:
+        """Upper limit, in the channel's unit."""
+        ...
+
+    @property
+    def slew_limit(self) -> float:
+        """Largest rate, in unit per second; 0 where none is stated."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -30,7 +51,7 @@ class Block:
     following_error : ndarray, shape (drives, samples)
         For watchdogs: command less achieved value, in the drive's unit, zero where no actuator follows.
     monitored : ndarray, shape (values, samples)
-        For watchdogs: the monitored values of the elements, in the order of the model's outputs.
+        For watchdogs: monitored values, in the order that their watchdogs know.
     """
 
     first_sample: int
@@ -46,14 +67,14 @@ class Block:
 
 
 class DrivePlayback(ABC):
-    """One playback under way: iterate over `blocks()` to its end, then read `response`.
+    """One playback under way: iterate over `approach()`, then `blocks()`; then read `response` and `uses()`.
 
     Parameters
     ----------
     drive : (drives, samples)
         Checked, each row in its channel's unit.
-    channels : sequence of InputChannel
-        Its drives.
+    channels : sequence of DriveChannel
+        Its drives, in order.
     approach : Approach
         Of the rig.
     sample_rate : float
@@ -68,7 +89,7 @@ class DrivePlayback(ABC):
         self,
         drive: np.ndarray,
         *,
-        channels: Sequence[InputChannel],
+        channels: Sequence[DriveChannel],
         approach: Approach,
         sample_rate: float,
         responses: int,
@@ -83,7 +104,7 @@ class DrivePlayback(ABC):
         self._next = 1 - self._lead_in.shape[1]
         # What the rig is on its way to: linear between samples, it looks one ahead.
         self._heading = np.zeros(len(self._drive))
-        #: May be made smaller before it plays; the bytes of an engine with fixed steps do not depend on it.
+        #: May be made smaller before it plays, see `cut`; the bytes of an engine with fixed steps do not depend on it.
         self.block_samples = block_samples
         self.response = np.empty((responses, self._drive.shape[1]))
 
@@ -96,6 +117,14 @@ class DrivePlayback(ABC):
     def rests_at_zero(self) -> bool:
         """Whether all drives are at zero, so that there is nothing to ramp down."""
         return not self._heading.any()
+
+    def cut(self, seconds: float) -> None:
+        """Play blocks no longer than so many seconds, so that a playback in real time hears of a stop soon."""
+        self.block_samples = min(self.block_samples, max(round(seconds * self._rate), 1))
+
+    def frames(self) -> np.ndarray | None:
+        """Return where the bodies are now, (bodies, 12): rotation row by row, then origin in m; None without bodies."""
+        return None
 
     def approach(self) -> Iterator[Block]:
         """Go from rest to the drive's first sample and settle there, block by block; nothing where that is zero."""
@@ -111,7 +140,7 @@ class DrivePlayback(ABC):
         Raises
         ------
         RigFaultError
-            Where a piston meets its end stop or the motion is no longer finite; names it and the time.
+            Where the rig cannot go on; names what happened and when.
         """
         for _ in self.approach():
             pass
@@ -121,7 +150,7 @@ class DrivePlayback(ABC):
             # Nothing follows the last sample; its value is held.
             ahead = self._drive[:, min(end, samples - 1)]
             block = self._go_on(np.column_stack([self._drive[:, first:end], ahead]), counted=True)
-            self.response[:, first:end] = block.response
+            self.response[:, first : block.end] = block.response
             yield block
 
     def ramp_down(self) -> Iterator[Block]:
@@ -152,6 +181,10 @@ class DrivePlayback(ABC):
         return ratios
 
     @abstractmethod
+    def uses(self) -> list[Use]:
+        """Return how every drive channel used its actuator so far; ramps do not count."""
+
+    @abstractmethod
     def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
         """Play the columns of `commands` but the last, which they lead to; return them with what the sensors say.
 
@@ -160,6 +193,7 @@ class DrivePlayback(ABC):
 
     def _go_on(self, commands: np.ndarray, *, counted: bool) -> Block:
         block = self._advance(commands, self._next, counted=counted)
-        self._heading = commands[:, -1]
+        # A rig that is stopped may break a block off.
+        self._heading = commands[:, block.end - self._next]
         self._next = block.end
         return block

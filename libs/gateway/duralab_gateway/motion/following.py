@@ -1,0 +1,120 @@
+"""The playback of a rig that follows commands: what a controller does with a piece of a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from duralab_gateway.motion.approach import Approach
+from duralab_gateway.motion.playback import Block, DriveChannel, DrivePlayback, RigFaultError
+from duralab_gateway.motion.use import Use
+from duralab_gateway.motion.watchdogs import when
+
+
+class NamedChannel(DriveChannel, Protocol):
+    """A drive channel with its name."""
+
+    @property
+    def name(self) -> str:
+        """Name of the channel."""
+        ...
+
+
+class FollowedDrive(DrivePlayback):
+    """A playback whose blocks are commands to a controller, and its measurements.
+
+    Parameters
+    ----------
+    follow : callable
+        Plays commands (drives, samples) and returns the measured (responses, samples). It may return fewer samples
+        where `stopped` says that the run is to end.
+    drive : (drives, samples)
+        Checked, each row in its channel's unit.
+    channels : sequence of NamedChannel
+        Its drives.
+    response_names : sequence of str
+        Names of the measured channels.
+    approach : Approach
+        Ways to the first sample and back.
+    sample_rate : float
+        In Hz.
+    block_samples : int
+        Samples of every call of `follow` but the last.
+    stopped : callable
+        Whether the run has to end.
+    frames : callable
+        Where the bodies are now; see `DrivePlayback.frames`.
+    """
+
+    def __init__(
+        self,
+        follow: Callable[[np.ndarray], np.ndarray],
+        drive: np.ndarray,
+        *,
+        channels: Sequence[NamedChannel],
+        response_names: Sequence[str],
+        approach: Approach,
+        sample_rate: float,
+        block_samples: int,
+        stopped: Callable[[], bool],
+        frames: Callable[[], np.ndarray | None] = lambda: None,
+    ) -> None:
+        super().__init__(
+            drive,
+            channels=channels,
+            approach=approach,
+            sample_rate=sample_rate,
+            responses=len(response_names),
+            block_samples=block_samples,
+        )
+        self._follow = follow
+        self._names = [channel.name for channel in channels]
+        self._response_names = list(response_names)
+        self._stopped = stopped
+        self._frames = frames
+
+    def cut(self, seconds: float) -> None:
+        """Do nothing: how long a piece has to be is the controller's matter."""
+
+    def frames(self) -> np.ndarray | None:
+        """Return where the bodies are now."""
+        return self._frames()
+
+    def uses(self) -> list[Use]:
+        """Return the peak of every drive: what its actuator did is not known here."""
+        return [Use(name, ratio, 0.0, 0.0) for name, ratio in zip(self._names, self.peak_ratios(), strict=True)]
+
+    def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
+        del counted
+        asked = commands[:, :-1]
+        response = np.asarray(self._follow(asked.copy()), dtype=np.float64)
+        self._check(response, asked.shape[1], first)
+        samples = response.shape[1]
+        return Block(
+            first_sample=first,
+            drive=asked[:, :samples],
+            response=response,
+            following_error=np.zeros((len(asked), samples)),
+            monitored=np.empty((0, samples)),
+        )
+
+    def _check(self, response: np.ndarray, samples: int, first: int) -> None:
+        rows = len(self._response_names)
+        if response.ndim != 2 or len(response) != rows or response.shape[1] > samples:
+            raise RigFaultError(
+                f"the rig measured an array of shape {response.shape} {when(first / self._rate)}; "
+                f"({rows}, {samples}) was commanded."
+            )
+        if response.shape[1] < samples and not self._stopped():
+            raise RigFaultError(
+                f"the rig measured {response.shape[1]} of {samples} samples {when(first / self._rate)}, and nobody "
+                "stopped it."
+            )
+        if not np.isfinite(response).all():
+            row, sample = np.argwhere(~np.isfinite(response))[0]
+            raise RigFaultError(
+                f"the response of {self._response_names[row]} is {response[row, sample]} "
+                f"{when((first + sample) / self._rate)}; every value must be finite."
+            )

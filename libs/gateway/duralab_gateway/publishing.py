@@ -1,0 +1,90 @@
+"""The signal stream of a run: blocks gathered, published and counted, at the pace of the clock."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from duralab_gateway.motion import Block
+from duralab_proto.arrays import to_array
+from duralab_proto.v1 import rig_pb2
+from labbus import SpoolFullError, StreamPublisher
+
+_NOTHING = np.empty((0, 0))
+
+
+class BlockPublisher:
+    """Publishes the blocks of one run, slices of a block together, and counts them.
+
+    `size` is how many samples are gathered, `limit` how many a message may hold, and `hold` keeps all of them back
+    until the run is over.
+    """
+
+    def __init__(
+        self, publisher: StreamPublisher, run: str, rate: float, *, size: int, limit: int, hold: bool = False
+    ) -> None:
+        self.publisher = publisher
+        self._run = run
+        self._rate = rate
+        self._size = size
+        self._limit = limit
+        self._hold = hold
+        self._slices: list[Block] = []
+        self.blocks = 0
+        self.refusal = ""
+        """Why a block could not be published; it goes out with the next one."""
+
+    def __call__(self, block: Block, *, last: bool) -> None:
+        """Take a block; publish what is gathered where that is enough, or the last."""
+        self._slices.append(block)
+        gathered = not self._hold and sum(part.drive.shape[1] for part in self._slices) >= self._size
+        if last or gathered:
+            self.flush(last=last)
+
+    def flush(self, *, last: bool) -> None:
+        """Publish what was gathered."""
+        if not self._slices:
+            return
+        first = self._slices[0].first_sample
+        drive = np.hstack([part.drive for part in self._slices])
+        response = np.hstack([part.response for part in self._slices])
+        samples = drive.shape[1]
+        for begin in range(0, samples, self._limit):
+            end = min(begin + self._limit, samples)
+            block = rig_pb2.SignalBlock(
+                run=self._run,
+                first_sample=first + begin,
+                sample_rate=self._rate,
+                drive=to_array(drive[:, begin:end]),
+                response=to_array(response[:, begin:end]),
+                last=last and end == samples,
+            )
+            try:
+                self.publisher.put(block)
+            except SpoolFullError as error:
+                self.refusal = str(error).rstrip(".")
+                left = slice(begin, samples)
+                self._slices = [Block(first + begin, drive[:, left], response[:, left], _NOTHING, _NOTHING)]
+                return
+            self.blocks += 1
+        self.refusal = ""
+        self._slices.clear()
+
+
+class Clock:
+    """Says how far a playback is ahead of real time, where it has to keep to it; runs from its first block on."""
+
+    def __init__(self, rate: float, *, real_time: bool) -> None:
+        self._rate = rate
+        self.real_time = real_time
+        self._origin: int | None = None
+        self._started = 0.0
+
+    def ahead(self, block: Block) -> float:
+        """Return for how many seconds to wait at the end of a block."""
+        if not self.real_time:
+            return 0.0
+        if self._origin is None:
+            self._origin, self._started = block.first_sample, time.monotonic()
+        return max((block.end - self._origin) / self._rate - (time.monotonic() - self._started), 0.0)

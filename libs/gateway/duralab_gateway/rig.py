@@ -1,0 +1,242 @@
+"""What a rig is to a gateway: four methods of a real one, or the playbacks of a simulated one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from duralab_gateway.motion import Approach, DrivePlayback, FollowedDrive, Source, Watchdog
+from duralab_proto.v1 import rig_pb2
+
+
+class Phase(Enum):
+    """Part of a run."""
+
+    SETTLING = "settling"
+    PLAYING = "playing"
+    RAMPING_DOWN = "ramping down"
+
+
+class Run:
+    """A run under way, as its rig sees it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the run, unique on the rig.
+    seed : int
+        Seed of whatever is random in the rig's answer, 0 or more.
+    real_time : bool
+        Whether the drive is played in real time. A real rig always does.
+    report : callable
+        Sends a sentence of progress to the commander.
+    stopping : callable
+        Given a time in s, waits so long for a stop; returns whether one came.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        seed: int = 0,
+        real_time: bool = False,
+        report: Callable[[str], None] = lambda _sentence: None,
+        stopping: Callable[[float], bool] = lambda _seconds: False,
+    ) -> None:
+        self.name = name
+        self.seed = seed
+        self.real_time = real_time
+        self.phase = Phase.SETTLING
+        self._report = report
+        self._stopping = stopping
+
+    def report(self, sentence: str) -> None:
+        """Tell people what the rig does, e.g. "waiting for the operator to press start"."""
+        self._report(sentence)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether `play` has to end early: somebody stopped the rig, or nobody waits for the run any more.
+
+        False on the way down, which is played to its end.
+        """
+        return self.wait_for_stop(0.0)
+
+    def wait_for_stop(self, seconds: float) -> bool:
+        """Wait for at most so long, in s; return at once, and whether, the run is to end."""
+        return self.phase is not Phase.RAMPING_DOWN and self._stopping(seconds)
+
+
+class Rig(Protocol):
+    """A rig with a controller: what a gateway needs of it to put it on the bus.
+
+    The gateway checks every drive, plays one at a time, ramps to the first sample and back to zero, publishes what was
+    measured, watches its limits, latches and resets. It calls `play` on one thread at a time, and `stop` on any.
+    """
+
+    def describe(self) -> rig_pb2.RigDescription:
+        """Return what the rig is; asked once.
+
+        Returns
+        -------
+        rig_pb2.RigDescription
+            Names, channels, units and hard limits, sample rate in Hz, longest drive in s. A `watchdog` of a response is
+            watched. `static_response` is zero, `block_samples` a tenth of a second, and `content_hash` that of the
+            description where they are not given. `publishes_after_run` makes the gateway give the whole drive to one
+            call of `play`; `cannot_be_stopped` makes a run go on to its end.
+        """
+        ...
+
+    def play(self, commands: np.ndarray, run: Run) -> np.ndarray:
+        """Play a piece of a run and return what was measured meanwhile; it takes as long as the rig does.
+
+        Parameters
+        ----------
+        commands : (drives, samples)
+            Each row in its drive's unit, in the order of the description. The first piece goes on from zero, each other
+            from the last value of the piece before. At most `block_samples`, or all at once, see `describe`.
+        run : Run
+            The run under way: its seed, what people are to know, and whether it is stopped.
+
+        Returns
+        -------
+        ndarray, (responses, samples)
+            Each row in its response's unit; fewer samples only where `run.stopped`.
+
+        Raises
+        ------
+        RigFaultError
+            The rig cannot go on; one sentence. The gateway latches, and no way down is played.
+        """
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Make a `play` that waits return soon; called on every latch, also at rest, from any thread.
+
+        The gateway plays the way down to zero afterwards: do not take the pressure away here. What keeps people safe is
+        the controller's emergency stop and never this.
+
+        Parameters
+        ----------
+        reason : str
+            Why, in words.
+        """
+        ...
+
+    def reset(self) -> None:
+        """Make ready again after a latch; called at rest.
+
+        Raises
+        ------
+        RigFaultError
+            It must not be reset now; one sentence says why. The latch stays.
+        """
+        ...
+
+
+class PlaybackRig(Protocol):
+    """A rig that makes a playback of a drive by itself, as simulated ones do; `StepwiseRig` makes one of any `Rig`."""
+
+    @property
+    def approach(self) -> Approach:
+        """Ways to the first sample and back."""
+        ...
+
+    @property
+    def watchdogs(self) -> tuple[Watchdog, ...]:
+        """What makes it ramp down and latch while it plays."""
+        ...
+
+    def describe(self) -> rig_pb2.RigDescription:
+        """Return what the rig is; asked once."""
+        ...
+
+    def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
+        """Return a playback of a checked drive (drives, samples) that has not begun yet."""
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Hear of a latch; see `Rig.stop`."""
+        ...
+
+    def reset(self) -> None:
+        """Make ready again; see `Rig.reset`."""
+        ...
+
+
+@runtime_checkable
+class KnowsItsFrf(Protocol):
+    """A rig whose FRF is known in closed form."""
+
+    def sampled_frf(self, frequency: np.ndarray) -> np.ndarray:
+        """Return the FRF (lines, responses, drives), complex, at frequencies (lines,) in Hz."""
+        ...
+
+
+@runtime_checkable
+class ShowsFrames(Protocol):
+    """A rig that knows where its bodies are."""
+
+    def frames(self) -> np.ndarray:
+        """Return (bodies, 12), in the order of the description: rotation row by row, then the origin in m."""
+        ...
+
+
+class StepwiseRig:
+    """A playback rig made of a `Rig`: its drives are played piece by piece, with a way in and out.
+
+    Parameters
+    ----------
+    rig : Rig
+        What follows the commands.
+    description : rig_pb2.RigDescription
+        Complete; see `complete_description`.
+    approach : Approach
+        Ways to the first sample and back.
+    """
+
+    def __init__(self, rig: Rig, description: rig_pb2.RigDescription, *, approach: Approach) -> None:
+        self.rig = rig
+        self.approach = approach
+        self._description = description
+        self.watchdogs = tuple(
+            Watchdog(Source.RESPONSE, channel.name, row, channel.unit, -channel.watchdog, channel.watchdog)
+            for row, channel in enumerate(description.responses)
+            if channel.watchdog > 0.0
+        )
+        self._frames = rig.frames if isinstance(rig, ShowsFrames) else lambda: None
+
+    def describe(self) -> rig_pb2.RigDescription:
+        """Return what the rig is."""
+        return self._description
+
+    def playback(self, drive: np.ndarray, run: Run) -> FollowedDrive:
+        """Return a playback of a checked drive."""
+        told = self._description
+        return FollowedDrive(
+            lambda commands: self.rig.play(commands, run),
+            drive,
+            channels=told.drives,
+            response_names=[channel.name for channel in told.responses],
+            approach=self.approach,
+            sample_rate=told.sample_rate,
+            # Whoever measures at the end gets each of the ways and the drive in one piece.
+            block_samples=_WHOLE if told.publishes_after_run else told.block_samples,
+            stopped=lambda: run.stopped,
+            frames=self._frames,
+        )
+
+    def stop(self, reason: str) -> None:
+        """Tell the rig."""
+        self.rig.stop(reason)
+
+    def reset(self) -> None:
+        """Tell the rig."""
+        self.rig.reset()
+
+
+#: Longer than any drive.
+_WHOLE = 2**40

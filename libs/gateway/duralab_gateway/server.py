@@ -1,0 +1,204 @@
+"""A rig on the bus: turns the contract's queries into playbacks. One `RigServer` per rig."""
+
+from __future__ import annotations
+
+import threading
+from typing import Final, NoReturn
+
+import structlog
+
+from duralab_gateway.drive_check import check_drive
+from duralab_gateway.frf_query import answer_frf
+from duralab_gateway.interlock import Interlock
+from duralab_gateway.metrics import RigMetrics
+from duralab_gateway.motion import RigFaultError
+from duralab_gateway.playback_session import PlaybackSession
+from duralab_gateway.rig import PlaybackRig, StepwiseRig
+from duralab_proto.arrays import from_record
+from duralab_proto.keys import KeyNameError, check_run
+from duralab_proto.v1 import query_pb2, rig_pb2
+from labbus import Bus, Call, FaultError, SpoolFullError, SpoolSpace
+
+#: What the contract calls every process that serves rigs.
+SERVICE: Final = "rig_sim"
+
+
+class RigServer:
+    """Serves one rig: description, play, stop, reset, state, FRF, its signal stream and its poses.
+
+    Whoever makes one declares the rig live afterwards, and calls `close` before the bus closes.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the rig is served, under the name in its description.
+    rig : PlaybackRig
+        The rig; a `StepwiseRig` where it is a `Rig`.
+    spools : SpoolSpace
+        Where signal blocks are kept until the recorder has stored them.
+    spool_wait_seconds : float
+        How long a simulation waits for room there, in s.
+    real_time : bool
+        Play every drive in real time, whatever its request says.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        rig: PlaybackRig,
+        spools: SpoolSpace,
+        *,
+        spool_wait_seconds: float,
+        real_time: bool = False,
+    ) -> None:
+        self._rig = rig
+        self._real_time = real_time
+        self._description = rig.describe()
+        self._name = self._description.rig
+        self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
+        self._interlock = Interlock(self._name)
+        self._metrics = RigMetrics(bus.metrics, self._name, self._interlock.state)
+        self._publishing = threading.Lock()
+        keys = bus.keys
+        self._states = bus.publisher(keys.rig_state(self._name))
+        self._session = PlaybackSession(
+            bus,
+            rig,
+            self._description,
+            self._interlock,
+            latch=self._latch,
+            report_state=self._publish_state,
+            spools=spools,
+            spool_wait_seconds=spool_wait_seconds,
+        )
+        bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, lambda *_: self._description)
+        bus.serve(keys.rig_frf(self._name), rig_pb2.RigFrfRequest, self._answer_frf)
+        # Workers of their own: rigs beside each other play at once, one more query is told that this one is busy, and a
+        # stop is heard while all others are taken.
+        bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play, workers=2)
+        bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=4)
+        bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=4)
+        bus.serve(keys.rig_state(self._name), rig_pb2.StateRequest, lambda *_: self._interlock.state())
+
+    def close(self) -> None:
+        """End a playback that may be under way; nothing plays afterwards."""
+        self._trip("the service ends")
+
+    def _answer_frf(self, request: rig_pb2.RigFrfRequest, _call: Call) -> rig_pb2.RigFrf:
+        knowing = self._rig.rig if isinstance(self._rig, StepwiseRig) else self._rig
+        return answer_frf(knowing, self._description, request)
+
+    def _play(self, request: rig_pb2.PlayRequest, call: Call) -> rig_pb2.PlayResult:
+        try:
+            run = check_run(request.run)
+        except ValueError as error:
+            raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field="run") from error
+        channels, sample_rate, drive = from_record(request.drive, field="drive")
+        steps_in = self._rig.approach.ramp == 0.0
+        check_drive(self._description, channels, sample_rate, drive, steps_in=steps_in)
+        self._interlock.begin(run)
+        try:
+            self._publish_state()
+            real_time = self._real_time or request.real_time
+            result = self._session.play(request, drive, call, real_time=real_time)
+            self._metrics.played(result, seconds=drive.shape[1] / sample_rate)
+            return result
+        except FaultError as fault:
+            self._metrics.broken_off(fault.code_name)
+            raise
+        finally:
+            self._interlock.end()
+            self._publish_state()
+
+    def stop(self, reason: str) -> None:
+        """Latch, and make what plays ramp down; does not wait for it."""
+        # Everybody hears of the stop now, and of the rest afterwards.
+        self._latch(reason)
+        self._log.warning("stopped", reason=self._interlock.state().reason)
+
+    def _on_stop(self, request: rig_pb2.StopRequest, _call: Call) -> rig_pb2.RigState:
+        self.stop(request.reason)
+        # A run that goes on to its end is named in the state.
+        return self._interlock.state() if self._description.cannot_be_stopped else self._interlock.wait_for_rest()
+
+    def _on_reset(self, request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
+        seen = self._interlock.trips
+        if request.command:
+            # Whatever it finds: an old command must not clear a latch that is set later.
+            try:
+                self._interlock.claim(check_run(request.command))
+            except KeyNameError as error:
+                raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field="command") from error
+        if self._interlock.state().mode == rig_pb2.RIG_MODE_INTERLOCKED:
+            # A latch is not cleared over a rig that is still on its way down, nor one that is set meanwhile.
+            self._interlock.wait_for_rest()
+            self._make_ready(seen)
+            self._publish_state()
+            self._log.info("reset")
+        return self._interlock.state()
+
+    def _make_ready(self, seen: int) -> None:
+        try:
+            self._rig.reset()
+        except RigFaultError as error:
+            sentence = f"{self._name} cannot be reset: {error}"
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, sentence) from error
+        try:
+            self._interlock.reset(seen=seen)
+        except FaultError:
+            # It was stopped while it was made ready, and may have forgotten that.
+            self._stop_rig(self._interlock.state().reason)
+            raise
+
+    def _latch(self, reason: str) -> None:
+        self._trip(reason)
+        self._publish_state()
+
+    def _trip(self, reason: str) -> None:
+        self._interlock.trip(reason)
+        self._stop_rig(self._interlock.state().reason)
+
+    def _stop_rig(self, reason: str) -> None:
+        if self._description.cannot_be_stopped:
+            return
+        try:
+            self._rig.stop(reason)
+        except Exception:  # noqa: BLE001 - a stop latches and comes to rest whatever the controller says
+            self._log.exception("the rig could not be told to stop")
+
+    def _publish_state(self) -> None:
+        # Reading and sending in one piece: else a state could overtake the one that followed it.
+        with self._publishing:
+            try:
+                self._states.put(self._interlock.state())
+            except SpoolFullError as error:
+                # Whoever asks is told; and no stop may fail because nobody stores that it came.
+                self._log.warning("a state is not published", reason=str(error))
+
+
+def serve_refusal(bus: Bus, rig: str, reason: str) -> None:
+    """Answer every query of a rig with the fault FAILED_PRECONDITION.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where it would have been served.
+    rig : str
+        Its name.
+    reason : str
+        Why it cannot be used, one sentence.
+    """
+
+    def refuse(_request: object, _call: Call) -> NoReturn:
+        raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"{rig} cannot be used: {reason}")
+
+    keys = bus.keys
+    for key, request in (
+        (keys.rig_description(rig), rig_pb2.DescriptionRequest),
+        (keys.rig_frf(rig), rig_pb2.RigFrfRequest),
+        (keys.rig_play(rig), rig_pb2.PlayRequest),
+        (keys.rig_stop(rig), rig_pb2.StopRequest),
+        (keys.rig_reset(rig), rig_pb2.ResetRequest),
+        (keys.rig_state(rig), rig_pb2.StateRequest),
+    ):
+        bus.serve(key, request, refuse)

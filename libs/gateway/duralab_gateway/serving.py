@@ -1,0 +1,141 @@
+"""Rigs as a process, or within one: configuration, spools, servers, and an end in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import structlog
+from pydantic import Field
+
+from duralab_gateway.description import complete_description
+from duralab_gateway.motion import Approach
+from duralab_gateway.rig import Rig, StepwiseRig
+from duralab_gateway.server import SERVICE, RigServer
+from labbus import Bus, ServiceConfig, SpoolFolder, SpoolSpace, service_main
+
+
+class GatewayConfig(ServiceConfig):
+    """Configuration of a process that serves rigs."""
+
+    #: Play every drive in real time, whatever its request says: what a real rig does, and a rehearsal of one. The
+    #: responses of a simulated rig are the same.
+    real_time: bool = False
+    #: Where signal blocks lie on disk until the recorder has stored them, so that they survive this process; in memory
+    #: where not given.
+    spool_folder: Path | None = None
+    #: Bound of all of it, in bytes.
+    spool_bytes: int = Field(default=512 * 2**20, ge=16 * 2**20)
+    #: How long a simulation waits for the recorder where there is no more room, in s, before it ramps down. A rig that
+    #: plays in real time cannot wait.
+    spool_wait_seconds: float = Field(default=30.0, ge=0.0, le=3600.0)
+
+
+def open_spools(bus: Bus, config: GatewayConfig) -> SpoolSpace:
+    """Return where signal blocks are kept; what a killed predecessor left there is offered to the recorder.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where the rigs are served.
+    config : GatewayConfig
+        With the folder of the spools, or none.
+
+    Returns
+    -------
+    SpoolSpace
+        On disk or in memory, for all rigs of the process.
+    """
+    if config.spool_folder is None:
+        return SpoolSpace(config.spool_bytes)
+    spools = SpoolFolder(config.spool_folder, largest_bytes=config.spool_bytes)
+    if left := bus.serve_left_spools(spools):
+        structlog.get_logger(SERVICE).warning("streams of a rig that was killed are served again", streams=left)
+    return spools
+
+
+@contextmanager
+def serving(
+    bus: Bus,
+    *rigs: Rig,
+    config: GatewayConfig = GatewayConfig(),  # noqa: B008 - frozen
+    approach: Approach = Approach(),  # noqa: B008 - frozen
+) -> Iterator[list[RigServer]]:
+    """Serve rigs on an open bus, each declared live, until the block ends.
+
+    Parameters
+    ----------
+    bus : Bus
+        Where they are served, each under the name in its description.
+    *rigs : Rig
+        One or more.
+    config : GatewayConfig
+        Pace and spools; its `bus` is not used.
+    approach : Approach
+        Ways of all of them to the first sample of a drive and back.
+
+    Yields
+    ------
+    list of RigServer
+        In the order of the rigs.
+
+    Raises
+    ------
+    ConfigError
+        A description cannot be served; one sentence.
+    """
+    spools = open_spools(bus, config)
+    servers: list[RigServer] = []
+    try:
+        for rig in rigs:
+            description = complete_description(rig.describe())
+            playing = StepwiseRig(rig, description, approach=approach)
+            servers.append(
+                RigServer(
+                    bus, playing, spools, spool_wait_seconds=config.spool_wait_seconds, real_time=config.real_time
+                )
+            )
+            # Last: whoever sees a rig may ask it.
+            bus.declare_live(SERVICE, description.rig)
+        yield servers
+    finally:
+        for server in servers:
+            server.close()
+
+
+def serve(*rigs: Rig, approach: Approach = Approach(), real_time: bool = True) -> None:  # noqa: B008 - frozen
+    """Run a process that serves rigs until it is ended: `python FILE --config FILE`.
+
+    The process has a log, health, metrics and an end in time as every service of the lab; see `labbus.service_main`.
+
+    Parameters
+    ----------
+    *rigs : Rig
+        One or more.
+    approach : Approach
+        Ways of all of them to the first sample of a drive and back.
+    real_time : bool
+        Whether the rigs play in real time where the configuration says nothing; False for a simulation.
+
+    Raises
+    ------
+    ValueError
+        No rig is given.
+    SystemExit
+        With code 2 and one sentence on standard error, where the configuration or a description cannot be.
+    """
+    if not rigs:
+        raise ValueError("serve() has no rig; give it one or more.")
+
+    def build(config: GatewayConfig) -> Callable[[Bus], AbstractContextManager[object]]:
+        return lambda bus: serving(bus, *rigs, config=config, approach=approach)
+
+    # The rigs declare themselves live.
+    service_main(SERVICE, _RealTimeConfig if real_time else GatewayConfig, build, instances=lambda _: ())
+
+
+class _RealTimeConfig(GatewayConfig):
+    """Configuration of a process that serves real rigs."""
+
+    real_time: bool = True
