@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import duralab
+from duralab.testing import FOREIGN_RIG, foreign_gateway
 
-SCRIPT = Path(__file__).with_name("foreign_rig.py")
 RATE = 200.0
 
 CAMPAIGN = """
@@ -41,16 +41,9 @@ accept: {relative_rms_error: 0.05}
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[duralab.Lab]:
-    with duralab.start(tmp_path_factory.mktemp("lab"), rigs=("predecessor",)) as lab:
-        command = [sys.executable, str(SCRIPT), lab.endpoints[0]]
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as stranger:
-            assert stranger.stdout is not None
-            assert stranger.stdout.readline() == "ready stranger\n"
-            try:
-                lab._bus.wait_for_live({("rig_sim", "stranger")}, 30.0)
-                yield lab
-            finally:
-                stranger.kill()
+    with duralab.start(tmp_path_factory.mktemp("lab"), rigs=("predecessor",)) as lab, foreign_gateway(lab.endpoints[0]):
+        lab._bus.wait_for_live({("rig_sim", FOREIGN_RIG)}, 30.0)
+        yield lab
 
 
 def write_target(path: Path) -> None:

@@ -74,6 +74,7 @@ def _section(docstring, title):
 def test_all_distributions_are_here():
     assert [str(path) for path in DISTRIBUTIONS] == [
         "duralab",
+        "libs/gateway",
         "libs/labbus",
         "libs/loads",
         "libs/roads",

@@ -12,6 +12,7 @@ OWN: Final = (
     "duralab",
     "duralab-proto",
     "duralab-labbus",
+    "duralab-gateway",
     "duralab-spectra",
     "duralab-roads",
     "duralab-loads",

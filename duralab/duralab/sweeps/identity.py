@@ -14,6 +14,7 @@ from strict_yaml import open_regular
 
 _DISTRIBUTIONS: Final = (
     "duralab",
+    "duralab-gateway",
     "duralab-identifier",
     "duralab-iterator",
     "duralab-labbus",

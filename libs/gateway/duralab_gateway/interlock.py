@@ -99,8 +99,8 @@ class Interlock:
             self._run, self._fraction, self._mode = "", 0.0, rig_pb2.RIG_MODE_IDLE
             self._changed.notify_all()
 
-    def trip(self, reason: str) -> None:
-        """Latch, and tell the playback that may be under way to ramp down. The first reason is the one that is kept."""
+    def trip(self, reason: str) -> str:
+        """Latch, so that a playback under way ramps down; the first reason stays. Return this one, shortened."""
         reason = reason or "stopped on request"
         with self._changed:
             self._trips += 1
@@ -108,6 +108,7 @@ class Interlock:
             if not self._latched:
                 self._latched, self._reason = True, self._newest_reason
             self._stop.set()
+            return self._newest_reason
 
     @property
     def trips(self) -> int:

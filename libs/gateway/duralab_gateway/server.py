@@ -80,6 +80,11 @@ class RigServer:
         bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=4)
         bus.serve(keys.rig_state(self._name), rig_pb2.StateRequest, lambda *_: self._interlock.state())
 
+    @property
+    def name(self) -> str:
+        """Name of the rig."""
+        return self._name
+
     def close(self) -> None:
         """End a playback that may be under way; nothing plays afterwards."""
         self._trip("the service ends")
@@ -155,8 +160,7 @@ class RigServer:
         self._publish_state()
 
     def _trip(self, reason: str) -> None:
-        self._interlock.trip(reason)
-        self._stop_rig(self._interlock.state().reason)
+        self._stop_rig(self._interlock.trip(reason))
 
     def _stop_rig(self, reason: str) -> None:
         if self._description.cannot_be_stopped:

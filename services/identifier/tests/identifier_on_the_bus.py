@@ -42,5 +42,7 @@ def identifier_and_rigs(bus, lab, folder, *, rigs, **config):
     with ExitStack() as stack:
         stack.enter_context(process(bus, lab, folder, "-m", "identifier", **config))
         running = {name: stack.enter_context(process(bus, lab, folder, str(LINEAR_RIG), rig=name)) for name in rigs}
-        bus.wait_for_live({("identifier", "main"), *(("rig_sim", name) for name in rigs)}, 120.0)
+        bus.wait_for_live(
+            {("identifier", "main"), *(("rig_sim", name) for name in (*rigs, "failing", "mistaken"))}, 120.0
+        )
         yield running

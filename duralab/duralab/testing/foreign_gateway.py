@@ -1,6 +1,6 @@
 """A rig gateway as a stranger would write it from docs/contract.md: Zenoh, the generated messages, and nothing of ours.
 
-`python foreign_rig.py ENDPOINT` serves the rig `stranger`: two cylinders on a beam that is stiff at its ends and soft
+`python foreign_gateway.py ENDPOINT` serves the rig `stranger`: two cylinders on a beam, stiff at its ends and soft
 in between, with bump stops; it prints `ready` and runs until its standard input ends.
 """
 
@@ -27,17 +27,19 @@ RESPONSES = [array_pb2.Channel(name=f"{side}_force", unit="N", minimum=-1e5, max
 
 
 def encoding(message: Message) -> str:
+    """Return the encoding of a message as the contract writes it."""
     return f"application/protobuf;{message.DESCRIPTOR.full_name}"
 
 
 def array(values: np.ndarray) -> array_pb2.Array:
+    """Encode an array of float64."""
     return array_pb2.Array(
         element_type=array_pb2.ELEMENT_TYPE_FLOAT64, shape=values.shape, data=values.astype("<f8").tobytes()
     )
 
 
 def beam(drive: np.ndarray) -> np.ndarray:
-    """Forces of the two cylinders: coupled stiffness that hardens, and damping."""
+    """Return the forces of the two cylinders: coupled stiffness that hardens, and damping."""
     stiffness = np.array([[4.0e5, -0.8e5], [-0.6e5, 3.0e5]])
     speed = np.diff(drive, prepend=0.0, axis=1) * RATE
     return stiffness @ (drive + 40.0 * drive**3) + 600.0 * speed
@@ -68,15 +70,18 @@ class Stranger:
         self.token = session.liveliness().declare_token(f"{ROOT}/live/rig_sim/{RIG}")
 
     def answer(self, query: zenoh.Query, message: Message) -> None:
+        """Answer a query, and end it."""
         with query:
             query.reply(query.key_expr, message.SerializeToString(), encoding=encoding(message))
 
     def refuse(self, query: zenoh.Query, code: query_pb2.FaultCode, message: str, field: str = "") -> None:
+        """Answer a query with a fault, and end it."""
         fault = query_pb2.Fault(code=code, message=message, field=field, service="stranger")
         with query:
             query.reply_err(fault.SerializeToString(), encoding=encoding(fault))
 
     def description(self) -> rig_pb2.RigDescription:
+        """Return what the rig is."""
         return rig_pb2.RigDescription(
             rig=RIG,
             specimen="a beam on two cylinders",
@@ -92,20 +97,24 @@ class Stranger:
         )
 
     def state(self) -> rig_pb2.RigState:
+        """Return what it does now."""
         mode = rig_pb2.RIG_MODE_PLAYING if self.run else rig_pb2.RIG_MODE_IDLE
         if self.latched:
             mode = rig_pb2.RIG_MODE_INTERLOCKED
         return rig_pb2.RigState(rig=RIG, mode=mode, reason=self.latched, run=self.run)
 
     def stop(self, query: zenoh.Query) -> None:
+        """Latch."""
         self.latched = rig_pb2.StopRequest.FromString(query.payload.to_bytes()).reason or "stopped"
         self.answer(query, self.state())
 
     def reset(self, query: zenoh.Query) -> None:
+        """Clear the latch."""
         self.latched = ""
         self.answer(query, self.state())
 
     def play(self, query: zenoh.Query) -> None:
+        """Check a drive, play it, publish its blocks and answer."""
         request = rig_pb2.PlayRequest.FromString(query.payload.to_bytes())
         names = [channel.name for channel in request.drive.channels]
         given = request.drive.samples
@@ -140,6 +149,7 @@ class Stranger:
         self.answer(query, result)
 
     def publish(self, run: str, drive: np.ndarray, response: np.ndarray, epoch: int) -> int:
+        """Publish the blocks of a run, each with its number; return how many."""
         publisher = self.session.declare_publisher(
             f"{ROOT}/rig/{RIG}/signal/{run}",
             congestion_control=zenoh.CongestionControl.DROP,
@@ -178,6 +188,7 @@ class Stranger:
 
 
 def main() -> None:
+    """Join the lab at the endpoint and serve until standard input ends."""
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
     config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')

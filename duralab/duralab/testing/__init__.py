@@ -1,0 +1,15 @@
+"""What tests of scripts, rigs and services need: a rig with a known answer, a gateway of a stranger, a lab for a while.
+
+`duralab.testing.fixtures` has the same as fixtures of pytest, which is not imported here.
+"""
+
+from duralab.testing.labs import FOREIGN_RIG, foreign_gateway, lab
+from duralab.testing.linear_rig import Filter, LinearRig
+
+__all__ = [
+    "FOREIGN_RIG",
+    "Filter",
+    "LinearRig",
+    "foreign_gateway",
+    "lab",
+]

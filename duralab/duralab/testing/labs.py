@@ -1,0 +1,105 @@
+"""Labs for tests: the services of a lab on a free port, with rigs of one's own in this process or beside it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from duralab._recordings_place import own_recordings
+from duralab._supervisor import Supervisor, lab_services
+from duralab.errors import InputError, LabError
+from duralab.lab import Lab
+from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
+from labbus import BusConfig, open_bus
+
+FOREIGN_RIG = "stranger"
+"""Name of the rig of the foreign gateway."""
+
+_WAIT_SECONDS = 60.0
+
+
+@contextmanager
+def lab(
+    *rigs: Rig,
+    out: Path,
+    simulated: Sequence[str] = (),
+    approach: Approach = Approach(ramp=0.0),  # noqa: B008 - frozen
+) -> Iterator[Lab]:
+    """Start a lab whose rigs are served by this process, until the block ends.
+
+    Parameters
+    ----------
+    *rigs : Rig
+        Rigs of one's own, each under the name in its description.
+    out : Path
+        Folder for results, recordings and logs.
+    simulated : sequence of str
+        Shipped rigs that the simulator serves; without any, it is not started.
+    approach : Approach
+        Ways of the rigs to a drive's first sample and back; where not given, a run begins as a step.
+
+    Yields
+    ------
+    Lab
+        On a free port of 127.0.0.1; its processes end with the block, whatever happens in it.
+
+    Raises
+    ------
+    InputError
+        No rig is given.
+    ConfigError
+        A description cannot be served.
+    LabError
+        A service did not start.
+    """
+    if not rigs and not simulated:
+        raise InputError("the lab has no rig; give it one or more, such as LinearRig().", field="rigs")
+    with ExitStack() as stack:
+        bus = stack.enter_context(open_bus(BusConfig(), service="duralab"))
+        place = stack.enter_context(own_recordings(out))
+        plans = lab_services(rigs=simulated, recordings=place.folder or out, viewer=None)
+        wanted = tuple(plan for plan in plans if simulated or plan.name != SERVICE)
+        supervisor = stack.enter_context(Supervisor(wanted, bus=bus, logs=out / "logs"))
+        supervisor.start()
+        if rigs:
+            joined = stack.enter_context(open_bus(BusConfig(connect=bus.listening), service=SERVICE))
+            servers = stack.enter_context(serving(joined, *rigs, config=GatewayConfig(), approach=approach))
+            # Before the rigs are taken apart: a handler may be using one.
+            stack.callback(joined.stop_serving)
+            bus.wait_for_live({(SERVICE, server.name) for server in servers}, _WAIT_SECONDS)
+        yield Lab(bus, out=out, supervisor=supervisor, recordings=place)
+
+
+@contextmanager
+def foreign_gateway(endpoint: str) -> Iterator[int]:
+    """Run a gateway that knows Zenoh and the messages and nothing else of this project, until the block ends.
+
+    Its rig `stranger` has two cylinders on a beam, is not quite linear, and plays in no time.
+
+    Parameters
+    ----------
+    endpoint : str
+        Of the lab that it joins, as `Lab.endpoints` says.
+
+    Yields
+    ------
+    int
+        Id of its process.
+
+    Raises
+    ------
+    LabError
+        It did not join.
+    """
+    command = [sys.executable, str(Path(__file__).with_name("foreign_gateway.py")), endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            said = process.stdout.readline() if process.stdout is not None else ""
+            if said != f"ready {FOREIGN_RIG}\n":
+                raise LabError(f"The foreign gateway did not join the lab at {endpoint}; is a lab there?")
+            yield process.pid
+        finally:
+            process.kill()
