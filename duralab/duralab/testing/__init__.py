@@ -3,13 +3,14 @@
 `duralab.testing.fixtures` has the same as fixtures of pytest, which is not imported here.
 """
 
-from duralab.testing.labs import FOREIGN_RIG, foreign_gateway, lab
+from duralab.testing.labs import FOREIGN_RIG, check_contract, foreign_gateway, lab
 from duralab.testing.linear_rig import Filter, LinearRig
 
 __all__ = [
     "FOREIGN_RIG",
     "Filter",
     "LinearRig",
+    "check_contract",
     "foreign_gateway",
     "lab",
 ]

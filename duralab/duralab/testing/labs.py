@@ -10,6 +10,7 @@ from pathlib import Path
 
 from duralab._recordings_place import own_recordings
 from duralab._supervisor import Supervisor, lab_services
+from duralab.conformance import Finding, check_rig
 from duralab.errors import InputError, LabError
 from duralab.lab import Lab
 from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
@@ -71,6 +72,42 @@ def lab(
             stack.callback(joined.stop_serving)
             bus.wait_for_live({(SERVICE, server.name) for server in servers}, _WAIT_SECONDS)
         yield Lab(bus, out=out, supervisor=supervisor, recordings=place)
+
+
+def check_contract(
+    rig: Rig,
+    *,
+    seconds: float = 1.0,
+    approach: Approach = Approach(ramp=0.0),  # noqa: B008 - frozen
+) -> list[Finding]:
+    """Check whether a rig keeps the contract, as `duralab check-rig` does, on a bus with nothing else on it.
+
+    Parameters
+    ----------
+    rig : Rig
+        It moves by 5 % of its limits, and is stopped once.
+    seconds : float
+        Length of each of the two drives that are played, in s.
+    approach : Approach
+        Ways of the rig to a drive's first sample and back.
+
+    Returns
+    -------
+    list of Finding
+        In the order of the checks; see `duralab.conformance.all_passed`.
+
+    Raises
+    ------
+    ConfigError
+        The description cannot be served.
+    """
+    with (
+        open_bus(BusConfig(), service=SERVICE) as served,
+        serving(served, rig, approach=approach) as (server,),
+        open_bus(BusConfig(connect=served.listening), service="duralab") as bus,
+    ):
+        bus.wait_for_live({(SERVICE, server.name)}, _WAIT_SECONDS)
+        return check_rig(bus, server.name, seconds=seconds)
 
 
 @contextmanager

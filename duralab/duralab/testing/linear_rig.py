@@ -100,7 +100,20 @@ class LinearRig:
         )
 
     def play(self, commands: np.ndarray, run: Run) -> np.ndarray:
-        """Return the responses (responses, samples) to a piece of a run; each run begins at rest."""
+        """Return the responses to a piece of a run; each run begins at rest.
+
+        Parameters
+        ----------
+        commands : (drives, samples)
+            Each row in its channel's unit; it goes on from the piece before.
+        run : Run
+            The run under way; its seed is that of the noise.
+
+        Returns
+        -------
+        ndarray, (responses, samples)
+            Each row in its channel's unit.
+        """
         if run is not self._run:
             self._begin(run)
         response = np.zeros((len(self.responses), commands.shape[1]))
@@ -113,7 +126,13 @@ class LinearRig:
         return response + self.static[:, None] + self.noise_rms[:, None] * noise
 
     def stop(self, reason: str) -> None:
-        """Do nothing: no piece waits."""
+        """Do nothing: no piece waits.
+
+        Parameters
+        ----------
+        reason : str
+            Why it is stopped.
+        """
 
     def reset(self) -> None:
         """Do nothing: every run begins at rest."""
@@ -146,7 +165,18 @@ class LinearRig:
         return response
 
     def sampled_frf(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the exact FRF (lines, responses, drives), complex, at frequencies (lines,) in Hz."""
+        """Return the exact FRF.
+
+        Parameters
+        ----------
+        frequency : (lines,)
+            In Hz, 0 to half the sample rate.
+
+        Returns
+        -------
+        ndarray, (lines, responses, drives)
+            Complex, in units of response over drive.
+        """
         angle = 2.0 * np.pi * np.asarray(frequency) / self.sample_rate
         rows = [[signal.freqz(*one, worN=angle)[1] for one in filters] for filters in self.plant]
         return np.ascontiguousarray(np.asarray(rows).transpose(2, 0, 1))

@@ -191,6 +191,11 @@ def serve_refusal(bus: Bus, rig: str, reason: str) -> None:
         Its name.
     reason : str
         Why it cannot be used, one sentence.
+
+    Raises
+    ------
+    FaultError
+        To each client, from its query.
     """
 
     def refuse(_request: object, _call: Call) -> NoReturn:

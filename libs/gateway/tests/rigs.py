@@ -108,4 +108,6 @@ def client_of(rig, *, approach=SOON, **config):
 
 def hump(samples=100, size=0.05):
     """A drive that begins and ends at zero."""
-    return size * np.sin(np.pi * np.arange(samples) / (samples - 1)) ** 2 * np.ones((2, 1))
+    wave = size * np.sin(np.pi * np.arange(samples) / (samples - 1)) ** 2
+    wave[-1] = 0.0
+    return wave * np.ones((2, 1))

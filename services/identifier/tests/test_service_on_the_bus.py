@@ -79,7 +79,7 @@ def test_a_rig_on_the_bus_is_identified_with_progress_and_the_model_can_be_fetch
 
 @pytest.mark.usefixtures("lab")
 def test_real_time_reaches_the_rig_and_the_words_of_the_rig_reach_the_client(bus):
-    message, progress = request("paced", seconds=4.0), []
+    message, progress = request("paced", seconds=6.5), []
     message.real_time = True
     identify(bus, message, on_progress=progress.append)
     assert "playing in real time" in {one.phase for one in progress}
@@ -113,7 +113,7 @@ def test_a_model_that_is_not_held_is_not_found(bus):
             "excitation.rms",
             "right_vertical would reach",
         ),
-        (request("a", rig="failing"), query_pb2.FAULT_CODE_FAILED_PRECONDITION, "", "pressure was lost"),
+        (request("a", rig="failing"), query_pb2.FAULT_CODE_FAILED_PRECONDITION, "drive.samples", "pressure was lost"),
         (request("a", rig="mistaken"), query_pb2.FAULT_CODE_DATA_LOSS, "", "answered run 'another'; asked was 'a'"),
         (request("a/b"), query_pb2.FAULT_CODE_INVALID_ARGUMENT, "run", "a/b"),
     ],

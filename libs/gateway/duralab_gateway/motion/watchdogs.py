@@ -79,7 +79,18 @@ class Trip:
 
 
 def when(seconds: float) -> str:
-    """Say a time of a run in words; before the drive's first sample it is negative."""
+    """Say a time of a run in words.
+
+    Parameters
+    ----------
+    seconds : float
+        Since the drive's first sample, in s; negative before it.
+
+    Returns
+    -------
+    str
+        Part of a sentence, such as "at 1.500 s".
+    """
     return f"at {seconds:.3f} s" if seconds >= 0.0 else f"{-seconds:.3f} s before the drive began"
 
 

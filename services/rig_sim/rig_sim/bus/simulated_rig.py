@@ -60,12 +60,29 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
 
 
 def simulated(rig: PlayableRig) -> SimulatedRig:
-    """Return a rig as the gateway serves it; one that knows its FRF says it."""
+    """Return a rig as the gateway serves it; one that knows its FRF says it.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+        At rest.
+
+    Returns
+    -------
+    SimulatedRig
+        With a `sampled_frf` where the rig has one.
+    """
     return SimulatedLinearRig(rig) if isinstance(rig, KnowsItsFrf) else SimulatedRig(rig)
 
 
 class SimulatedRig:
-    """A rig of this simulator behind a gateway; it has nothing to stop and nothing to make ready."""
+    """A rig of this simulator behind a gateway; it has nothing to stop and nothing to make ready.
+
+    Parameters
+    ----------
+    rig : PlayableRig
+        At rest.
+    """
 
     def __init__(self, rig: PlayableRig) -> None:
         self._rig = rig
