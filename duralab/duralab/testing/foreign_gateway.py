@@ -214,6 +214,9 @@ def main() -> None:
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
     config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')
+    # Where no lab is, it ends.
+    config.insert_json5("connect/timeout_ms", "5000")
+    config.insert_json5("connect/exit_on_failure", "true")
     config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
     config.insert_json5("scouting/multicast/enabled", "false")
     with zenoh.open(config) as session:

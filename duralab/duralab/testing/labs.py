@@ -8,11 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from duralab._recordings_place import own_recordings
-from duralab._supervisor import Supervisor, lab_services
 from duralab.conformance import Finding, check_rig
 from duralab.errors import InputError, LabError
-from duralab.lab import Lab
+from duralab.lab import Lab, RecordingsPlace
+from duralab.processes import Supervisor, lab_services
 from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
 from labbus import BusConfig, open_bus
 
@@ -60,8 +59,8 @@ def lab(
         raise InputError("the lab has no rig; give it one or more, such as LinearRig().", field="rigs")
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(BusConfig(), service="duralab"))
-        place = stack.enter_context(own_recordings(out))
-        plans = lab_services(rigs=simulated, recordings=place.folder or out, viewer=None)
+        recordings = out / "recordings"
+        plans = lab_services(rigs=simulated, recordings=recordings, viewer=None)
         wanted = tuple(plan for plan in plans if simulated or plan.name != SERVICE)
         supervisor = stack.enter_context(Supervisor(wanted, bus=bus, logs=out / "logs"))
         supervisor.start()
@@ -71,7 +70,7 @@ def lab(
             # Before the rigs are taken apart: a handler may be using one.
             stack.callback(joined.stop_serving)
             bus.wait_for_live({(SERVICE, server.name) for server in servers}, _WAIT_SECONDS)
-        yield Lab(bus, out=out, supervisor=supervisor, recordings=place)
+        yield Lab(bus, out=out, supervisor=supervisor, recordings=RecordingsPlace(recordings))
 
 
 def check_contract(
