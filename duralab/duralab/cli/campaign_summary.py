@@ -57,7 +57,7 @@ def print_result(output: Output, result: CampaignResult, report: Path) -> None:
     if repeats := repeatability_in_words(result.status):
         output.say(repeats)
     if result.status.remarks:
-        output.console.print("\nWorth knowing", style="bold")
+        output.console.print("\nNotes", style="bold")
     output.say(*(f"· {remark}" for remark in result.status.remarks))
     output.console.print()
     rows = (

@@ -12,16 +12,16 @@ Connect = Annotated[
     typer.Option(
         "--connect",
         metavar="ENDPOINT",
-        help="The lab that listens there, e.g. tcp/127.0.0.1:7474; left out: the one that `duralab up` keeps running.",
+        help="Endpoint of the lab, e.g. tcp/127.0.0.1:7474; that of the running lab if left out.",
     ),
 ]
 Replace = Annotated[bool, typer.Option("--replace", help="Overwrite existing output files.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON document on standard output.")]
 OutFolder = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Where the outputs go; out/<campaign> if left out.")
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder for the outputs; out/<campaign> if left out.")
 ]
 Pdf = Annotated[
-    Path | None, typer.Option("--pdf", metavar="FILE", help="Write it as PDF too; needs Chromium or Chrome.")
+    Path | None, typer.Option("--pdf", metavar="FILE", help="Write a PDF as well; needs Chromium or Chrome.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Random seed of the simulated rig.")]
 RealTime = Annotated[
@@ -32,7 +32,9 @@ Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
 Recording = Annotated[Path, typer.Argument(help="A recording.mcap.")]
 Unit = Annotated[
     list[str] | None,
-    typer.Option("--unit", metavar="UNIT", help="SI; or a unit for channels of its kind; or CHANNEL=UNIT; repeatable."),
+    typer.Option(
+        "--unit", metavar="UNIT", help="SI; or a unit for all channels of its kind; or CHANNEL=UNIT; repeatable."
+    ),
 ]
 FileFormat = Annotated[
     str | None,
@@ -40,19 +42,19 @@ FileFormat = Annotated[
 ]
 DataType = Annotated[
     str | None,
-    typer.Option("--data-type", metavar="TYPE", help="rpc3 only: short_integer (as usual) or floating_point."),
+    typer.Option("--data-type", metavar="TYPE", help="rpc3 only: short_integer (default) or floating_point."),
 ]
 
 
 def complete_campaign(incomplete: str) -> list[str]:
-    """Return the shipped campaigns that begin so, for the shell; it completes files by itself."""
+    """Return the shipped campaigns with this beginning; the shell completes files itself."""
     from duralab.campaign import shipped_campaigns
 
     return [name for name in shipped_campaigns() if name.startswith(incomplete)]
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Return the shipped rigs that begin so, for the shell."""
+    """Return the shipped rigs with this beginning."""
     from duralab.processes import shipped_rigs
 
     return [name for name in shipped_rigs() if name.startswith(incomplete)]
@@ -61,4 +63,4 @@ def complete_rig(incomplete: str) -> list[str]:
 RigName = Annotated[
     str, typer.Argument(metavar="RIG", help="Name of the rig, e.g. front_axle.", autocompletion=complete_rig)
 ]
-CampaignId = Annotated[str, typer.Argument(metavar="ID", help="The campaign, by the name of its recording.")]
+CampaignId = Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign: the name of its recording.")]

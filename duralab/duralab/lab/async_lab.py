@@ -269,7 +269,7 @@ async def async_start(
     viewer: str | None = None,
     real_time: bool = False,
 ) -> AsyncIterator[AsyncLab]:
-    """Start a lab of one's own on this machine, `async with async_start() as lab`; see `start`.
+    """Start a private lab on this machine, `async with async_start() as lab`; see `start`.
 
     Parameters
     ----------

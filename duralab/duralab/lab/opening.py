@@ -47,7 +47,7 @@ def start(
     viewer: str | None = None,
     real_time: bool = False,
 ) -> Iterator[Lab]:
-    """Start a lab of one's own on this machine: four service processes, ended with the `with` statement.
+    """Start a private lab on this machine: four service processes, ended with the `with` statement.
 
     Parameters
     ----------

@@ -37,15 +37,15 @@ def catalogue(
     *,
     rig: Annotated[str, typer.Option("--rig", metavar="NAME", help="Only recordings on this rig.")] = "",
     target: Annotated[
-        str, typer.Option("--target", metavar="TEXT", help="Only those whose target's source holds this text.")
+        str, typer.Option("--target", metavar="TEXT", help="Only recordings whose target source contains this text.")
     ] = "",
-    begun_from: Annotated[datetime | None, typer.Option("--from", help="Only those begun then or later.")] = None,
-    begun_before: Annotated[datetime | None, typer.Option("--before", help="Only those begun before.")] = None,
-    result: Annotated[Result | None, typer.Option("--result", help="Only those that ended so.")] = None,
+    begun_from: Annotated[datetime | None, typer.Option("--from", help="Only recordings begun then or later.")] = None,
+    begun_before: Annotated[datetime | None, typer.Option("--before", help="Only recordings begun before.")] = None,
+    result: Annotated[Result | None, typer.Option("--result", help="Only recordings with this result.")] = None,
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """List the recordings of a lab, all or those that are looked for."""
+    """List the recordings of a lab, or those that match the options."""
     from duralab.lab import connect
 
     with connect(endpoint_of_lab(endpoint)) as lab:

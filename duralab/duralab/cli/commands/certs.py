@@ -46,13 +46,13 @@ def issue(
     *,
     hosts: Annotated[
         list[str] | None,
-        typer.Option("--host", metavar="HOST", help="Name or address of a router; give it again for more of them."),
+        typer.Option("--host", metavar="HOST", help="Name or address of a router; repeatable."),
     ] = None,
     days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = 365,
     folder: Folder = FOLDER,
     as_json: Json = False,
 ) -> None:
-    """Issue a certificate with a private key of its own."""
+    """Issue a certificate with a new private key."""
     from duralab import security
 
     _tell(Output(as_json), security.issue(folder, role, name, hosts=hosts or [], days=days), "issued")
@@ -64,14 +64,14 @@ def renew(
     folder: Folder = FOLDER,
     as_json: Json = False,
 ) -> None:
-    """Take the place of a certificate and its key by new ones of the same name."""
+    """Replace a certificate and its key by new ones of the same name."""
     from duralab import security
 
     _tell(Output(as_json), security.renew(folder, name, days=days), "renewed")
 
 
 def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
-    """List the certificates of a folder with their expiry; exit code 1 where one has expired."""
+    """List the certificates of a folder with their expiry; exit code 1 if one has expired."""
     from rich.table import Table
 
     from duralab.security import read_certificates
@@ -100,17 +100,21 @@ def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
 def router(
     folder: Folder = FOLDER,
     *,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to; printed if left out.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file to write; printed if left out.")
+    ] = None,
     certificates: Annotated[
         str | None,
-        typer.Option("--certificates", metavar="DIR", help="Where the router finds its own; as --folder if left out."),
+        typer.Option(
+            "--certificates", metavar="DIR", help="Folder of the certificates on the router; as --folder if left out."
+        ),
     ] = None,
     port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where the router listens.")] = 7447,
     lab: LabName = "local",
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Write the configuration of a router that lets in whose certificates are in the folder, each by its role."""
+    """Write the configuration of a router that admits the certificates of the folder, each by its role."""
     from duralab import security
 
     output = Output(as_json)
@@ -140,7 +144,7 @@ def run_router(
     lab: LabName = "local",
     as_json: Json = False,
 ) -> None:
-    """Run the router of a secured lab from Python, to try one without zenohd, until Ctrl-C."""
+    """Run the router of a secured lab until Ctrl-C, to try one without zenohd."""
     import labbus
     from duralab import security
     from duralab.security import AUTHORITY, read_certificates
@@ -167,9 +171,9 @@ def run_router(
 
 def refusals(
     log: Annotated[Path | None, typer.Argument(help="A router's log; standard input if left out.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object for each, as they come.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object for each refusal.")] = False,
 ) -> None:
-    """Tell whom a router refused what, from its log (docs/security.md says how it logs that)."""
+    """List what a router refused and to whom, from its log (see docs/security.md)."""
     from duralab.security import read_refusals
 
     output = Output(as_json)

@@ -16,14 +16,14 @@ from duralab.errors import InputError
 def compare(
     recordings: Annotated[list[Path], typer.Argument(metavar="A B ...", help="Two recordings or more.")],
     *,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="The HTML file that lays them over each other.")
-    ] = Path("comparison.html"),
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.")] = Path(
+        "comparison.html"
+    ),
     pdf: Pdf = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Compare recorded campaigns: what each reached, which settings differ; one HTML file with their curves."""
+    """Compare recorded campaigns: errors, settings that differ, and one HTML file with their curves."""
     from duralab.analysis import compare as put_beside
     from duralab.output_files import require_outputs
     from duralab.recording import open_recording

@@ -22,7 +22,7 @@ def convert(
     out: Out,
     *,
     from_format: Annotated[
-        str | None, typer.Option("--from-format", metavar="FORMAT", help="Of IN; by suffix if left out.")
+        str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of IN; by suffix if left out.")
     ] = None,
     to_format: FileFormat = None,
     units: Unit = None,

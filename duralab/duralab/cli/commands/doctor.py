@@ -19,11 +19,11 @@ _STYLES = {"FINE": "green", "WARNING": "bold yellow", "PROBLEM": "bold red"}
 def doctor(
     *,
     recordings: Annotated[
-        Path, typer.Option("--recordings", metavar="DIR", help="Where recordings would go, for the disk's room.")
+        Path, typer.Option("--recordings", metavar="DIR", help="Folder of the recordings, whose disk is checked.")
     ] = Path("recordings"),
     as_json: Json = False,
 ) -> None:
-    """Look for what would keep a lab from working on this machine, and say what to do about it."""
+    """Check this machine for what keeps a lab from working, with a remedy for each finding."""
     from rich.text import Text
 
     from duralab.diagnosis import Severity, examine

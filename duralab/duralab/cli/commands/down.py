@@ -19,7 +19,7 @@ def down(
     all_labs: Annotated[bool, typer.Option("--all", help="End every lab that `duralab up` keeps running.")] = False,
     as_json: Json = False,
 ) -> None:
-    """End the lab that `duralab up` keeps running, and say when it is gone."""
+    """End the lab that `duralab up` keeps running."""
     from duralab.processes import end_lab
 
     output = Output(as_json)

@@ -39,7 +39,7 @@ def export(
         str, typer.Option("--what", help="target, drive, response, response_in_band, or frf (into .uff or .unv).")
     ] = "drive",
     playback: Annotated[
-        int | None, typer.Option("--playback", metavar="N", help="Which playback; the best if left out.")
+        int | None, typer.Option("--playback", metavar="N", help="Number of the playback; the best if left out.")
     ] = None,
     to_format: FileFormat = None,
     units: Unit = None,

@@ -30,12 +30,12 @@ def identify(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the frequency responses, into .uff or .unv.")
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Instead of the seed in FILE.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Random seed; that of FILE if left out.")] = None,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Identify a rig by an experiment and show how good the model is; in a lab of its own where none runs."""
+    """Identify a rig and show the quality of the model; in a private lab if none runs."""
     from duralab.campaign import load_identification
     from duralab.cli.frf_file import require_frf_file, write_frf
     from duralab.cli.run_display import RunDisplay

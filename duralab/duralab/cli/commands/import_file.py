@@ -25,7 +25,7 @@ def import_file(
     *,
     rig: Annotated[
         str,
-        typer.Option("--rig", metavar="RIG", help="Whose responses are wanted.", autocompletion=complete_rig),
+        typer.Option("--rig", metavar="RIG", help="Rig whose responses the target has.", autocompletion=complete_rig),
     ],
     settings: Annotated[
         Path | None,
@@ -38,7 +38,7 @@ def import_file(
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Make a target of a measured file: its channels as a rig's responses, in its units, edited, told step by step."""
+    """Make a target of a measured file: its channels as responses of a rig, in their units, edited step by step."""
     from duralab.campaign import ImportSettings, load_import_settings
     from duralab.formats import format_of, write_signals
     from duralab.near_files import did_you_mean

@@ -28,11 +28,11 @@ def info(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of signals, or a recording.mcap.")],
     *,
     from_format: Annotated[
-        str | None, typer.Option("--from-format", metavar="FORMAT", help="Of FILE; by suffix if left out.")
+        str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of FILE; by suffix if left out.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show what a file of signals or a recording holds: channels, range, RMS, spectrum; campaign and playbacks."""
+    """Show the content of a signal file or a recording: channels, range, RMS, spectrum; campaign and playbacks."""
     from duralab.analysis import summarize
     from duralab.formats import read_signals
     from duralab.recording import open_recording

@@ -35,19 +35,21 @@ def init(
         typer.Option(
             "--rig",
             metavar="RIG",
-            help="The rig that reproduces the target, of the lab or gateway at --connect too.",
+            help="The rig that reproduces the target; also one of the lab or gateway at --connect.",
             autocompletion=complete_rig,
         ),
     ] = None,
     target: Annotated[
         Path | None,
-        typer.Option("--target", metavar="SIGNALS", help="A measured file to reproduce instead of its target."),
+        typer.Option(
+            "--target", metavar="SIGNALS", help="A measured file to reproduce instead of the target of CAMPAIGN."
+        ),
     ] = None,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Write a campaign file with a comment above every key, for a shipped rig or for one of a lab that runs."""
+    """Write a campaign file with a comment above every key, for a shipped rig or one of a running lab."""
     from duralab.campaign import (
         AWAITED_TARGET,
         DEFAULT_TEMPLATE,
@@ -99,7 +101,7 @@ def init(
 
 
 def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:
-    """Ask a rig for its description: at an endpoint, in the lab that runs, or in one that is started for it."""
+    """Return the description of a rig: at an endpoint, in the running lab, or in a private one."""
     if endpoint is None:
         with open_lab(output, endpoint_if_any(None), rigs=(rig,)) as lab:
             return lab.describe(rig)

@@ -23,14 +23,14 @@ def play(
     *,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Where the response goes; <DRIVEFILE>_response.csv if left out."),
+        typer.Option("--out", metavar="FILE", help="File for the response; <DRIVEFILE>_response.csv if left out."),
     ] = None,
     units: Annotated[
         list[str] | None,
         typer.Option(
             "--unit",
             metavar="UNIT",
-            help="Of the drives that name none in DRIVEFILE; or CHANNEL=UNIT, whatever it names; repeatable.",
+            help="Unit of the drives without one in DRIVEFILE; or CHANNEL=UNIT, which overrides it; repeatable.",
         ),
     ] = None,
     seed: Seed = 0,
@@ -39,7 +39,7 @@ def play(
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Play a drive file on a rig and write its response; in a lab of its own where none runs."""
+    """Play a drive file on a rig and write its response; in a private lab if none runs."""
     from duralab.cli.run_display import RunDisplay
     from duralab.formats import format_of, write_signals
     from duralab.lab import Stage, read_drive_file

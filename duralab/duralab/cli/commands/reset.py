@@ -9,7 +9,7 @@ from duralab.errors import InputError, LabError
 
 
 def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
-    """Clear the latch of an interlocked rig, after the reason is dealt with."""
+    """Clear the latch of an interlocked rig, after its cause is removed."""
     import secrets
 
     from duralab.lab import FIND_SECONDS, join_bus

@@ -17,24 +17,22 @@ from duralab.errors import InputError
 def resume(
     campaign: Annotated[
         str,
-        typer.Argument(metavar="ID|FILE", help="A campaign of a lab that runs, or a recording.mcap: in a private lab."),
+        typer.Argument(metavar="ID|FILE", help="A campaign of a running lab, or a recording.mcap (in a private lab)."),
     ],
     *,
     settings: Annotated[
         str | None,
-        typer.Option(
-            "--settings", metavar="FILE", help="YAML with the keys of `update` and `stop` that change from here."
-        ),
+        typer.Option("--settings", metavar="FILE", help="YAML with the keys of `update` and `stop` to change."),
     ] = None,
     from_iteration: Annotated[
-        int, typer.Option("--from", min=0, metavar="N", help="Build on playback N; 0 is the last there is.")
+        int, typer.Option("--from", min=0, metavar="N", help="Playback to build on; 0 is the last one.")
     ] = 0,
     out: OutFolder = None,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Resume a campaign that was broken off or has ended, possibly with other settings."""
+    """Resume an interrupted or ended campaign, with other settings if given."""
     from duralab.campaign import Campaign, PartialSettings, completed, load_settings
     from duralab.cli.campaign_summary import conclude, follow
     from duralab.lab import expected_id, recording_file

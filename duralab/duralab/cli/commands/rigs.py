@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
-    """List the rigs with their channels, limits and sample rates, and what else is shipped."""
+    """List the rigs with their channels, limits and sample rates, and the other shipped rigs."""
     from duralab.processes import shipped_rigs
 
     output = Output(as_json)

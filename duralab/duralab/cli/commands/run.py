@@ -30,16 +30,14 @@ def run(
     out: OutFolder = None,
     endpoint: Annotated[
         str | None,
-        typer.Option(
-            "--connect", metavar="ENDPOINT", help="Use the lab that listens there; left out: a lab of its own."
-        ),
+        typer.Option("--connect", metavar="ENDPOINT", help="Endpoint of the lab to use; a private lab if left out."),
     ] = None,
     real_time: RealTime = False,
-    view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Open the live viewer.")] = False,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Run a campaign to its end, in a lab of its own, or in one that runs already (--connect)."""
+    """Run a campaign to its end, in a private lab or in a running one (--connect)."""
     from duralab.campaign import load_campaign
     from duralab.cli.campaign_summary import conclude, follow
     from duralab.cli.live_viewer import open_viewer
@@ -63,7 +61,7 @@ def run(
         viewer = open_viewer(stack, output) if view else None
         address = viewer.address if viewer is not None else None
         lab = stack.enter_context(open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address))
-        where = f"the lab at {endpoint}" if endpoint is not None else f"a lab of its own at {lab.endpoints[0]}"
+        where = f"the lab at {endpoint}" if endpoint is not None else f"a private lab at {lab.endpoints[0]}"
         ends = "" if endpoint is not None else ", which ends with it"
         output.say(f"Campaign {plan.name} on rig {plan.rig}, in {where}{ends}.")
         result, report = follow(
@@ -77,7 +75,7 @@ def run(
 
 
 def _leave_open(viewer: Viewer, output: Output) -> None:
-    """Leave the viewer to whoever looks at it; the run is done, so a Ctrl-C here interrupts nothing."""
+    """Keep the viewer open; the run is done, so a Ctrl-C here interrupts nothing."""
     output.say("The viewer stays open until you close it or press Ctrl-C.")
     try:
         while not viewer.wait(1.0):

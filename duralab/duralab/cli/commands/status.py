@@ -34,7 +34,7 @@ _STYLES = {"INTERLOCKED": "bold red", "UNKNOWN": "red", "PLAYING": "green"}
 
 
 def status(endpoint: Connect = None, as_json: Json = False) -> None:
-    """Show a lab's services, rigs and their states, campaigns under way, recorder and disk."""
+    """Show the services, rigs, running campaigns, recorder and disk of a lab."""
     from duralab.lab import join_bus, lab_status
     from duralab.processes import running_labs
     from labbus import BusError

@@ -15,11 +15,11 @@ from duralab.cli.output import Output
 def stop(
     id: CampaignId,
     *,
-    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why; kept in the recording.")] = "",
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Reason, kept in the recording.")] = "",
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """Stop a campaign; its rig ramps down where it plays and is latched whatever it does."""
+    """Stop a campaign; its rig ramps down if it plays, and is latched."""
     from duralab.lab import connect
 
     output = Output(as_json)

@@ -22,7 +22,7 @@ _LINES: Final = 20
 
 
 def complete_sweep(incomplete: str) -> list[str]:
-    """Return the shipped sweeps that begin so, for the shell; it completes files by itself."""
+    """Return the shipped sweeps with this beginning; the shell completes files itself."""
     from duralab.sweeps import shipped_sweeps
 
     return [name for name in shipped_sweeps() if name.startswith(incomplete)]
@@ -40,21 +40,21 @@ def sweep(
     ] = None,
     *,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Its folder; out/sweeps/<name> if left out.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the sweep; out/sweeps/<name> if left out.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, metavar="N", help="Campaigns at once; one for each core.")
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Campaigns at once; one per core if left out.")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the workers of a Dask scheduler, tcp://….")
     ] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run those again that failed before.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run failed campaigns again.")] = False,
     report_of: Annotated[
-        Path | None, typer.Option("--report", metavar="DIR", help="Only write the report of a sweep's folder.")
+        Path | None, typer.Option("--report", metavar="DIR", help="Only write the report of the sweep in this folder.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Run many campaigns, or go on with them, and compare them; needs duralab[sweeps]."""
+    """Run or continue many campaigns and compare them; needs duralab[sweeps]."""
     from duralab.sweeps import default_folder, load_sweep, read_results, run_sweep
 
     output = Output(as_json)

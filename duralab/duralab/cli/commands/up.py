@@ -18,22 +18,22 @@ _WATCH_SECONDS = 0.25
 def up(
     *,
     listen: Annotated[
-        str, typer.Option("--listen", metavar="ENDPOINT", help="Where clients connect.")
+        str, typer.Option("--listen", metavar="ENDPOINT", help="Endpoint for clients.")
     ] = "tcp/127.0.0.1:7474",
     recordings: Annotated[
-        Path, typer.Option("--recordings", metavar="DIR", help="Where recordings and logs go.")
+        Path, typer.Option("--recordings", metavar="DIR", help="Folder for recordings and logs.")
     ] = Path("recordings"),
     rigs: Annotated[
         list[str] | None,
         typer.Option(
             "--rig",
             metavar="NAME",
-            help="A shipped rig to start; give it again for more of them.",
+            help="A shipped rig to start; repeatable.",
             autocompletion=complete_rig,
         ),
     ] = None,
     real_time: RealTime = False,
-    view: Annotated[bool, typer.Option("--view", help="Open the live viewer beside it.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Open the live viewer.")] = False,
     as_json: Json = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C or `duralab down`."""

@@ -17,7 +17,7 @@ from duralab.errors import InputError
 def verify(
     recording: Annotated[
         str,
-        typer.Argument(metavar="ID|FILE", help="A lab's recording that is closed, or a recording.mcap."),
+        typer.Argument(metavar="ID|FILE", help="A closed recording of a lab, or a recording.mcap."),
     ],
     endpoint: Connect = None,
     as_json: Json = False,

@@ -15,11 +15,11 @@ _WATCH_SECONDS = 0.25
 
 
 def view(
-    file: Annotated[Path | None, typer.Argument(help="A live.rrd, or a recording.mcap to make one of.")] = None,
+    file: Annotated[Path | None, typer.Argument(help="A live.rrd, or a recording.mcap to make one from.")] = None,
     *,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where data are sent to it.")] = 9876,
-    web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Where a browser finds it.")] = 9090,
-    web: Annotated[bool, typer.Option("--web", help="A page for the browser, even where there is a display.")] = False,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port for data.")] = 9876,
+    web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Port of the page.")] = 9090,
+    web: Annotated[bool, typer.Option("--web", help="Open a page in the browser, even with a display.")] = False,
     as_json: Json = False,
 ) -> None:
     """Open the Rerun viewer on 127.0.0.1, in a window or as a page for the browser, until Ctrl-C."""
