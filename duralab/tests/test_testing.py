@@ -8,11 +8,12 @@ import psutil
 import pytest
 
 import duralab
-from duralab.conformance import Outcome
+from duralab.conformance import Outcome, check_rig
 from duralab.errors import InputError, LabError
 from duralab.testing import FOREIGN_RIG, LinearRig, check_contract, foreign_gateway, lab
 from duralab_gateway import Run
 from duralab_proto.v1 import array_pb2
+from labbus import BusConfig, open_bus
 
 FREQUENCY = np.linspace(0.0, 450.0, 46)
 
@@ -124,3 +125,11 @@ def test_the_fixtures_give_all_tests_of_a_session_one_lab(tmp_path):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
     run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=170, cwd=tmp_path)
     assert "2 passed" in run.stdout, run.stdout + run.stderr
+
+
+def test_the_foreign_gateway_keeps_the_contract():
+    with open_bus(BusConfig(), service="duralab") as bus, foreign_gateway(bus.listening[0]):
+        bus.wait_for_live({("rig_sim", FOREIGN_RIG)}, 30.0)
+        findings = check_rig(bus, FOREIGN_RIG, seconds=1.0)
+    assert [finding for finding in findings if finding.outcome is Outcome.FAILED] == []
+    assert sum(finding.outcome is Outcome.PASSED for finding in findings) == len(findings) - 2

@@ -1,11 +1,14 @@
 """A rig gateway as a stranger would write it from docs/contract.md: Zenoh, the generated messages, and nothing of ours.
 
 `python foreign_gateway.py ENDPOINT` serves the rig `stranger`: two cylinders on a beam, stiff at its ends and soft
-in between, with bump stops; it prints `ready` and runs until its standard input ends.
+in between, with bump stops. A run goes on to its end, and is published when it is over, as its description says. It
+prints `ready` and runs until its standard input ends.
 """
 
 from __future__ import annotations
 
+import hashlib
+import re
 import struct
 import sys
 import threading
@@ -21,14 +24,28 @@ ROOT = "duralab/v1/local"
 RIG = "stranger"
 RATE = 200.0
 BLOCK = 100
+LIMIT = 0.05
 WAITING = "waiting for the operator to press start"
-DRIVES = [array_pb2.Channel(name=f"{side}_cylinder", unit="m", minimum=-0.05, maximum=0.05) for side in ("a", "b")]
-RESPONSES = [array_pb2.Channel(name=f"{side}_force", unit="N", minimum=-1e5, maximum=1e5) for side in ("a", "b")]
+DRIVES = [
+    array_pb2.Channel(
+        name=f"{side}_cylinder", unit="m", kind=array_pb2.CHANNEL_KIND_DISPLACEMENT, minimum=-LIMIT, maximum=LIMIT
+    )
+    for side in ("a", "b")
+]
+RESPONSES = [
+    array_pb2.Channel(name=f"{side}_force", unit="N", kind=array_pb2.CHANNEL_KIND_FORCE, minimum=-1e5, maximum=1e5)
+    for side in ("a", "b")
+]
 
 
 def encoding(message: Message) -> str:
     """Return the encoding of a message as the contract writes it."""
     return f"application/protobuf;{message.DESCRIPTOR.full_name}"
+
+
+def payload(query: zenoh.Query) -> bytes:
+    """Return what a query brings; an empty message where that is nothing."""
+    return b"" if query.payload is None else query.payload.to_bytes()
 
 
 def array(values: np.ndarray) -> array_pb2.Array:
@@ -67,22 +84,35 @@ def beam(drive: np.ndarray) -> np.ndarray:
     return stiffness @ (drive + 40.0 * drive**3) + 600.0 * speed
 
 
+class RefusedError(Exception):
+    """What is wrong with a request, in a sentence, and the field that it is in."""
+
+    def __init__(
+        self, sentence: str, field: str = "", *, code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT
+    ) -> None:
+        super().__init__(sentence)
+        self.field, self.code = field, code
+
+
 class Stranger:
     """The rig: what it is, what it does now, what it has played."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session = session
-        self.lock = threading.Lock()
+        self.lock = threading.Condition()
         self.run, self.latched, self.played = "", "", set()
+        self.epoch, self.states = time.time_ns(), 0
         # Every block that was published, by (run, epoch): what a full link drops is asked for again.
         self.kept: dict[tuple[str, int], list[bytes]] = {}
         handlers = {
             "description": lambda query: self.answer(query, self.description()),
             "state": lambda query: self.answer(query, self.state()),
             "stop": self.stop,
-            "reset": self.reset,
+            # What takes its time has a thread, so that a stop is heard meanwhile.
+            "reset": lambda query: threading.Thread(target=self.reset, args=(query,), daemon=True).start(),
             "play": lambda query: threading.Thread(target=self.play, args=(query,), daemon=True).start(),
         }
+        self.publisher = session.declare_publisher(f"{ROOT}/rig/{RIG}/state")
         # Kept, because Zenoh takes back what nobody holds.
         self.served = [
             session.declare_queryable(f"{ROOT}/rig/{RIG}/{name}", handler) for name, handler in handlers.items()
@@ -96,9 +126,9 @@ class Stranger:
         with query:
             query.reply(query.key_expr, message.SerializeToString(), encoding=encoding(message))
 
-    def refuse(self, query: zenoh.Query, code: query_pb2.FaultCode, message: str, field: str = "") -> None:
+    def refuse(self, query: zenoh.Query, refused: RefusedError) -> None:
         """Answer a query with a fault, and end it."""
-        fault = query_pb2.Fault(code=code, message=message, field=field, service="stranger")
+        fault = query_pb2.Fault(code=refused.code, message=str(refused), field=refused.field, service="stranger")
         with query:
             query.reply_err(fault.SerializeToString(), encoding=encoding(fault))
 
@@ -115,7 +145,9 @@ class Stranger:
             longest_drive_seconds=300.0,
             static_response=array(np.zeros(2)),
             block_samples=BLOCK,
-            content_hash="beam-1",
+            content_hash=hashlib.sha256(b"beam-1").hexdigest(),
+            publishes_after_run=True,
+            cannot_be_stopped=True,
         )
 
     def state(self) -> rig_pb2.RigState:
@@ -125,50 +157,84 @@ class Stranger:
             mode = rig_pb2.RIG_MODE_INTERLOCKED
         return rig_pb2.RigState(rig=RIG, mode=mode, reason=self.latched, run=self.run)
 
+    def change(self, **values: str) -> None:
+        """Set what it does now, and say it on the stream of states."""
+        with self.lock:
+            vars(self).update(values)
+            self.lock.notify_all()
+            state = self.state()
+            place = struct.pack("<QQ", self.epoch, self.states)
+            self.publisher.put(state.SerializeToString(), encoding=encoding(state), attachment=place)
+            self.states += 1
+
     def stop(self, query: zenoh.Query) -> None:
-        """Latch."""
-        self.latched = rig_pb2.StopRequest.FromString(query.payload.to_bytes()).reason or "stopped"
+        """Latch; the answer names the run that goes on."""
+        self.change(latched=rig_pb2.StopRequest.FromString(payload(query)).reason or "stopped")
         self.answer(query, self.state())
 
     def reset(self, query: zenoh.Query) -> None:
-        """Clear the latch."""
-        self.latched = ""
+        """Clear the latch, at rest."""
+        with self.lock:
+            self.lock.wait_for(lambda: not self.run)
+            self.change(latched="")
         self.answer(query, self.state())
+
+    def checked(self, request: rig_pb2.PlayRequest) -> np.ndarray:
+        """Return the drive of a request; raise what is wrong with it."""
+        given = request.drive
+        told = [(channel.name, channel.unit) for channel in given.channels]
+        if not re.fullmatch(r"[a-z0-9][a-z0-9_.-]*", request.run):
+            raise RefusedError(f"{request.run!r} is no name of a run.", "run")
+        if given.sample_rate != RATE:
+            raise RefusedError(f"{given.sample_rate:g} Hz; I play {RATE:g} Hz.", "drive.sample_rate")
+        if told != [(channel.name, channel.unit) for channel in DRIVES]:
+            raise RefusedError("Other channels or units than those of my description.", "drive.channels")
+        drive = np.frombuffer(given.samples.data, dtype="<f8").reshape(tuple(given.samples.shape))
+        if drive.shape[1] == 0 or not np.all(np.abs(drive) <= LIMIT):
+            raise RefusedError(f"No samples, or some beyond ± {LIMIT:g} m.", "drive.samples")
+        return drive
+
+    def begin(self, run: str) -> None:
+        """Take the rig for a run; raise why it is not free."""
+        with self.lock:
+            if self.latched:
+                raise RefusedError(f"Latched: {self.latched}.", code=query_pb2.FAULT_CODE_FAILED_PRECONDITION)
+            if run in self.played:
+                raise RefusedError("That run was played.", "run", code=query_pb2.FAULT_CODE_ALREADY_EXISTS)
+            if self.run:
+                raise RefusedError(f"Run {self.run} plays.", code=query_pb2.FAULT_CODE_BUSY)
+            self.played.add(run)
+            self.change(run=run)
 
     def play(self, query: zenoh.Query) -> None:
         """Check a drive, play it, publish its blocks and answer."""
-        request = rig_pb2.PlayRequest.FromString(query.payload.to_bytes())
-        names = [channel.name for channel in request.drive.channels]
-        given = request.drive.samples
-        if names != [channel.name for channel in DRIVES] or request.drive.sample_rate != RATE:
-            self.refuse(query, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "Other channels or another rate.", "drive")
+        request = rig_pb2.PlayRequest.FromString(payload(query))
+        try:
+            drive = self.checked(request)
+            self.begin(request.run)
+        except RefusedError as refused:
+            self.refuse(query, refused)
             return
-        drive = np.frombuffer(given.data, dtype="<f8").reshape(tuple(given.shape))
-        if not np.all(np.abs(drive) <= 0.05):
-            self.refuse(query, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "Beyond ± 0.05 m.", "drive.samples")
-            return
-        with self.lock:
-            if self.latched:
-                self.refuse(query, query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Latched: {self.latched}.")
-                return
-            if request.run in self.played:
-                self.refuse(query, query_pb2.FAULT_CODE_ALREADY_EXISTS, "That run was played.", "run")
-                return
-            if self.run:
-                self.refuse(query, query_pb2.FAULT_CODE_BUSY, f"Run {self.run} plays.")
-                return
-            self.run = request.run
-            self.played.add(request.run)
-        waiting = query_pb2.Progress(phase=WAITING, remaining_seconds=-1.0)
-        query.reply(query.key_expr, waiting.SerializeToString(), encoding=encoding(waiting))
+        rest = drive.shape[1] / RATE if request.real_time else 0.0
+        self.report(query, rest)
+        while rest > 0.0:
+            time.sleep(min(rest, 0.5))
+            rest -= 0.5
+            self.report(query, max(rest, 0.0))
         response, epoch = beam(drive), time.time_ns()
         blocks = self.publish(request.run, drive, response, epoch)
         result = rig_pb2.PlayResult(run=request.run, epoch=epoch, blocks=blocks, real_time_factor=1.0)
         result.response.channels.extend(RESPONSES)
         result.response.sample_rate = RATE
         result.response.samples.CopyFrom(array(response))
-        self.run = ""
+        result.actuators.extend(rig_pb2.ActuatorUse(drive=channel.name) for channel in DRIVES)
+        self.change(run="")
         self.answer(query, result)
+
+    def report(self, query: zenoh.Query, rest: float) -> None:
+        """Say what it does, so that nobody takes it for dead."""
+        waiting = query_pb2.Progress(phase=WAITING, remaining_seconds=rest or -1.0)
+        query.reply(query.key_expr, waiting.SerializeToString(), encoding=encoding(waiting))
 
     def publish(self, run: str, drive: np.ndarray, response: np.ndarray, epoch: int) -> int:
         """Publish the blocks of a run, each with its number; return how many."""
@@ -195,7 +261,7 @@ class Stranger:
 
     def replay(self, query: zenoh.Query) -> None:
         """Send again the blocks that somebody missed."""
-        asked = {name: int(query.parameters.get(name)) for name in ("epoch", "first", "stop")}
+        asked = {name: int(query.parameters.get(name) or 0) for name in ("epoch", "first", "stop")}
         run = str(query.key_expr).split("/")[-2]
         key = str(query.key_expr).removesuffix("/@replay")
         kept = self.kept.get((run, asked["epoch"]), [])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from scipy import signal
 
 from duralab_gateway import Run
@@ -177,8 +178,8 @@ class LinearRig:
         ndarray, (lines, responses, drives)
             Complex, in units of response over drive.
         """
-        angle = 2.0 * np.pi * np.asarray(frequency) / self.sample_rate
-        rows = [[signal.freqz(*one, worN=angle)[1] for one in filters] for filters in self.plant]
+        delay = np.exp(-2j * np.pi * np.asarray(frequency) / self.sample_rate)
+        rows = [[polyval(delay, above) / polyval(delay, below) for above, below in filters] for filters in self.plant]
         return np.ascontiguousarray(np.asarray(rows).transpose(2, 0, 1))
 
     def _begin(self, run: Run) -> None:
