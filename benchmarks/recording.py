@@ -16,10 +16,10 @@ import numpy as np
 from duralab_proto.arrays import to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import forget_indexes
 from labbus import StreamItem
 from recorder.format import Step, decode_step, files_of
 from recorder.log import Archive
-from recorder.mcap import forget_indexes
 from recorder.reading import read_window, verify
 
 CHANNELS, SAMPLE_RATE, BLOCK = 8, 2000.0, 100

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -245,3 +246,45 @@ def _check_record(record: array_pb2.Record, samples: np.ndarray, *, field: str) 
             f"{field}.channels has the names {unusable} empty or more than once; each channel needs a name of its own.",
             field=f"{field}.channels",
         )
+
+
+class SamplesHash:
+    """SHA-256 of the samples of a run in whatever blocks: one sample after the other, drives then responses."""
+
+    def __init__(self) -> None:
+        self._digest = hashlib.sha256()
+
+    def add(self, drive: np.ndarray, response: np.ndarray) -> None:
+        """Add the next samples.
+
+        Parameters
+        ----------
+        drive, response : np.ndarray, shape (channels, samples)
+            float64, as many samples of each.
+        """
+        drives = drive.shape[0]
+        rows = np.empty((drive.shape[1], drives + response.shape[0]), dtype="<f8")
+        rows[:, :drives], rows[:, drives:] = drive.T, response.T
+        self._digest.update(rows.data)
+
+    def hexdigest(self) -> str:
+        """Return the hash of what was added so far, 64 hexadecimal digits."""
+        return self._digest.hexdigest()
+
+
+def samples_hash(drive: np.ndarray, response: np.ndarray) -> str:
+    """Return the hash of the samples of a run, as a step names them.
+
+    Parameters
+    ----------
+    drive, response : np.ndarray, shape (channels, samples)
+        float64, as many samples of each, in the units of the rig's description.
+
+    Returns
+    -------
+    str
+        SHA-256, 64 hexadecimal digits.
+    """
+    found = SamplesHash()
+    found.add(drive, response)
+    return found.hexdigest()

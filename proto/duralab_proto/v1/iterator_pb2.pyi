@@ -159,6 +159,20 @@ class StopCriteria(_message.Message):
     damage_bound: float
     def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ..., error_bound: _Optional[float] = ..., peak_bound: _Optional[float] = ..., damage_bound: _Optional[float] = ...) -> None: ...
 
+class Acceptance(_message.Message):
+    __slots__ = ("relative_rms_error", "peak_ratio", "damage_ratio", "damage_exponent", "energy_outside_band")
+    RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
+    PEAK_RATIO_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_EXPONENT_FIELD_NUMBER: _ClassVar[int]
+    ENERGY_OUTSIDE_BAND_FIELD_NUMBER: _ClassVar[int]
+    relative_rms_error: float
+    peak_ratio: _containers.RepeatedScalarFieldContainer[float]
+    damage_ratio: _containers.RepeatedScalarFieldContainer[float]
+    damage_exponent: float
+    energy_outside_band: float
+    def __init__(self, relative_rms_error: _Optional[float] = ..., peak_ratio: _Optional[_Iterable[float]] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., damage_exponent: _Optional[float] = ..., energy_outside_band: _Optional[float] = ...) -> None: ...
+
 class TargetStepChannel(_message.Message):
     __slots__ = ("channel", "energy_removed", "spikes", "damage_kept", "source", "source_unit", "stated_unit", "factor", "peak_before", "rms_before", "peak_after", "rms_after")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
@@ -218,7 +232,7 @@ class TargetStep(_message.Message):
     def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ...) -> None: ...
 
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time", "accept")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -244,6 +258,7 @@ class CampaignSpec(_message.Message):
     CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
     TARGET_STEPS_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
+    ACCEPT_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     target: _array_pb2.Record
@@ -269,7 +284,8 @@ class CampaignSpec(_message.Message):
     confirmations: int
     target_steps: _containers.RepeatedCompositeFieldContainer[TargetStep]
     real_time: bool
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ...) -> None: ...
+    accept: Acceptance
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()
@@ -282,18 +298,20 @@ class StopCampaignRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class ResumeCampaignRequest(_message.Message):
-    __slots__ = ("new_id", "from_iteration", "update", "stop", "scenario")
+    __slots__ = ("new_id", "from_iteration", "update", "stop", "scenario", "accept")
     NEW_ID_FIELD_NUMBER: _ClassVar[int]
     FROM_ITERATION_FIELD_NUMBER: _ClassVar[int]
     UPDATE_FIELD_NUMBER: _ClassVar[int]
     STOP_FIELD_NUMBER: _ClassVar[int]
     SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    ACCEPT_FIELD_NUMBER: _ClassVar[int]
     new_id: str
     from_iteration: int
     update: UpdateSettings
     stop: StopCriteria
     scenario: str
-    def __init__(self, new_id: _Optional[str] = ..., from_iteration: _Optional[int] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., scenario: _Optional[str] = ...) -> None: ...
+    accept: Acceptance
+    def __init__(self, new_id: _Optional[str] = ..., from_iteration: _Optional[int] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., scenario: _Optional[str] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ...) -> None: ...
 
 class CampaignStatus(_message.Message):
     __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations")
@@ -384,7 +402,7 @@ class CampaignEvent(_message.Message):
     def __init__(self, status: _Optional[_Union[CampaignStatus, _Mapping]] = ...) -> None: ...
 
 class IterationStep(_message.Message):
-    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks")
+    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -397,6 +415,7 @@ class IterationStep(_message.Message):
     SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
     REMARKS_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     run: str
     drive: _array_pb2.Record
@@ -409,10 +428,11 @@ class IterationStep(_message.Message):
     signal_epoch: int
     signal_blocks: int
     remarks: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ...) -> None: ...
+    samples_hash: str
+    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ...) -> None: ...
 
 class ConfirmationStep(_message.Message):
-    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks")
+    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     ITERATION_FIELD_NUMBER: _ClassVar[int]
@@ -422,6 +442,7 @@ class ConfirmationStep(_message.Message):
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
     number: int
     run: str
     iteration: int
@@ -431,7 +452,8 @@ class ConfirmationStep(_message.Message):
     actuators: _containers.RepeatedCompositeFieldContainer[_rig_pb2.ActuatorUse]
     signal_epoch: int
     signal_blocks: int
-    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ...) -> None: ...
+    samples_hash: str
+    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., samples_hash: _Optional[str] = ...) -> None: ...
 
 class TargetInBand(_message.Message):
     __slots__ = ("samples",)

@@ -153,20 +153,26 @@ class RecordingPart(_message.Message):
     def __init__(self, offset: _Optional[int] = ..., data: _Optional[bytes] = ..., total: _Optional[int] = ...) -> None: ...
 
 class ReadStepsRequest(_message.Message):
-    __slots__ = ("first",)
+    __slots__ = ("first", "with_samples")
     FIRST_FIELD_NUMBER: _ClassVar[int]
+    WITH_SAMPLES_FIELD_NUMBER: _ClassVar[int]
     first: int
-    def __init__(self, first: _Optional[int] = ...) -> None: ...
+    with_samples: bool
+    def __init__(self, first: _Optional[int] = ..., with_samples: _Optional[bool] = ...) -> None: ...
 
 class RecordedStep(_message.Message):
-    __slots__ = ("step", "message_type", "payload")
+    __slots__ = ("step", "message_type", "payload", "drive", "response")
     STEP_FIELD_NUMBER: _ClassVar[int]
     MESSAGE_TYPE_FIELD_NUMBER: _ClassVar[int]
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
     step: int
     message_type: str
     payload: bytes
-    def __init__(self, step: _Optional[int] = ..., message_type: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+    drive: _array_pb2.Array
+    response: _array_pb2.Array
+    def __init__(self, step: _Optional[int] = ..., message_type: _Optional[str] = ..., payload: _Optional[bytes] = ..., drive: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class RecordedSteps(_message.Message):
     __slots__ = ("steps", "total")

@@ -2,12 +2,9 @@
 
 from recorder.config import RecorderConfig
 from recorder.format import (
-    EPOCH,
-    PART_METADATA,
     SCENARIO_METADATA,
     SOFTWARE_METADATA,
     STEP_TOPIC,
-    SUMMARY_METADATA,
     Part,
     files_of,
     recordings_in,
@@ -18,12 +15,9 @@ from recorder.reading import describe, verify
 from recorder.service import build
 
 __all__ = [
-    "EPOCH",
-    "PART_METADATA",
     "SCENARIO_METADATA",
     "SOFTWARE_METADATA",
     "STEP_TOPIC",
-    "SUMMARY_METADATA",
     "LiveView",
     "McapLog",
     "Part",

@@ -14,9 +14,19 @@ import structlog
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import RecordingError, hash_of_blocks
 from labbus import Bus, Call, ConfigError, FaultError, FigureKind, Metrics, StreamItem, Subscription
 from recorder.config import RecorderConfig
-from recorder.format import Step, checked_name, decode_step, existing_file, files_of, recordings_in
+from recorder.format import (
+    PlaybackStep,
+    Step,
+    checked_name,
+    decode_step,
+    existing_file,
+    files_of,
+    leaves_samples_out,
+    recordings_in,
+)
 from recorder.live import LiveViews
 from recorder.log import MEBIBYTE, Archive, Intake, Placement, exclusive_folder
 from recorder.reading import describe, fits, read_part, read_steps, read_window, verify
@@ -56,6 +66,8 @@ class RecorderService:
         )
         self._intake = Intake()
         self._missing_blocks = 0
+        # The playback of each recording whose missing blocks were waited for last, in vain.
+        self._given_up: dict[str, tuple[str, str, int]] = {}
         self._marking: dict[type[Any], Subscription[Any]] = {}
         self._writer = WorkThread("recorder-writer", regularly=self._make_safe)
         self._views: LiveViews | None = None
@@ -126,12 +138,17 @@ class RecorderService:
         """Store a step; the answer says that it is on the disk."""
         name = checked_name(request.recording, field="recording")
         step = decode_step(request)
+        samples_hash = ""
         if isinstance(step.message, recorder_pb2.RunPlayed):
             self._await_blocks(bus, name, step.message, call)
-        self._on_writer(lambda: self._store(name, step), call)
-        # Also where it was stored before: the disk may have refused the ending then.
-        if isinstance(step.message, recorder_pb2.RecordingClosed) and self._views:
-            self._views.finish(name)
+        elif leaves_samples_out(step.message):
+            samples_hash = self._hash_of_run(bus, name, step.message, call)
+        self._on_writer(lambda: self._store(name, step, samples_hash), call)
+        if isinstance(step.message, recorder_pb2.RecordingClosed):
+            self._given_up.pop(name, None)
+            # Also where it was stored before: the disk may have refused the ending then.
+            if self._views:
+                self._views.finish(name)
         return recorder_pb2.CommitAck(recording=name, step=step.number, payload_hash=step.payload_hash)
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
@@ -201,8 +218,29 @@ class RecorderService:
                 field="recording",
             )
 
-    def _await_blocks(self, bus: Bus, name: str, played: recorder_pb2.RunPlayed, call: Call) -> None:
-        """Wait until every block of a playback is stored; the bus gets what does not come, for a bounded time."""
+    def _hash_of_run(self, bus: Bus, name: str, step: PlaybackStep, call: Call) -> str:
+        """Return the hash of a run's samples as they are on the disk; empty where they are not whole."""
+        self._on_writer(lambda: self._archive.go_on(name), call)
+        rig = self._on_writer(lambda: self._archive.rig_of(name, step.run), call)
+        if not rig:
+            return ""
+        played = recorder_pb2.RunPlayed(run=step.run, rig=rig, epoch=step.signal_epoch, blocks=step.signal_blocks)
+        if not self._await_blocks(bus, name, played, call):
+            return ""
+        topic = bus.keys.rig_signal(rig, step.run)
+        try:
+            places = self._on_writer(lambda: self._archive.places(name, topic, epoch=step.signal_epoch), call)
+            return hash_of_blocks(places)
+        except RecordingError as error:
+            self._log.warning("signal blocks cannot be read back", recording=name, run=step.run, why=str(error))
+            return ""
+
+    def _await_blocks(self, bus: Bus, name: str, played: recorder_pb2.RunPlayed, call: Call) -> bool:
+        """Wait until every block of a playback is stored, and return whether it is.
+
+        The bus gets what does not come, for a bounded time, once for each playback.
+        """
+        wanted = (played.rig, played.run, played.epoch)
         self._marking[rig_pb2.SignalBlock].expect(
             bus.keys.rig_signal(played.rig, played.run), played.epoch, played.blocks
         )
@@ -213,7 +251,10 @@ class RecorderService:
             now = time.monotonic()
             if missing < fewest:
                 fewest, deadline = missing, now + BLOCKS_WAIT_SECONDS
+            if wanted == self._given_up.get(name):
+                return False
             if now >= deadline or call.cancelled:
+                self._given_up[name] = wanted
                 self._log.warning(
                     "signal blocks are missing",
                     recording=name,
@@ -223,13 +264,14 @@ class RecorderService:
                     blocks=played.blocks,
                 )
                 self._missing_blocks += missing
-                return
+                return False
             call.progress("waiting for signal blocks", max(0.0, 1.0 - missing / played.blocks))
             time.sleep(_POLL_SECONDS)
+        return True
 
-    def _store(self, name: str, step: Step) -> None:
+    def _store(self, name: str, step: Step, samples_hash: str) -> None:
         """Store a step and pass it on to its view: on the writer's thread, so that the view sees the log's order."""
-        if self._archive.commit(name, step) is Placement.NEW and self._views is not None:
+        if self._archive.commit(name, step, samples_hash=samples_hash) is Placement.NEW and self._views is not None:
             self._views.show_step(name, step.message)
 
     def _taking(self, take: Callable[[StreamItem[Any]], object]) -> Callable[[StreamItem[Any]], None]:

@@ -8,9 +8,9 @@ import random
 import pytest
 from mcap.opcode import Opcode
 
+from duralab_recordings import DAMAGE, MAGIC, scan
 from recorder.format import Content
 from recorder.log import Archive
-from recorder.mcap import DAMAGE, MAGIC, scan
 from recorder.refused import RefusedError
 
 

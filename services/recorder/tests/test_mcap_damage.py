@@ -9,7 +9,7 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile
 from zstandard import ZstdError
 
-from recorder.mcap import DAMAGE, reason_of
+from duralab_recordings import DAMAGE, reason_of
 from recorder.reading import verify
 
 

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import array_pb2, identifier_pb2, recorder_pb2
+from duralab_proto.v1 import recorder_pb2
 from labbus import StreamItem
 from recorder.format import files_of, recording_path
 from recorder.log import Archive
@@ -100,22 +100,6 @@ def test_every_file_can_be_fetched(folder):
     for number, path in enumerate(files_of(folder, "demo"), start=1):
         request = recorder_pb2.ReadRecordingRequest(length=2**20, part="recording", number=number)
         assert read_part(folder, "demo", request).data == path.read_bytes()
-
-
-def test_drives_and_models_are_files_within_the_files(folder, campaign):
-    found = {}
-    for path in files_of(folder, "demo"):
-        with path.open("rb") as stream:
-            found |= {entry.name: entry for entry in make_reader(stream).iter_attachments()}
-    drives = sorted(name for name in found if name.startswith("drive/"))
-    assert drives == [f"drive/iteration_{number:02d}.binpb" for number in range(1, RUNS + 1)]
-    assert found[drives[0]].media_type == "application/protobuf;duralab.v1.Record"
-    record = array_pb2.Record.FromString(found[drives[0]].data)
-    assert record.SerializeToString() == campaign.iteration(1, 0.5).drive.SerializeToString()
-    (model,) = (entry for name, entry in found.items() if name.startswith("model/"))
-    assert model.media_type == "application/protobuf;duralab.v1.Model"
-    decoded = identifier_pb2.Model.FromString(model.data)
-    assert decoded.SerializeToString() == campaign.model().SerializeToString()
 
 
 def test_every_file_passes_the_check_of_another_code_base(folder, rerun_program, viewer_environment):

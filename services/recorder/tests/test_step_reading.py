@@ -5,8 +5,8 @@ import shutil
 import pytest
 
 from duralab_proto.v1 import recorder_pb2
+from duralab_recordings import index, unfinished
 from recorder.log import Archive
-from recorder.mcap import file_scan, index
 from recorder.reading import read_steps
 from recorder.refused import RefusedError
 
@@ -95,7 +95,7 @@ def test_each_part_reads_its_own_chunks_and_no_others(archive, campaign, step_of
         "recorder.reading.step_reading.messages_of",
         lambda *place: read_chunks.append(place) or index.messages_of(*place),
     )
-    monkeypatch.setattr(index, "scan", lambda *file: scanned.append(file) or file_scan.scan(*file))
+    monkeypatch.setattr(index, "scan", lambda *file: scanned.append(file) or unfinished.scan(*file))
     for number, message in enumerate(messages):
         answer = read(tmp_path / "demo.mcap", number, written=len(messages) if state == "open" else None)
         assert [step.payload for step in answer.steps] == [message.SerializeToString()]

@@ -1,8 +1,6 @@
 """What a recording consists of: its files, their topics and metadata, its steps, runs and summary."""
 
 from recorder.format.content import (
-    EPOCH,
-    PART_METADATA,
     SCENARIO_METADATA,
     SOFTWARE_METADATA,
     STEP_TOPIC,
@@ -21,22 +19,21 @@ from recorder.format.files import (
     sha256_of,
 )
 from recorder.format.runs import MOST_BLOCKS, PlannedRun
-from recorder.format.steps import Step, decode_step, type_name_of
-from recorder.format.summary import SUMMARY_METADATA, Runs, Story, Streams, Summary, read_summary
+from recorder.format.steps import STEP_TYPES, PlaybackStep, Step, decode_step, leaves_samples_out, type_name_of
+from recorder.format.summary import Runs, Story, Streams, Summary, read_summary
 
 __all__ = [
     "DAMAGED_FOLDER",
-    "EPOCH",
     "MOST_BLOCKS",
-    "PART_METADATA",
     "SCENARIO_METADATA",
     "SOFTWARE_METADATA",
     "STEP_TOPIC",
+    "STEP_TYPES",
     "STORED_ONCE",
-    "SUMMARY_METADATA",
     "Content",
     "Part",
     "PlannedRun",
+    "PlaybackStep",
     "Runs",
     "Step",
     "Story",
@@ -47,6 +44,7 @@ __all__ = [
     "existing_file",
     "files_after_a_gap",
     "files_of",
+    "leaves_samples_out",
     "read_summary",
     "recording_path",
     "recordings_in",

@@ -10,25 +10,25 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from duralab_proto.keys import rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockHash
 from labbus import Continuity
 from recorder.format.runs import PlannedRun
 from recorder.format.sample_order import SampleOrder
 from recorder.format.steps import type_name_of
-from recorder.format.summary import SUMMARY_METADATA, Runs, Story, Streams, Summary
+from recorder.format.summary import Runs, Story, Streams, Summary
 
 STEP_TOPIC: Final = "step/"
 """Committed steps are on `step/<short name of the message>`, numbered by their sequence."""
 
-EPOCH: Final = "epoch"
-"""Entry of a stream channel's metadata: the epoch of its publisher."""
-
 STORED_ONCE: Final = (rig_pb2.RigState, iterator_pb2.CampaignEvent)
 """Messages of streams that are replayed after a kill, besides signal blocks."""
 
-PART_METADATA: Final = "part"
 SCENARIO_METADATA: Final = "scenario"
 SOFTWARE_METADATA: Final = "software"
 
+_PLAYBACK_TYPES: Final = {
+    type_name_of(kind): kind for kind in (iterator_pb2.IterationStep, iterator_pb2.ConfirmationStep)
+}
 _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 
 
@@ -46,6 +46,10 @@ class Content:
         The signal blocks of each rig, run and epoch.
     samples : dict of (str, str, int) to SampleOrder
         Whether their samples follow each other.
+    hashes : dict of (str, int) to BlockHash, optional
+        Hash of the samples of each run and epoch; not worked out where None.
+    named : list of (str, int, str)
+        Run, epoch and hash of the samples that steps leave out.
     streams : dict of (str, int) to Continuity
         The states and events of each key and epoch.
     planned, played : list
@@ -57,7 +61,7 @@ class Content:
     descriptions : dict of str to RigDescription
         The rigs, by name.
     attachments : dict of str to str
-        SHA-256 of each attachment, by name.
+        SHA-256 of each attachment, by name; there are some in recordings of format version 1.
     scenario : dict of str to str
         Metadata of the campaign's YAML.
     story : Story
@@ -70,6 +74,8 @@ class Content:
     last_step_type: str = ""
     blocks: dict[tuple[str, str, int], Continuity] = field(default_factory=dict)
     samples: dict[tuple[str, str, int], SampleOrder] = field(default_factory=dict)
+    hashes: dict[tuple[str, int], BlockHash] | None = None
+    named: list[tuple[str, int, str]] = field(default_factory=list)
     streams: Streams = field(default_factory=dict)
     planned: list[recorder_pb2.RunPlanned] = field(default_factory=list)
     played: list[recorder_pb2.RunPlayed] = field(default_factory=list)
@@ -127,6 +133,8 @@ class Content:
             block = rig_pb2.SignalBlock.FromString(message.data)
             count = block.response.shape[-1] if block.response.shape else 0
             self.samples.setdefault(place, SampleOrder()).take(message.sequence, first=block.first_sample, count=count)
+            if self.hashes is not None:
+                self.hashes.setdefault(place[1:], BlockHash()).take(block)
         elif schema in _TYPES_STORED_ONCE:
             place = (channel.topic, int(channel.metadata[EPOCH]))
             self.streams.setdefault(place, Continuity()).accept(message.sequence)
@@ -140,6 +148,10 @@ class Content:
             self.planned.append(recorder_pb2.RunPlanned.FromString(message.data))
         elif schema == type_name_of(recorder_pb2.RunPlayed):
             self.played.append(recorder_pb2.RunPlayed.FromString(message.data))
+        elif schema in _PLAYBACK_TYPES:
+            playback = _PLAYBACK_TYPES[schema].FromString(message.data)
+            if not playback.HasField("response"):
+                self.named.append((playback.run, playback.signal_epoch, playback.samples_hash))
         elif schema == type_name_of(rig_pb2.RigDescription):
             description = rig_pb2.RigDescription.FromString(message.data)
             self.descriptions[description.rig] = description

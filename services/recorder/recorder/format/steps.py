@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
@@ -102,19 +103,56 @@ def _check_model(message: identifier_pb2.Model) -> None:
     from_array(message.coherence, field="coherence", shape=(lines, responses), dtype=np.float64, finite=False)
 
 
+PlaybackStep = iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep
+"""Steps whose samples are those of a run."""
+
+_HASH: Final = re.compile("[0-9a-f]{64}")
+
+
+def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
+    """Return whether a step names the samples of its run only: its signal blocks hold them."""
+    return isinstance(message, PlaybackStep) and not message.HasField("response")
+
+
 def _check_iteration(message: iterator_pb2.IterationStep) -> None:
     if message.iteration == 0:
         raise ArrayError("iteration is 0; playbacks are numbered from 1.", field="iteration")
-    from_record(message.drive, field="drive")
-    _, _, response = from_record(message.response, field="response")
-    from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
+    if message.HasField("drive") != message.HasField("response"):
+        raise ArrayError("drive and response are not both given; give both or neither.", field="drive")
+    if message.HasField("drive"):
+        from_record(message.drive, field="drive")
+    _check_samples(message)
 
 
 def _check_confirmation(message: iterator_pb2.ConfirmationStep) -> None:
     if message.number == 0:
         raise ArrayError("number is 0; playbacks that confirm a result are numbered from 1.", field="number")
-    _, _, response = from_record(message.response, field="response")
-    from_array(message.response_in_band, field="response_in_band", shape=response.shape, dtype=np.float64)
+    _check_samples(message)
+
+
+def _check_samples(message: PlaybackStep) -> None:
+    """Check the samples that a step carries, or what it says of the run that it leaves them to."""
+    shape: tuple[int | None, ...] = (None, None)
+    if message.HasField("response"):
+        _, _, response = from_record(message.response, field="response")
+        shape = response.shape
+    else:
+        try:
+            check_run(message.run)
+        except ValueError as error:
+            raise ArrayError(str(error), field="run") from error
+        if not _HASH.fullmatch(message.samples_hash):
+            raise ArrayError(
+                f"samples_hash is {message.samples_hash[:80]!r}; a step without samples names their SHA-256, 64 "
+                "hexadecimal digits.",
+                field="samples_hash",
+            )
+        if not 0 < message.signal_blocks <= MOST_BLOCKS:
+            raise ArrayError(
+                f"signal_blocks is {message.signal_blocks}; a step without samples has 1 to {MOST_BLOCKS} of them.",
+                field="signal_blocks",
+            )
+    from_array(message.response_in_band, field="response_in_band", shape=shape)
 
 
 def _nothing_to_check(message: Message) -> None:

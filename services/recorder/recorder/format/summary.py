@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import Final
 
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from duralab_recordings import DAMAGE, SUMMARY_METADATA, index_reader, is_finished
 from labbus import Continuity
 from recorder.format.runs import MOST_BLOCKS, PlannedRun, ranges_of
-from recorder.mcap import DAMAGE, index_reader, is_finished
-
-SUMMARY_METADATA: Final = "summary"
 
 # Anybody may publish a state under any number of 64 bits, and it is written.
 _MOST_NUMBERS: Final = 2**64

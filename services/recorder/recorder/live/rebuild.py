@@ -17,8 +17,17 @@ from mcap.records import Channel, DataEnd, McapRecord, Schema
 from mcap.records import Message as Record
 
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
+from duralab_recordings import (
+    DAMAGE,
+    RecordReader,
+    Unfinished,
+    ZerosError,
+    check_begin,
+    is_finished,
+    reason_of,
+    scan,
+)
 from recorder.live.view import LiveView
-from recorder.mcap import DAMAGE, RecordReader, Unfinished, ZerosError, check_begin, is_finished, reason_of, scan
 
 SHOWN: Final[dict[str, type[Message]]] = {
     kind.DESCRIPTOR.full_name: kind

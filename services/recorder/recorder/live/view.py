@@ -186,12 +186,14 @@ class LiveView:
         if self._iterations and step.iteration <= self._iterations[-1].iteration:
             # Once from the log and once as it came, where a view begins while its recording is written.
             return
-        channels, sample_rate, measured = from_record(step.response, field="response")
-        response = from_array(step.response_in_band, field="response_in_band", shape=measured.shape, dtype=np.float64)
-        playback = self._played(step)
-        self._dress(Group.RESPONSE, [channel.name for channel in channels], playback)
-        for row, channel in enumerate(channels):
-            self._send(Curve(Group.RESPONSE, channel.name, playback), response[row], start=0.0, sample_rate=sample_rate)
+        if self._description is not None:
+            channels, sample_rate = self._description.responses, self._description.sample_rate
+            response = from_array(step.response_in_band, field="response_in_band", shape=(len(channels), None))
+            playback = self._played(step)
+            self._dress(Group.RESPONSE, [channel.name for channel in channels], playback)
+            for row, channel in enumerate(channels):
+                curve = Curve(Group.RESPONSE, channel.name, playback)
+                self._send(curve, response[row], start=0.0, sample_rate=sample_rate)
         self._iterations.append(step.metrics)
         draw_figures(self._stream, self._iterations)
         self._write_status()

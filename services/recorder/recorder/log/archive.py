@@ -13,9 +13,10 @@ import structlog
 
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.keys import id_of, rig_of, run_of
-from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import BlockPlace
 from labbus import StreamItem
-from recorder.format import Step, files_of, recordings_in
+from recorder.format import Step, files_of, leaves_samples_out, recordings_in
 from recorder.log.interruptions import Interruptions
 from recorder.log.recording import DiskError, Recording, as_disk_error
 from recorder.log.recovery import LEAST_FREE_BYTES, MEBIBYTE, FreeSpaceGuard, is_ended, reopen
@@ -120,7 +121,7 @@ class Archive:
         self._log.info("recording taken up", recording=name, steps=found.recording.order.count)
         return found.recording
 
-    def commit(self, name: str, step: Step) -> Placement:
+    def commit(self, name: str, step: Step, *, samples_hash: str = "") -> Placement:
         """Store a step and return when it is on the disk, or find that it is there already.
 
         Parameters
@@ -129,17 +130,16 @@ class Archive:
             Id of the recording, checked; its first step makes it.
         step : Step
             Decoded and checked.
+        samples_hash : str
+            Of the samples on disk of the run that the step leaves its samples to; empty where they are not whole.
 
         Raises
         ------
         RefusedError
-            The step does not follow, or the disk refuses it: RESOURCE_EXHAUSTED, and it may be sent again.
+            The step does not follow, or leaves out samples that are not here: FAILED_PRECONDITION; or the disk refuses
+            it: RESOURCE_EXHAUSTED, and it may be sent again.
         """
-        if name in self._interruptions:
-            self._take_up_interrupted(name)
-        if name in self._interruptions:
-            # The disk refused again what had been held back.
-            raise DiskError(name, self._interruptions.why(name))
+        self.go_on(name)
         recording = self._open.get(name)
         with as_disk_error(name):
             if recording is None and self._recently_closed.find(name) is None:
@@ -152,6 +152,13 @@ class Archive:
             return placement
         if isinstance(step.message, recorder_pb2.RunPlanned | recorder_pb2.RunPlayed):
             self._runs.check(step.message, name)
+        if leaves_samples_out(step.message) and step.message.samples_hash != samples_hash:
+            why = "are others than those of its hash" if samples_hash else "are not here, or not whole"
+            raise RefusedError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"The signal blocks of run {step.message.run!r} {why}; send the step with its samples.",
+                field="payload.samples_hash",
+            )
         if recording is None or isinstance(step.message, recorder_pb2.RunPlanned):
             self._free_space.expect(name)
         if recording is None:
@@ -162,6 +169,14 @@ class Archive:
             recording.store(step)
             self._note(recording, step)
         return placement
+
+    def go_on(self, name: str) -> None:
+        """Take up a recording that its disk interrupted; raises RefusedError where the disk does not take it yet."""
+        if name in self._interruptions:
+            self._take_up_interrupted(name)
+        if name in self._interruptions:
+            # The disk refused again what had been held back.
+            raise DiskError(name, self._interruptions.why(name))
 
     @contextmanager
     def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
@@ -233,6 +248,26 @@ class Archive:
         """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
         run = self._runs.find(played.rig, played.run)
         return [] if run is None or run.recording != name else run.gaps_of(played.epoch, played.blocks)
+
+    def rig_of(self, name: str, run: str) -> str:
+        """Return the rig that a run of a recording was announced on; empty where it was not."""
+        return self._runs.rig_of(name, run)
+
+    def places(self, name: str, topic: str, *, epoch: int) -> list[BlockPlace]:
+        """Return where the signal blocks of a run are on the disk; none where its recording is not written now.
+
+        Raises
+        ------
+        DiskError
+            The disk refuses what is not yet on it.
+        RecordingError
+            A finished file is damaged or cannot be read.
+        """
+        recording = self._open.get(name)
+        if recording is None:
+            return []
+        with self._interrupted_by_disk(recording):
+            return recording.places(topic, epoch=epoch)
 
     def take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> str | None:
         """Write a signal block; return the recording it went to, or None where it belongs to none."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 import time
 from collections.abc import Callable, Iterator
@@ -10,18 +9,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockPlace, part_metadata, places_of
 from labbus import Continuity, StreamItem
 from recorder.format import (
-    EPOCH,
-    PART_METADATA,
     SCENARIO_METADATA,
     SOFTWARE_METADATA,
     STEP_TOPIC,
     STORED_ONCE,
-    SUMMARY_METADATA,
     Runs,
     Step,
     Story,
@@ -33,6 +31,12 @@ from recorder.format import (
 from recorder.log.step_order import Placement, StepOrder
 from recorder.mcap import McapLog, holds_doubles_only
 from recorder.refused import RefusedError
+
+_NANOSECONDS: Final = 1e9
+_LONGEST_SECONDS: Final = 1e9
+# September 2001 and a day: an epoch outside is no time in nanoseconds.
+_EARLIEST: Final = 10**18
+_DAY: Final = 86_400 * 10**9
 
 
 def software_versions() -> dict[str, str]:
@@ -108,6 +112,8 @@ class Recording:
         self._folder = folder
         self._stored = stored or Stored()
         self._log: McapLog | None = None
+        # When runs began, in nanoseconds since 1970 UTC, by run and epoch.
+        self._begins: dict[tuple[str, int], int] = {}
 
     @property
     def written(self) -> bool:
@@ -137,7 +143,6 @@ class Recording:
             if isinstance(step.message, iterator_pb2.CampaignSpec):
                 self._stored.scenario = {"campaign": step.message.id, "yaml": step.message.scenario}
                 log.add_metadata(SCENARIO_METADATA, self._stored.scenario)
-            self._attach(log, step)
             kind = type(step.message)
             log.add_message(
                 STEP_TOPIC + kind.DESCRIPTOR.name,
@@ -151,19 +156,6 @@ class Recording:
         self._write(write)
         self.order.store(step)
         self._tell(step)
-
-    def _attach(self, log: McapLog, step: Step) -> None:
-        """Put drives and models into files of their own within the file, for tools that take them out again."""
-        match step.message:
-            case iterator_pb2.IterationStep() as iteration:
-                name, message = f"drive/iteration_{iteration.iteration:02d}.binpb", iteration.drive
-            case identifier_pb2.Model() as model:
-                name, message = f"model/{model.id or step.payload_hash}.binpb", model
-            case _:
-                return
-        data = message.SerializeToString(deterministic=True)
-        log.add_attachment(name, data, media_type=f"application/protobuf;{message.DESCRIPTOR.full_name}")
-        self._stored.attachments[name] = hashlib.sha256(data).hexdigest()
 
     def _tell(self, step: Step) -> None:
         if step.number == 0:
@@ -193,10 +185,45 @@ class Recording:
                 metadata={EPOCH: str(item.epoch)},
                 # Checked before: they are of float64.
                 doubles=isinstance(item.message, rig_pb2.SignalBlock | rig_pb2.PoseBlock),
+                publish_time=self._sample_time(item),
             )
         )
         if stored is not None:
             stored.accept(item.seq)
+
+    def _sample_time(self, item: StreamItem[Any]) -> int | None:
+        """Return the time of the first sample of a message, so that a tool for MCAP files draws a run over its time.
+
+        A run begins when its publisher was made, which its epoch tells; None where a message has no samples.
+        """
+        match item.message:
+            case rig_pb2.SignalBlock() as block:
+                begin = self._begins.setdefault((block.run, item.epoch), _begin_of(item.epoch))
+                seconds = block.first_sample / block.sample_rate
+            case rig_pb2.PoseBlock() as pose:
+                known = [begin for (run, _), begin in self._begins.items() if run == pose.run]
+                times = from_array(pose.time, field="time", shape=(None,), finite=False)
+                if not known or not times.size:
+                    return None
+                begin, seconds = known[-1], float(times[0])
+            case _:
+                return None
+        return begin + round(_NANOSECONDS * seconds) if 0.0 <= seconds < _LONGEST_SECONDS else None
+
+    def places(self, topic: str, *, epoch: int) -> list[BlockPlace]:
+        """Return where the messages of a topic and epoch are in all files, once they are on the disk.
+
+        Raises
+        ------
+        DiskError
+            What was added is not.
+        RecordingError
+            A finished file is damaged or cannot be read.
+        """
+        self.sync()
+        files = [recording_path(self._folder, self.name, number=number + 1) for number in range(self._stored.files)]
+        found = [place for path in files for place in places_of(path, topic, epoch=epoch)]
+        return found if self._log is None else found + self._log.places(topic, metadata={EPOCH: str(epoch)})
 
     def sync(self) -> None:
         """Return when all that was added is on the disk."""
@@ -281,12 +308,9 @@ class Recording:
             self._log.add_metadata(SOFTWARE_METADATA, software_versions())
             self._log.add_metadata(
                 PART_METADATA,
-                {
-                    "recording": self.name,
-                    "number": str(number),
-                    "previous_file": "" if previous is None else previous.name,
-                    "previous_sha256": self._stored.previous_sha256,
-                },
+                part_metadata(
+                    self.name, number=number, previous=previous, previous_sha256=self._stored.previous_sha256
+                ),
             )
             if self._stored.scenario:
                 self._log.add_metadata(SCENARIO_METADATA, self._stored.scenario)
@@ -295,3 +319,9 @@ class Recording:
     def _write(self, write: Callable[[], None]) -> None:
         with as_disk_error(self.name):
             write()
+
+
+def _begin_of(epoch: int) -> int:
+    """Return when a publisher began, in nanoseconds since 1970 UTC: its epoch, or now where that is no such time."""
+    now = time.time_ns()
+    return epoch if _EARLIEST <= epoch <= now + _DAY else now

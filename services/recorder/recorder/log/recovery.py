@@ -13,11 +13,22 @@ from typing import Final
 import structlog
 
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import (
+    DAMAGE,
+    SUMMARY_METADATA,
+    check_begin,
+    chunks_of,
+    expect_chunk,
+    index_reader,
+    is_finished,
+    newer_format,
+    reason_of,
+    scan,
+)
 from recorder.format import (
     DAMAGED_FOLDER,
     SCENARIO_METADATA,
     STEP_TOPIC,
-    SUMMARY_METADATA,
     Content,
     Runs,
     Summary,
@@ -28,18 +39,7 @@ from recorder.format import (
 )
 from recorder.log.recording import DiskError, Recording, Stored, as_disk_error
 from recorder.log.step_order import StepOrder
-from recorder.mcap import (
-    DAMAGE,
-    check_begin,
-    chunks_of,
-    expect_chunk,
-    finish,
-    index_reader,
-    is_finished,
-    reason_of,
-    scan,
-    sync_folder,
-)
+from recorder.mcap import finish, sync_folder
 from recorder.refused import RefusedError
 
 KILLED: Final = "Its recorder was killed."
@@ -179,6 +179,8 @@ def reopen(
 
 def _expect_own(part: Mapping[str, str], name: str, path: Path) -> None:
     """Refuse a copy: it would take the playbacks of the recording that it was copied from for its own."""
+    if newer := newer_format(part):
+        raise _unreadable(name, path, newer)
     if (own := part.get("recording", name)) != name:
         raise _unreadable(name, path, f"it is a copy of recording {own!r}")
 

@@ -23,6 +23,10 @@ class RunRegistry:
         """Return a playback that was announced, or None."""
         return self._runs.get((rig, run))
 
+    def rig_of(self, recording: str, run: str) -> str:
+        """Return the rig that a run was announced on to a recording; empty where it was not."""
+        return next((rig for rig, name in self.of_recording(recording) if name == run), "")
+
     def is_new_stranger(self, run: str) -> bool:
         """Whether a run of no recording is met for the first time."""
         if run in self._strangers:

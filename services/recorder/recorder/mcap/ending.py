@@ -16,7 +16,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 
-from recorder.mcap.file_scan import FOOTER_BYTES, MAGIC, Unfinished
+from duralab_recordings import FOOTER_BYTES, MAGIC, Unfinished
 
 _FOOTER_START: Final = struct.Struct("<BQQQ")
 

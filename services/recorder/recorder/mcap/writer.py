@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import os
 import time
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Final, cast
@@ -18,6 +19,7 @@ from google.protobuf.message import Message
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from duralab_recordings import BlockPlace
 from recorder.mcap.schemas import describe_schema
 
 CHUNK_BYTES: Final = 1024 * 1024
@@ -115,6 +117,9 @@ class McapLog:
             raise
         self._schemas: dict[tuple[str, bool], int] = {}
         self._channels: dict[tuple[str, bool, str], int] = {}
+        # Messages of each channel in the chunk that is being filled, and the chunks that are written.
+        self._filling: Counter[int] = Counter()
+        self._chunks: dict[int, list[BlockPlace]] = {}
         self._unsynced = False
         self._synced_bytes = self._stream.tell()
 
@@ -147,6 +152,7 @@ class McapLog:
         sequence: int,
         metadata: Mapping[str, str] | None = None,
         doubles: bool = False,
+        publish_time: int | None = None,
     ) -> None:
         """Add a serialised message.
 
@@ -164,23 +170,52 @@ class McapLog:
             Of the channel; messages of one topic with other metadata go to a channel of their own.
         doubles : bool
             Whether its arrays hold doubles only; see `describe_schema`.
+        publish_time : int, optional
+            Time of its first sample, in nanoseconds since 1970 UTC; now where not given, as always for the log time.
         """
         now = time.time_ns()
+        channel = self._channel(topic, kind, metadata or {}, doubles=doubles)
+        self._filling[channel] += 1
+        before = self._stream.tell()
         self._writer.add_message(
-            channel_id=self._channel(topic, kind, metadata or {}, doubles=doubles),
+            channel_id=channel,
             log_time=now,
-            publish_time=now,
+            publish_time=now if publish_time is None else publish_time,
             sequence=sequence % _LARGEST_SEQUENCE,
             data=data,
         )
+        self._note_chunk(before)
         self._unsynced = True
 
+    def _note_chunk(self, before: int) -> None:
+        """Note which channels have messages in the chunk that was written at `before`, if one was."""
+        if self._stream.tell() == before or not self._filling:
+            return
+        for channel, count in self._filling.items():
+            self._chunks.setdefault(channel, []).append(BlockPlace(self._path, before, channel, count))
+        self._filling.clear()
+
+    def places(self, topic: str, *, metadata: Mapping[str, str]) -> list[BlockPlace]:
+        """Return the chunks that hold the messages of a topic, in order; those that are not synced are left out.
+
+        Parameters
+        ----------
+        topic : str
+            Of the messages.
+        metadata : mapping of str to str
+            Of their channel.
+        """
+        channels = [self._channels.get(_channel_key(topic, metadata, doubles=doubles)) for doubles in (False, True)]
+        return [place for channel in channels if channel is not None for place in self._chunks.get(channel, [])]
+
     def _channel(self, topic: str, kind: type[Message], metadata: Mapping[str, str], *, doubles: bool) -> int:
-        key = (topic, doubles, repr(sorted(metadata.items())))
+        key = _channel_key(topic, metadata, doubles=doubles)
         channel = self._channels.get(key)
         if channel is None:
+            before = self._stream.tell()
             schema = self._schema(kind, doubles=doubles)
             channel = self._writer.register_channel(topic, MessageEncoding.Protobuf, schema, dict(metadata))
+            self._note_chunk(before)
             self._channels[key] = channel
         return channel
 
@@ -196,17 +231,13 @@ class McapLog:
         self._writer.add_metadata(name, dict(entries))
         self._unsynced = True
 
-    def add_attachment(self, name: str, data: bytes, *, media_type: str) -> None:
-        """Add a file within the file."""
-        now = time.time_ns()
-        self._writer.add_attachment(create_time=now, log_time=now, name=name, media_type=media_type, data=data)
-        self._unsynced = True
-
     def sync(self) -> None:
         """Return when all that was added is on the disk."""
         if not self._unsynced:
             return
+        before = self._stream.tell()
         self._writer.flush()
+        self._note_chunk(before)
         self._stream.sync()
         self._synced_bytes = self._stream.tell()
         self._unsynced = False
@@ -232,3 +263,7 @@ class McapLog:
         """Let go of the file and remove it."""
         self.release()
         self._path.unlink(missing_ok=True)
+
+
+def _channel_key(topic: str, metadata: Mapping[str, str], *, doubles: bool) -> tuple[str, bool, str]:
+    return topic, doubles, repr(sorted(metadata.items()))

@@ -12,8 +12,8 @@ from typing import IO, Final
 from mcap.records import Footer
 
 from duralab_proto.v1 import recorder_pb2
+from duralab_recordings import DAMAGE, RecordReader, check_begin, newer_format, reason_of
 from recorder.format import Content, sha256_of, type_name_of
-from recorder.mcap import DAMAGE, RecordReader, check_begin, reason_of
 
 _MAGIC_BYTES: Final = 8
 _FOOTER_CRC_BYTES: Final = 4
@@ -67,6 +67,10 @@ class Audit:
         for (_, run, _), samples in content.samples.items():
             if samples.finding:
                 self.findings.append(f"The samples of run {run!r} do not join: {samples.finding}.")
+        hashes = content.hashes or {}
+        for run, epoch, samples_hash in content.named:
+            if (run, epoch) not in hashes or hashes[run, epoch].result != samples_hash:
+                self.findings.append(f"The samples of run {run!r} are not those of the hash that its step names.")
         self._compare()
 
     def _compare(self) -> None:
@@ -98,7 +102,7 @@ def audit(files: Sequence[Path], *, name: str = "") -> Audit:
     Audit
         Without findings where the recording is whole.
     """
-    found = Audit()
+    found = Audit(content=Content(hashes={}))
     before: Path | None = None
     for number, path in enumerate(files, start=1):
         _read_file(found, path)
@@ -143,6 +147,8 @@ def _read_file(found: Audit, path: Path) -> None:
 def _check_place(found: Audit, path: Path, *, number: int, before: Path | None, name: str) -> None:
     """Check that a file belongs where it lies: after the one whose hash it names."""
     part = found.content.part
+    if newer := newer_format(part):
+        found.findings.append(f"The file {path.name} is not understood: {newer}.")
     if part.get("number") not in (str(number), None if number == 1 else ""):
         found.findings.append(f"The file {path.name} says that it is number {part.get('number')!r}, not {number}.")
     if name and (own := part.get("recording", name)) != name:

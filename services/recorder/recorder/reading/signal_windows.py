@@ -1,34 +1,33 @@
-"""A part of a run's signals, read through the index: nothing else of a file is read than the chunks that count."""
+"""A part of a run's signals, as it is asked for over the bus: by time and channel, within what one answer may take."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from mcap.records import Channel, ChunkIndex
-
-from duralab_proto.arrays import from_array, to_record
+from duralab_proto.arrays import to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
-from recorder.format import EPOCH, STEP_TOPIC, SUMMARY_METADATA, Summary, files_of
-from recorder.mcap import DAMAGE, count_messages, index_of, is_finished, last_metadata, messages_of, reason_of
+from duralab_recordings import (
+    DAMAGE,
+    SUMMARY_METADATA,
+    MissingSamplesError,
+    RecordingError,
+    RunSignals,
+    Window,
+    index_of,
+    is_finished,
+    last_metadata,
+    messages_of,
+    reason_of,
+)
+from recorder.format import STEP_TOPIC, Summary, files_of
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
 _MOST_SAMPLES: Final = 2.0**53
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A chunk with blocks of the run: where, and how many."""
-
-    path: Path
-    chunk: ChunkIndex
-    channel: int
-    count: int
 
 
 def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowRequest) -> recorder_pb2.SignalWindow:
@@ -59,8 +58,9 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
     try:
         rig, epoch = _last_played(folder, name, request.run)
         channels = _Channels.of(_description(folder, name, rig=rig), request.channels)
-        places = _of_epoch(list(_places(folder, name, request.run, rig=rig)), epoch)
-        if not places:
+        played = {request.run: epoch} if epoch else {}
+        signals = RunSignals(_finished_files(folder, name), played=played, rig=rig)
+        if request.run not in signals.runs:
             _refuse_unfinished(folder, name)
             raise RefusedError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
@@ -68,12 +68,13 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
                 f"{_named(folder, name)}.",
                 field="run",
             )
-        blocks, first, last = _blocks(places, request)
-        return _joined(request.run, blocks, first=first, last=last, channels=channels)
-    except DAMAGE as error:
+        first, window, rate = _window(signals, request)
+        return _answer(request.run, window, first=first, rate=rate, channels=channels)
+    except (*DAMAGE, RecordingError) as error:
+        reason = error.reason if isinstance(error, RecordingError) else reason_of(error)
         raise RefusedError(
             query_pb2.FAULT_CODE_DATA_LOSS,
-            f"Recording {name!r} is damaged: {reason_of(error)}; `verify` says more.",
+            f"Recording {name!r} is damaged: {reason}; `verify` says more.",
             field="recording",
         ) from error
 
@@ -162,40 +163,10 @@ def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription
     )
 
 
-def _places(folder: Path, name: str, run: str, *, rig: str) -> Iterator[tuple[int, _Place]]:
-    """Yield epoch and place of every chunk that holds blocks of the run, in the order they were written."""
-    for path in _finished_files(folder, name):
-        summary = index_of(path)
-        wanted = {id: channel for id, channel in summary.channels.items() if _is_of_run(channel, run, rig=rig)}
-        if not wanted:
-            continue
-        with path.open("rb") as stream:
-            for chunk in summary.chunk_indexes:
-                for id in wanted.keys() & chunk.message_index_offsets.keys():
-                    count = count_messages(stream, chunk, id)
-                    yield int(wanted[id].metadata[EPOCH]), _Place(path, chunk, id, count)
-
-
-def _is_of_run(channel: Channel, run: str, *, rig: str) -> bool:
-    of_rig = f"/{rig}" if rig else ""
-    return channel.topic.endswith(f"{of_rig}/signal/{run}") and EPOCH in channel.metadata
-
-
-def _of_epoch(places: list[tuple[int, _Place]], epoch: int) -> list[_Place]:
-    """Return the places of the epoch that was played to its end, or where none was of the one written last.
-
-    A run that was repeated after a fault has several, and their numbers do not tell: a clock may have been set back.
-    """
-    wanted = epoch or (places[-1][0] if places else 0)
-    return [place for of, place in places if of == wanted]
-
-
-def _blocks(
-    places: list[_Place], request: recorder_pb2.SignalWindowRequest
-) -> tuple[list[rig_pb2.SignalBlock], int, int]:
-    """Return the blocks that cover the window, and its first sample and the one after its last."""
-    begin = min(_read(places[0]), key=lambda block: block.first_sample)
-    rate, size = begin.sample_rate, begin.response.shape[-1]
+def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> tuple[int, Window, float]:
+    """Return the first sample of the part of the run that is asked for, the part, and its rate."""
+    bound = signals.bound(request.run)
+    rate = bound.sample_rate
     if not math.isfinite(request.first_second * rate):
         raise invalid(
             f"first_second is {request.first_second:g}, beyond any sample of {rate:g} Hz; give a time within the run.",
@@ -204,9 +175,8 @@ def _blocks(
     first = math.floor(request.first_second * rate + 0.5)
     # Made whole only when it is bounded: the product may be infinite.
     samples = min(max(request.seconds * rate, 1.0), _MOST_SAMPLES)
-    row_bytes = 8 * (begin.drive.shape[0] + begin.response.shape[0])
-    played = sum(place.count for place in places) * size
-    if min(samples, played - first) * row_bytes > LARGEST_WINDOW_BYTES:
+    row_bytes = 8 * bound.channels
+    if min(samples, bound.samples - first) * row_bytes > LARGEST_WINDOW_BYTES:
         most = LARGEST_WINDOW_BYTES // row_bytes / rate
         raise invalid(
             f"seconds is {request.seconds:g}; at most {most:g} s of this run are read at once, of however many of its "
@@ -214,67 +184,39 @@ def _blocks(
             field="seconds",
         )
     last = first + math.floor(samples + 0.5)
-    # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
-    likely: list[_Place] = []
-    before = 0
-    for place in places:
-        if before * size < last and (before + place.count) * size > first:
-            likely.append(place)
-        before += place.count
-    blocks = _covering(likely, first, last)
-    if not _covers(blocks, first, last):
-        blocks = _covering(places, first, last)
-        if not _covers(blocks, first, last):
-            end = max(block.first_sample + block.response.shape[-1] for place in places for block in _read(place))
-            if first >= end:
-                raise invalid(
-                    f"first_second is {request.first_second:g}; run {request.run!r} ends at {end / rate:g} s.",
-                    field="first_second",
-                )
-            raise RefusedError(
-                query_pb2.FAULT_CODE_DATA_LOSS,
-                f"Run {request.run!r}, here up to {end / rate:g} s, has no whole signals from {request.first_second:g} "
-                f"s on for {request.seconds:g} s: it was broken off, or blocks are missing; `verify` says more.",
-                field="first_second",
-            )
-    return blocks, first, min(last, blocks[-1].first_sample + blocks[-1].response.shape[-1])
+    # Where it cannot reach the last block, that is not read.
+    if last > bound.samples - bound.block_samples:
+        end, _, ended = signals.end(request.run)
+        if first >= end:
+            raise _beyond(request, end / rate)
+        if last > end and not ended:
+            raise _lacking(request, end / rate)
+        last = min(last, end)
+    try:
+        return first, signals.read(request.run, first, last), rate
+    except MissingSamplesError:
+        end, _, _ = signals.end(request.run)
+        raise (_beyond if first >= end else _lacking)(request, end / rate) from None
 
 
-def _covering(places: list[_Place], first: int, last: int) -> list[rig_pb2.SignalBlock]:
-    found = {
-        block.first_sample: block
-        for place in places
-        for block in _read(place)
-        if block.first_sample < last and block.first_sample + block.response.shape[-1] > first
-    }
-    return [found[sample] for sample in sorted(found)]
+def _beyond(request: recorder_pb2.SignalWindowRequest, end_seconds: float) -> RefusedError:
+    return invalid(
+        f"first_second is {request.first_second:g}; run {request.run!r} ends at {end_seconds:g} s.",
+        field="first_second",
+    )
 
 
-def _covers(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> bool:
-    if not blocks or blocks[0].first_sample > first:
-        return False
-    ends = [block.first_sample + block.response.shape[-1] for block in blocks]
-    contiguous = all(end == block.first_sample for end, block in zip(ends, blocks[1:], strict=False))
-    return contiguous and (ends[-1] >= last or blocks[-1].last)
+def _lacking(request: recorder_pb2.SignalWindowRequest, end_seconds: float) -> RefusedError:
+    return RefusedError(
+        query_pb2.FAULT_CODE_DATA_LOSS,
+        f"Run {request.run!r}, here up to {end_seconds:g} s, has no whole signals from {request.first_second:g} s on "
+        f"for {request.seconds:g} s: it was broken off, or blocks are missing; `verify` says more.",
+        field="first_second",
+    )
 
 
-def _read(place: _Place) -> list[rig_pb2.SignalBlock]:
-    messages = messages_of(place.path, place.chunk, {place.channel})
-    return [rig_pb2.SignalBlock.FromString(message.data) for message in messages]
-
-
-def _joined(
-    run: str, blocks: list[rig_pb2.SignalBlock], *, first: int, last: int, channels: _Channels
-) -> recorder_pb2.SignalWindow:
-    drive, response = (np.empty((len(of), last - first)) for of in (channels.drives, channels.responses))
-    for block in blocks:
-        begin = block.first_sample
-        inside = slice(max(first - begin, 0), last - begin)
-        place = slice(max(begin - first, 0), begin - first + block.response.shape[-1])
-        drive[:, place] = from_array(block.drive, field="drive")[:, inside][channels.drive_rows]
-        response[:, place] = from_array(block.response, field="response")[:, inside][channels.response_rows]
-    rate = blocks[0].sample_rate
-    window = recorder_pb2.SignalWindow(run=run, first_sample=first)
-    to_record(channels.drives, rate, drive, into=window.drive)
-    to_record(channels.responses, rate, response, into=window.response)
-    return window
+def _answer(run: str, window: Window, *, first: int, rate: float, channels: _Channels) -> recorder_pb2.SignalWindow:
+    answer = recorder_pb2.SignalWindow(run=run, first_sample=first)
+    to_record(channels.drives, rate, window.drive[channels.drive_rows], into=answer.drive)
+    to_record(channels.responses, rate, window.response[channels.response_rows], into=answer.response)
+    return answer

@@ -9,9 +9,19 @@ from typing import Final
 
 from mcap.records import ChunkIndex, Message
 
+from duralab_proto.arrays import to_array
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from recorder.format import STEP_TOPIC
-from recorder.mcap import DAMAGE, count_messages, index_of, messages_of, reason_of
+from duralab_recordings import (
+    DAMAGE,
+    RecordingError,
+    RunSignals,
+    check_samples,
+    count_messages,
+    index_of,
+    messages_of,
+    reason_of,
+)
+from recorder.format import STEP_TOPIC, STEP_TYPES, leaves_samples_out
 from recorder.refused import RefusedError, invalid
 
 LARGEST_ANSWER: Final = 16 * 1024 * 1024
@@ -58,12 +68,19 @@ def read_steps(
         for number, step in _steps(places, first=request.first):
             if step.step != number:
                 raise _damaged(name, f"step {number} is missing, though step {step.step} is there")
-            if number == answer.total or (answer.steps and len(step.payload) > room):
+            if number == answer.total:
+                break
+            if request.with_samples:
+                _add_samples(step, files)
+            size = len(step.payload) + len(step.drive.data) + len(step.response.data)
+            if answer.steps and size > room:
                 break
             answer.steps.append(step)
-            room -= len(step.payload)
+            room -= size
     except DAMAGE as error:
         raise _damaged(name, reason_of(error)) from error
+    except RecordingError as error:
+        raise _damaged(name, error.reason) from error
     return answer
 
 
@@ -104,6 +121,18 @@ def _steps(places: Sequence[_Place], *, first: int) -> Iterator[tuple[int, recor
 
 def _step(message: Message, schema: str) -> recorder_pb2.RecordedStep:
     return recorder_pb2.RecordedStep(step=message.sequence, message_type=schema, payload=message.data)
+
+
+def _add_samples(step: recorder_pb2.RecordedStep, files: Sequence[Path]) -> None:
+    """Put the samples of a run beside the step that leaves them to its signal blocks, checked against its hash."""
+    kind = STEP_TYPES.get(step.message_type)
+    message = None if kind is None else kind.FromString(step.payload)
+    if message is None or not leaves_samples_out(message):
+        return
+    window, _ = RunSignals(files, played={message.run: message.signal_epoch}).whole(message.run)
+    check_samples(window, message.samples_hash, path=files[0], run=message.run)
+    step.drive.CopyFrom(to_array(window.drive))
+    step.response.CopyFrom(to_array(window.response))
 
 
 def _damaged(name: str, why: str) -> RefusedError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import zlib
 from collections.abc import Collection
 from functools import lru_cache
 from pathlib import Path
@@ -17,14 +18,16 @@ from mcap.records import Chunk, ChunkIndex, Message, Metadata
 from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
-from recorder.mcap.file_scan import FOOTER_BYTES, LARGEST_RECORD, MAGIC, is_finished, scan
+from duralab_recordings.unfinished import FOOTER_BYTES, LARGEST_RECORD, MAGIC, scan
 
 _RECORD_HEAD: Final = struct.Struct("<BQ")
+# Opcode and length, then where the index and its offsets start; the checksum follows.
+_FOOTER: Final = struct.Struct("<BQQQI")
+_CRC_BYTES: Final = 4
+_BLOCK_BYTES: Final = 1024 * 1024
 # Of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _INDEX_ENTRY_BYTES: Final = 16
-# In a footer, after its head.
-_SUMMARY_START: Final = struct.Struct("<Q")
 # Of a chunk: its head, first and last time, and size.
 _CHUNK: Final = struct.Struct("<BQQQQ")
 _LARGEST_IN_INDEX: Final = 64 * 1024 * 1024
@@ -42,7 +45,7 @@ def index_of(path: Path) -> Summary:
     Returns
     -------
     Summary
-        Its schemas, channels and chunks, as far as it is whole; empty where it says that it has none.
+        Its schemas, channels and chunks, as far as it is whole.
 
     Raises
     ------
@@ -56,8 +59,8 @@ def index_of(path: Path) -> Summary:
 @lru_cache(maxsize=16)
 def _index(path: Path, size: int, changed: int) -> Summary:
     del size, changed  # They are the cache's key: another file of that name has others.
-    if is_finished(path):
-        with path.open("rb") as stream:
+    with path.open("rb") as stream:
+        if index_start(stream):
             return index_reader(stream).get_summary() or Summary()
     found = scan(path, lambda _: None)
     summary = Summary()
@@ -65,10 +68,57 @@ def _index(path: Path, size: int, changed: int) -> Summary:
     return summary
 
 
-def index_reader(stream: IO[bytes]) -> SeekingReader:
-    """Return a reader of a finished file whose index is record after record and leads to its metadata.
+def index_start(stream: IO[bytes]) -> int | None:
+    """Return where the index of a file begins, after a check of its checksum and its records.
 
-    Where a disk lost them there are zeros, through which the reader would step nine bytes at a time.
+    A flipped bit in the index would hide whole chunks. Zeros, as a failing disk leaves them, would be stepped through
+    nine bytes at a time.
+
+    Parameters
+    ----------
+    stream : file
+        Open for reading.
+
+    Returns
+    -------
+    int or None
+        0 for a file that was finished without an index, None for one that was never finished.
+
+    Raises
+    ------
+    McapError
+        It was finished, and its end is damaged.
+    """
+    size = stream.seek(0, os.SEEK_END)
+    footer = size - len(MAGIC) - _FOOTER.size
+    if footer < len(MAGIC):
+        return None
+    stream.seek(footer)
+    opcode, length, start, _, checksum = _FOOTER.unpack(stream.read(_FOOTER.size))
+    is_footer = (opcode, length) == (Opcode.FOOTER, FOOTER_BYTES) and start <= footer
+    # Without an index the checksum is over the footer alone; where it is 0, none was worked out.
+    covered = range(start or footer, footer + _FOOTER.size - _CRC_BYTES)
+    is_sound = is_footer and (checksum == 0 or _checksum(stream, covered) == checksum)
+    stream.seek(footer + _FOOTER.size)
+    if stream.read(len(MAGIC)) != MAGIC:
+        if is_sound and checksum != 0:
+            raise McapError("its last eight bytes are not those of an MCAP file")
+        return None
+    if not is_footer:
+        raise McapError("the footer, which says where its index is, is none")
+    position = start or footer
+    while position < footer:
+        kind, length = _head(stream, position)
+        if kind == 0 or length > min(_LARGEST_IN_INDEX, footer - position - _RECORD_HEAD.size):
+            raise McapError(f"no record of its index begins at byte {position}")
+        position += _RECORD_HEAD.size + length
+    if not is_sound:
+        raise McapError("the index at its end differs from its checksum")
+    return start
+
+
+def index_reader(stream: IO[bytes]) -> SeekingReader:
+    """Return a reader of a finished file, after a check of its index and of the places of its metadata.
 
     Parameters
     ----------
@@ -83,21 +133,15 @@ def index_reader(stream: IO[bytes]) -> SeekingReader:
     Raises
     ------
     McapError
-        It has no index, or one that is not so; one of the other exceptions of `DAMAGE` may come as well.
+        It has no index, or a damaged one; one of the other exceptions of `DAMAGE` may come as well.
     """
-    footer = stream.seek(-len(MAGIC) - FOOTER_BYTES - _RECORD_HEAD.size, os.SEEK_END)
-    (start,) = _SUMMARY_START.unpack_from(stream.read(_RECORD_HEAD.size + FOOTER_BYTES), _RECORD_HEAD.size)
-    position = start or footer
-    while position < footer:
-        kind, length = _head(stream, position)
-        if kind == 0 or length > min(_LARGEST_IN_INDEX, footer - position - _RECORD_HEAD.size):
-            raise McapError(f"no record of its index begins at byte {position}")
-        position += _RECORD_HEAD.size + length
+    if not index_start(stream):
+        # The reader would look for messages and metadata from the start of the file.
+        raise McapError("it has no index")
     stream.seek(0)
     reader = SeekingReader(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
     summary = reader.get_summary()
     if summary is None:
-        # The reader would look for messages and metadata from the start of the file.
         raise McapError("it has no index")
     for place in summary.metadata_indexes:
         if _head(stream, place.offset)[0] != Opcode.METADATA:
@@ -155,6 +199,14 @@ def _head(stream: IO[bytes], position: int) -> tuple[int, int]:
     return _RECORD_HEAD.unpack(stream.read(_RECORD_HEAD.size))
 
 
+def _checksum(stream: IO[bytes], covered: range) -> int:
+    found = 0
+    stream.seek(covered.start)
+    for first in range(covered.start, covered.stop, _BLOCK_BYTES):
+        found = zlib.crc32(stream.read(min(_BLOCK_BYTES, covered.stop - first)), found)
+    return found
+
+
 def forget_indexes() -> None:
     """Read every index again, as a process that has just begun does."""
     _index.cache_clear()
@@ -191,8 +243,36 @@ def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
     return entries // _INDEX_ENTRY_BYTES
 
 
+def messages_at(stream: IO[bytes], offset: int, channels: Collection[int]) -> list[Message]:
+    """Read the messages of some channels from the chunk at a byte, checksum checked, in the order they were written.
+
+    Parameters
+    ----------
+    stream : file
+        Open for reading; the chunk is whole.
+    offset : int
+        Where the chunk begins.
+    channels : collection of int
+        The channels wanted.
+
+    Returns
+    -------
+    list of Message
+        Theirs.
+
+    Raises
+    ------
+    McapError
+        There is no chunk, or a damaged one; one of the other exceptions of `DAMAGE` may come as well.
+    """
+    if _head(stream, offset)[0] != Opcode.CHUNK:
+        raise McapError(f"at byte {offset} is not the chunk that was written there")
+    records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+    return [record for record in records if isinstance(record, Message) and record.channel_id in channels]
+
+
 def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> list[Message]:
-    """Read the messages of some channels from a chunk, its checksum checked, in the order they were written.
+    """Read the messages of some channels from a chunk that an index names; as `messages_at`.
 
     Parameters
     ----------
@@ -211,13 +291,11 @@ def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> lis
     Raises
     ------
     McapError
-        The chunk is damaged; one of the other exceptions of `DAMAGE` may come as well.
+        The chunk is not as its index says, or damaged.
     """
     with path.open("rb") as stream:
         expect_chunk(stream, chunk)
-        stream.seek(chunk.chunk_start_offset + _RECORD_HEAD.size)
-        records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    return [record for record in records if isinstance(record, Message) and record.channel_id in channels]
+        return messages_at(stream, chunk.chunk_start_offset, channels)
 
 
 def last_metadata(path: Path, name: str) -> dict[str, str] | None:

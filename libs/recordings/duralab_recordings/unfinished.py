@@ -1,4 +1,4 @@
-"""Files that were never finished: how far each is whole.
+"""Records of a file from its start, as far as it is whole; also of one that was never finished.
 
 A recorder that is killed leaves a file that stops somewhere. Everything before is whole and has its checksums.
 """
@@ -34,7 +34,7 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from recorder.mcap.damage import DAMAGE
+from duralab_recordings.damage import DAMAGE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_RECORD: Final = 5 * 2**28
@@ -172,12 +172,45 @@ def scan(path: Path, take: Take) -> Unfinished:
     """
     found = Unfinished()
     with path.open("rb") as stream:
-        if stream.read(len(MAGIC)) != MAGIC:
-            return found
-        found.end, found.crc = len(MAGIC), zlib.crc32(MAGIC)
-        while (group := _Group.read(stream, start=found.end)) is not None:
-            group.note(found, take)
+        for record in whole_records(stream, found):
+            take(record)
     return found
+
+
+def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterator[McapRecord]:
+    """Yield what `scan` takes, a chunk in memory at a time.
+
+    Parameters
+    ----------
+    stream : file
+        Open for reading.
+    found : Unfinished, optional
+        Filled with what was whole so far. Without it a last chunk is read too whose message indexes are not all there.
+
+    Yields
+    ------
+    McapRecord
+        Schemas, channels, messages, metadata and attachments, in order.
+
+    Raises
+    ------
+    McapError
+        As `scan` does.
+    """
+    noted = Unfinished() if found is None else found
+    stream.seek(0)
+    if stream.read(len(MAGIC)) != MAGIC:
+        return
+    noted.end, noted.crc = len(MAGIC), zlib.crc32(MAGIC)
+    while (group := _Group.read(stream, start=noted.end)) is not None and not group.torn:
+        yield from group.note(noted)
+    if group is not None and found is None:
+        yield from group.inner
+
+
+def first_record_is_whole(stream: IO[bytes]) -> bool:
+    """Return whether the first record of a file is there with all its bytes; the stream is after the file's mark."""
+    return _read_record(stream) is not None
 
 
 @dataclass
@@ -189,6 +222,8 @@ class _Group:
     opcode: int
     indexes: dict[int, tuple[int, int]] = field(default_factory=dict)
     inner: list[McapRecord] = field(default_factory=list)
+    torn: bool = False
+    """Whether it is the last and what follows its chunk is not all there."""
 
     @staticmethod
     def read(stream: IO[bytes], *, start: int) -> _Group | None:
@@ -208,7 +243,10 @@ class _Group:
                 sound = group._read_chunk(stream)
             case _:
                 sound = False
-        return group if sound else _torn(stream, start)
+        if not sound:
+            _expect_last(stream, start)
+            group.torn = True
+        return group
 
     def _read_chunk(self, stream: IO[bytes]) -> bool:
         """Read what is in the chunk, and the indexes behind it; return whether it is all there."""
@@ -227,15 +265,16 @@ class _Group:
             wanted.discard(index.channel_id)
         return True
 
-    def note(self, found: Unfinished, take: Take) -> None:
+    def note(self, found: Unfinished) -> Iterator[McapRecord]:
         body = _body(self.data)
         match self.opcode:
             case Opcode.CHUNK:
-                self._note_chunk(found, take, Chunk.read(body))
+                self._note_chunk(found, Chunk.read(body))
+                yield from self.inner
             case Opcode.METADATA:
                 metadata = Metadata.read(body)
                 found.metadata.append(MetadataIndex(offset=self.start, length=len(self.data), name=metadata.name))
-                take(metadata)
+                yield metadata
             case Opcode.ATTACHMENT:
                 attachment = Attachment.read(body)
                 found.attachments.append(
@@ -249,18 +288,17 @@ class _Group:
                         media_type=attachment.media_type,
                     )
                 )
-                take(attachment)
+                yield attachment
         found.end = self.start + len(self.data)
         found.crc = zlib.crc32(self.data, found.crc)
 
-    def _note_chunk(self, found: Unfinished, take: Take, chunk: Chunk) -> None:
+    def _note_chunk(self, found: Unfinished, chunk: Chunk) -> None:
         for record in self.inner:
             match record:
                 case Schema():
                     found.schemas[record.id] = record
                 case Channel():
                     found.channels[record.id] = record
-            take(record)
         length = min((offset for offset, _ in self.indexes.values()), default=len(self.data))
         for channel, (_, count) in self.indexes.items():
             found.message_counts[channel] = found.message_counts.get(channel, 0) + count
@@ -351,7 +389,7 @@ def _is_whole_chunk(stream: IO[bytes], start: int, length: int) -> bool:
         return False
 
 
-def _torn(stream: IO[bytes], start: int) -> None:
+def _expect_last(stream: IO[bytes], start: int) -> None:
     """Accept a last record whose content is not what was written, as a power cut leaves it; elsewhere it is damage."""
     position = stream.tell()
     if _read_record(stream) is not None:

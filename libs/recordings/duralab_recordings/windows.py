@@ -1,0 +1,477 @@
+"""Signals of the runs of a recording, read through the index of its files: no more of them than is asked for."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from threading import Lock
+from typing import Final
+
+import numpy as np
+from mcap.exceptions import McapError
+
+from duralab_proto.arrays import SamplesHash, from_array, samples_hash
+from duralab_proto.keys import rig_of
+from duralab_proto.v1 import recorder_pb2, rig_pb2
+from duralab_recordings.damage import MissingSamplesError, RecordingError, reading, within_contract
+from duralab_recordings.index import count_messages, index_of, messages_at
+from duralab_recordings.mcap_file import epoch_of
+
+CACHE_BYTES: Final = 128 * 1024 * 1024
+"""So much of the newest windows is kept."""
+WINDOW_BYTES: Final = 1024
+"""What a window takes beside its samples, rounded up: of single samples that is nearly all."""
+
+
+def played_epochs(messages: Iterable[recorder_pb2.RunPlayed]) -> dict[str, int]:
+    """Return the epoch in which each run was played to its end, by run.
+
+    Parameters
+    ----------
+    messages : iterable of RunPlayed
+        What was committed after playbacks, in order: the last of a run counts.
+
+    Returns
+    -------
+    dict of str to int
+        Without the runs that were not played to their end.
+    """
+    return {played.run: played.epoch for played in messages}
+
+
+@dataclass(frozen=True)
+class BlockPlace:
+    """A chunk that holds `count` signal blocks of one channel of its file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    offset : int
+        Where the chunk begins.
+    channel : int
+        Number of the channel.
+    count : int
+        Number of blocks.
+    """
+
+    path: Path
+    offset: int
+    channel: int
+    count: int
+
+
+@dataclass(frozen=True)
+class RunBound:
+    """How large a run is at most.
+
+    Parameters
+    ----------
+    samples : int
+        Of each channel, if all blocks are of one size.
+    block_samples : int
+        Of a block.
+    channels : int
+        Drives and responses.
+    sample_rate : float
+        In hertz.
+    """
+
+    samples: int
+    block_samples: int
+    channels: int
+    sample_rate: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """Drive (drives, samples) and response (responses, samples) of a part of a run, in the rig's units."""
+
+    drive: np.ndarray
+    response: np.ndarray
+
+    @property
+    def bytes(self) -> int:
+        """What it takes in memory, where its arrays are no views of larger ones."""
+        return self.drive.nbytes + self.response.nbytes + WINDOW_BYTES
+
+
+class WindowCache:
+    """The windows that were used last; of one recording, by run, first sample and the sample after the last."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[str, int, int], Window] = OrderedDict()
+        self._bytes = 0
+        # xarray reads from several threads where its user divides an array into pieces.
+        self._lock = Lock()
+
+    def find(self, key: tuple[str, int, int]) -> Window | None:
+        """Return a window that is kept; None where it is not."""
+        with self._lock:
+            if key not in self._kept:
+                return None
+            self._kept.move_to_end(key)
+            return self._kept[key]
+
+    def keep(self, key: tuple[str, int, int], window: Window) -> None:
+        """Keep a window, in place of those that were not used for longest; its arrays become read-only.
+
+        Parameters
+        ----------
+        key : tuple
+            Run, first sample, and the sample after the last.
+        window : Window
+            Its arrays are its own: a view would hold all that it is a view of.
+        """
+        # Who changes a kept window in place changes what is read later; here it is an error instead.
+        window.drive.setflags(write=False)
+        window.response.setflags(write=False)
+        with self._lock:
+            # Two threads may have read the same one.
+            replaced = self._kept.pop(key, None)
+            self._kept[key] = window
+            self._bytes += window.bytes - (replaced.bytes if replaced is not None else 0)
+            while self._bytes > CACHE_BYTES and len(self._kept) > 1:
+                _, dropped = self._kept.popitem(last=False)
+                self._bytes -= dropped.bytes
+
+    def __reduce__(self) -> tuple[type[WindowCache], tuple[()]]:
+        """Copy it empty: a dataset that goes to another process takes no windows along, which are read there."""
+        return WindowCache, ()
+
+
+class RunSignals:
+    """Reads runs, and parts of them, out of the files of a recording.
+
+    Of a run that was repeated after a fault, the epoch that was played to its end counts, or where none was the one
+    that was written last. The numbers do not tell: they come from a clock, which may have been set back.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        The files of one recording, in order.
+    played : mapping of str to int
+        The epoch in which each run was played to its end.
+    rig : str
+        Only the runs on this rig; all where empty.
+    """
+
+    def __init__(self, files: Sequence[Path], *, played: Mapping[str, int], rig: str = "") -> None:
+        self._files = list(files)
+        self._played = played
+        self._rig = rig
+        self._cache = WindowCache()
+        self._ends: dict[str, tuple[int, float, bool]] = {}
+
+    @cached_property
+    def _places(self) -> dict[str, list[BlockPlace]]:
+        """Where the blocks of each run are, in the order they were written: those of the epoch that counts."""
+        found: dict[str, list[tuple[int, BlockPlace]]] = {}
+        for path in self._files:
+            with reading(path):
+                for run, epoch, place in _places_in(path, rig=self._rig):
+                    found.setdefault(run, []).append((epoch, place))
+        chosen: dict[str, list[BlockPlace]] = {}
+        for run, places in found.items():
+            counting = self._played.get(run, 0) or places[-1][0]
+            if here := [place for epoch, place in places if epoch == counting]:
+                chosen[run] = here
+        return chosen
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the runs that have signals, in the order they were recorded."""
+        return tuple(self._places)
+
+    def end(self, run: str) -> tuple[int, float, bool]:
+        """Return the number of samples of a run that are here, its rate in hertz, and whether its last block is here.
+
+        Parameters
+        ----------
+        run : str
+            Its name.
+
+        Raises
+        ------
+        RecordingError
+            There are no signals of such a run.
+        """
+        if run not in self._ends:
+            end = _end(self._places_of(run))
+            self._ends[run] = (end.first_sample + end.response.shape[-1], end.sample_rate, end.last)
+        return self._ends[run]
+
+    def size(self, run: str) -> tuple[int, float]:
+        """Return the number of samples of a run that are here, and its rate in hertz; raises as `end`.
+
+        Parameters
+        ----------
+        run : str
+            Its name.
+        """
+        samples, rate, _ = self.end(run)
+        return samples, rate
+
+    def bound(self, run: str) -> RunBound:
+        """Return how large a run is at most, from its first block and the number of its blocks.
+
+        Parameters
+        ----------
+        run : str
+            Its name.
+
+        Raises
+        ------
+        RecordingError
+            There are no signals of such a run.
+        """
+        places = self._places_of(run)
+        opening = _read(places[0])[0]
+        size = opening.response.shape[-1]
+        channels = opening.drive.shape[0] + opening.response.shape[0]
+        return RunBound(sum(place.count for place in places) * size, size, channels, opening.sample_rate)
+
+    def read(self, run: str, first: int, last: int) -> Window:
+        """Read the samples from `first` to the one before `last` of a run; the arrays are read-only and kept.
+
+        Parameters
+        ----------
+        run : str
+            Its name.
+        first, last : int
+            From 0.
+
+        Raises
+        ------
+        RecordingError
+            There are no signals of such a run, samples are missing, or a file is damaged or not there any more.
+        """
+        key = (run, first, last)
+        window = self._cache.find(key)
+        if window is None:
+            window = self._window(run, first, last)
+            self._cache.keep(key, window)
+        return window
+
+    def whole(self, run: str, *, finished: bool = True) -> tuple[Window, float]:
+        """Read a run from its first sample to its last, and its sample rate in hertz.
+
+        Parameters
+        ----------
+        run : str
+            Its name.
+        finished : bool
+            Whether all files are, for the sentence of an error.
+
+        Raises
+        ------
+        RecordingError
+            There are no signals of such a run, or samples are missing: the last ones too, where it was broken off.
+        """
+        reached, rate, ended = self.end(run)
+        window = self.read(run, 0, reached)
+        if not ended:
+            repair = "" if finished else "start the recorder on its folder, which repairs it, then "
+            raise MissingSamplesError(
+                f"{self._files[0]} holds the run {run!r} up to sample {reached - 1} ({reached / rate:g} s) only and "
+                f"not its last block; {repair}read what is there with `responses({run!r})` and `drives({run!r})`."
+            )
+        return window, rate
+
+    def _places_of(self, run: str) -> list[BlockPlace]:
+        if run not in self._places:
+            raise RecordingError(
+                f"{self._files[0]} holds no signals of a run {run!r}; it holds {', '.join(self.runs) or 'none'}."
+            )
+        return self._places[run]
+
+    def _window(self, run: str, first: int, last: int) -> Window:
+        places = self._places_of(run)
+        opening = _read(places[0])[0]
+        if last <= first:
+            return Window(np.zeros((opening.drive.shape[0], 0)), np.zeros((opening.response.shape[0], 0)))
+        # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
+        blocks = _covering(_likely(places, opening.response.shape[-1], first, last), first, last)
+        if _gap(blocks, first, last) is not None:
+            blocks = _covering(places, first, last)
+            gap = _gap(blocks, first, last)
+            if gap is not None:
+                raise MissingSamplesError(
+                    f"{self._files[0]} lacks the samples {gap[0]} to {gap[1] - 1} of the run {run!r}; `verify` of the "
+                    "recorder says where."
+                )
+        for before, block in pairwise(blocks):
+            reached, begins = before.first_sample + before.response.shape[-1], block.first_sample
+            if begins < reached:
+                raise RecordingError(
+                    f"{self._files[0]} holds the samples {begins} to {reached - 1} of the run {run!r} twice."
+                )
+        # Cut before they are joined: the window is kept, and as a view it would hold all of its blocks.
+        parts = [slice(max(0, first - block.first_sample), last - block.first_sample) for block in blocks]
+        with within_contract(self._files[0]):
+            drive, response = (
+                np.concatenate(
+                    [
+                        from_array(getattr(block, name), field=name, shape=(rows, None))[:, part]
+                        for block, part in zip(blocks, parts, strict=True)
+                    ],
+                    axis=1,
+                )
+                for name, rows in (("drive", opening.drive.shape[0]), ("response", opening.response.shape[0]))
+            )
+        return Window(drive, response)
+
+
+def hash_of_blocks(places: Iterable[BlockPlace]) -> str:
+    """Return the hash of the samples of a run as its blocks hold them on disk.
+
+    Parameters
+    ----------
+    places : iterable of BlockPlace
+        All of the run's, of one epoch, in the order they were written.
+
+    Returns
+    -------
+    str
+        As `duralab_proto.arrays.samples_hash`; empty where the blocks do not follow each other to the last one.
+
+    Raises
+    ------
+    RecordingError
+        A file is damaged or cannot be read.
+    """
+    order = BlockHash()
+    for place in places:
+        for block in _read(place):
+            with within_contract(place.path):
+                order.take(block)
+    return order.result
+
+
+class BlockHash:
+    """Hash of the samples of a run from its blocks in whatever order; one that comes before its turn is kept."""
+
+    def __init__(self) -> None:
+        self._hash = SamplesHash()
+        self._reached = 0
+        self._waiting: dict[int, rig_pb2.SignalBlock] = {}
+        self._whole = False
+
+    def take(self, block: rig_pb2.SignalBlock) -> None:
+        """Add a block; raises ArrayError where its arrays are damaged."""
+        self._waiting[block.first_sample] = block
+        while (following := self._waiting.pop(self._reached, None)) is not None:
+            self._hash.add(from_array(following.drive, field="drive"), from_array(following.response, field="response"))
+            self._reached += following.response.shape[-1]
+            self._whole = self._whole or following.last
+            if not following.response.shape[-1]:
+                break
+
+    @property
+    def result(self) -> str:
+        """SHA-256 (hexadecimal) of the samples; empty where they are not all there."""
+        return self._hash.hexdigest() if self._whole and not self._waiting else ""
+
+
+def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
+    """Check the samples of a run against the hash that its step names; raises RecordingError."""
+    if samples_hash(window.drive, window.response) != wanted:
+        raise RecordingError(
+            f"The signal blocks of the run {run!r} in {path} are not the samples that its step was made of; "
+            f"`duralab verify {path}` says more."
+        )
+
+
+def _places_in(path: Path, *, rig: str) -> Iterator[tuple[str, int, BlockPlace]]:
+    summary = index_of(path)
+    name = rig_pb2.SignalBlock.DESCRIPTOR.full_name
+    schemas = {schema.id for schema in summary.schemas.values() if schema.name == name}
+    channels = {
+        channel.id: channel
+        for channel in summary.channels.values()
+        if channel.schema_id in schemas and (not rig or rig_of(channel.topic) == rig)
+    }
+    with path.open("rb") as stream:
+        for chunk in summary.chunk_indexes:
+            for number in sorted(channels.keys() & chunk.message_index_offsets.keys()):
+                count = count_messages(stream, chunk, number)
+                channel = channels[number]
+                place = BlockPlace(path, chunk.chunk_start_offset, number, count)
+                yield channel.topic.rsplit("/", 1)[-1], epoch_of(channel), place
+
+
+def places_of(path: Path, topic: str, *, epoch: int) -> list[BlockPlace]:
+    """Return where the blocks of one epoch of a run are in a file that is finished.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    topic : str
+        Key of the run's signals.
+    epoch : int
+        Of their publisher.
+
+    Raises
+    ------
+    RecordingError
+        The file is damaged or cannot be read.
+    """
+    with reading(path):
+        run, rig = topic.rsplit("/", 1)[-1], rig_of(topic)
+        return [place for of, found, place in _places_in(path, rig=rig) if (of, found) == (run, epoch)]
+
+
+def _likely(places: list[BlockPlace], size: int, first: int, last: int) -> list[BlockPlace]:
+    """Return the chunks that hold a window where all blocks but the last are of one size and in order."""
+    chosen: list[BlockPlace] = []
+    before = 0
+    for place in places:
+        if before * size < last and (before + place.count) * size > first:
+            chosen.append(place)
+        before += place.count
+    return chosen
+
+
+def _read(place: BlockPlace) -> list[rig_pb2.SignalBlock]:
+    with reading(place.path), place.path.open("rb") as stream:
+        messages = messages_at(stream, place.offset, {place.channel})
+        if len(messages) != place.count:
+            raise McapError(f"the chunk at byte {place.offset} holds {len(messages)} blocks, its index {place.count}")
+        return [rig_pb2.SignalBlock.FromString(message.data) for message in messages]
+
+
+def _end(places: Collection[BlockPlace]) -> rig_pb2.SignalBlock:
+    """Return the last block of a run; of one that was broken off, the last one there is."""
+    found: list[rig_pb2.SignalBlock] = []
+    # It is in the last chunk, unless another block was lost on the way and fetched later.
+    for place in reversed(list(places)):
+        found += _read(place)
+        if any(block.last for block in found):
+            break
+    return max(found, key=lambda block: block.first_sample)
+
+
+def _covering(places: list[BlockPlace], first: int, last: int) -> list[rig_pb2.SignalBlock]:
+    """Return the blocks that have samples of a window, by their first sample, each once."""
+    found = {
+        block.first_sample: block
+        for place in places
+        for block in _read(place)
+        if block.first_sample < last and block.first_sample + block.response.shape[-1] > first
+    }
+    return [found[sample] for sample in sorted(found)]
+
+
+def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int, int] | None:
+    """Return the first samples of a window that no block has."""
+    reached = first
+    for block in blocks:
+        if block.first_sample > reached:
+            return reached, block.first_sample
+        reached = block.first_sample + block.response.shape[-1]
+    return (reached, last) if reached < last else None
