@@ -2,19 +2,20 @@
 
 import re
 import struct
+from itertools import islice
 
 import pytest
 import synthetic_campaign
 from mcap.exceptions import EndOfFile
 from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from test_cli import invoke
 
 import duralab
 from duralab.errors import InputError
-from duralab.recording.damage import damaged
-from duralab.recording.unfinished import whole_records
 from duralab_proto.v1 import iterator_pb2
+from duralab_recordings import damaged
 
 STEPS = 3
 FOOTER_AND_MAGIC = 9 + 20 + 8
@@ -125,7 +126,9 @@ def test_damage_within_an_unfinished_file_is_no_end(tmp_path):
     content = bytearray(path.read_bytes())
     assert numbers_of(path) == list(range(1, 201))
     with path.open("rb") as stream:
-        chunks = [record for record in whole_records(stream, emit_chunks=True) if isinstance(record, Chunk)]
+        reader = StreamReader(stream, emit_chunks=True)
+        # It has no end.
+        chunks = [record for record in islice(reader.records, 100) if isinstance(record, Chunk)]
     stored = chunks[len(chunks) // 2].data
     content[content.index(stored) + len(stored) // 2] ^= 0xFF
     path.write_bytes(content)

@@ -7,7 +7,7 @@ import synthetic_campaign
 
 import duralab
 from duralab.errors import InputError
-from duralab.recording import window_cache, windows
+from duralab_recordings import windows
 
 RUN = "demo.i01"
 
@@ -148,7 +148,7 @@ def test_a_window_holds_its_samples_and_no_more(path, first, last):
 
 def test_threads_read_from_one_dataset(path, campaign, monkeypatch):
     # So few bytes that each thread drops what another has just read.
-    monkeypatch.setattr(window_cache, "CACHE_BYTES", 3000)
+    monkeypatch.setattr(windows, "CACHE_BYTES", 3000)
     dataset = duralab.open(path).responses(RUN)
     with ThreadPoolExecutor(4) as pool:
         read = list(pool.map(lambda first: dataset.left_vertical[first : first + 50].values, [0, 40, 80] * 40))

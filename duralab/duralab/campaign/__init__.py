@@ -13,6 +13,7 @@ from duralab.campaign.loading import (
 )
 from duralab.campaign.resume_settings import PartialSettings, completed, load_settings
 from duralab.campaign.specification import (
+    acceptance_message,
     build_specification,
     check_against_rig,
     estimator_message,
@@ -84,6 +85,7 @@ __all__ = [
     "TaperLevel",
     "Target",
     "Verdict",
+    "acceptance_message",
     "build_specification",
     "campaign_name",
     "campaign_text",

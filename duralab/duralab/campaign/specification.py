@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from duralab.campaign.file import Campaign
+from duralab.campaign.file import Acceptance, Campaign
 from duralab.campaign.identification import EstimatorSettings, ExcitationKind, ExcitationSettings
 from duralab.campaign.iteration import Algorithm, StopSection, UpdateSection
 from duralab.data import Channel, Rig, Signals
@@ -140,6 +140,28 @@ def _require_responses(names: list[str], *, rig: Rig, key: str) -> None:
         raise InputError(
             f"{key} has unknown channel {', '.join(unknown)}; the responses are {', '.join(known)}.", field=key
         )
+
+
+def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
+    """Put what a result is judged by into the words of the contract.
+
+    Parameters
+    ----------
+    accept : Acceptance
+        What the user wrote.
+
+    Returns
+    -------
+    Acceptance
+        A limit that is not judged is left out.
+    """
+    return iterator_pb2.Acceptance(
+        relative_rms_error=accept.relative_rms_error,
+        peak_ratio=accept.peak_ratio or (),
+        damage_ratio=accept.damage_ratio or (),
+        damage_exponent=accept.damage_exponent or 0,
+        energy_outside_band=accept.energy_outside_band,
+    )
 
 
 def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
@@ -363,4 +385,5 @@ def build_specification(
         limit_policy=f"LIMIT_POLICY_{campaign.at_limits.name}",
         confirmations=campaign.confirm.playbacks,
         real_time=campaign.real_time,
+        accept=acceptance_message(campaign.accept),
     )

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from duralab.data import DAMAGE_SLOPES, IterationTable, passes
-from duralab.errors import InputError, ended
+from duralab.errors import ended
 from duralab_proto.v1 import iterator_pb2
+from strict_yaml import YamlError, parse_yaml
+
+if TYPE_CHECKING:
+    from duralab.campaign.file import Acceptance
 
 _ENDS: Final = MappingProxyType(
     {
@@ -181,40 +187,84 @@ class Verdict:
         return next((f for f in self.findings if f.channel == channel and f.criterion is criterion), None)
 
 
-def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -> Limits:
-    """Return what a campaign is judged by: the section `accept` of its campaign file, or the defaults.
+def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -> tuple[Limits, str]:
+    """Return what a campaign is judged by, and where that comes from if not from its specification.
 
     Parameters
     ----------
     specification : CampaignSpec
-        Holds the campaign file, and the criteria of its end.
+        Holds `accept`, but not in recordings of format version 1: there the campaign file's text may have it.
     table : IterationTable
-        Its figures; an older recording, without the energy outside the band, has no section `accept` where the error at
-        which it was to end was what it was judged by.
-    """
-    from duralab.campaign.file import Acceptance
-    from duralab.campaign.loading import parse_campaign
+        Its figures; without the energy outside the band the recording is from before there was a section `accept`, and
+        the error at which it was to end was what it was judged by.
 
-    accept, stop = None, specification.stop
-    if specification.scenario:
-        try:
-            campaign = parse_campaign(specification.scenario, name=specification.id)
-        except InputError:
-            # Written by another program or version: its words are kept, but they are no campaign file of ours.
-            campaign = None
-        if campaign is not None and "accept" in campaign.model_fields_set:
-            accept = campaign.accept
-    if accept is None:
-        old = bool(np.isnan(table.energy_outside_band).all())
-        asked = old and stop.relative_rms_error > 0.0
-        accept = Acceptance(relative_rms_error=stop.relative_rms_error) if asked else Acceptance()
-    exponent = accept.damage_exponent or stop.damage_exponent
-    return Limits(
+    Returns
+    -------
+    Limits, str
+        The limits, and a sentence on their origin; empty where they are those of the specification.
+    """
+    if specification.HasField("accept"):
+        accept = specification.accept
+        return _limits(
+            relative_rms_error=accept.relative_rms_error if accept.HasField("relative_rms_error") else None,
+            peak_ratio=_bounds(accept.peak_ratio),
+            damage_ratio=_bounds(accept.damage_ratio),
+            damage_exponent=accept.damage_exponent or specification.stop.damage_exponent,
+            energy_outside_band=accept.energy_outside_band if accept.HasField("energy_outside_band") else None,
+        ), ""
+    from duralab.campaign.file import Acceptance
+
+    accept, note = _acceptance_in_text(specification)
+    if accept is None and np.isnan(table.energy_outside_band).all() and specification.stop.relative_rms_error > 0.0:
+        accept = Acceptance(relative_rms_error=specification.stop.relative_rms_error)
+        note += ", and by the error at which it was to end."
+    elif accept is None:
+        accept = Acceptance()
+        note += "."
+    return _limits(
         relative_rms_error=accept.relative_rms_error,
         peak_ratio=accept.peak_ratio,
         damage_ratio=accept.damage_ratio,
-        damage_exponent=int(exponent) if exponent in DAMAGE_SLOPES else Limits.damage_exponent,
+        damage_exponent=accept.damage_exponent or specification.stop.damage_exponent,
         energy_outside_band=accept.energy_outside_band,
+    ), note
+
+
+def _limits(*, damage_exponent: float, **limits: Any) -> Limits:
+    known = int(damage_exponent) if damage_exponent in DAMAGE_SLOPES else Limits.damage_exponent
+    return Limits(damage_exponent=known, **limits)
+
+
+def _bounds(pair: Sequence[float]) -> tuple[float, float] | None:
+    return (pair[0], pair[1]) if len(pair) == 2 else None
+
+
+def _acceptance_in_text(specification: iterator_pb2.CampaignSpec) -> tuple[Acceptance | None, str]:
+    """Return the section `accept` of a recorded campaign file, and a sentence that says where the limits are from.
+
+    Without such a section the sentence has no full stop yet.
+    """
+    from duralab.campaign.file import Acceptance
+    from duralab.campaign.loading import explained
+
+    defaults = "it is judged by the defaults of this version of Duralab"
+    if not specification.scenario:
+        return None, f"The recording holds no limits to judge by, and no campaign file; {defaults}"
+    try:
+        content = parse_yaml(specification.scenario)
+        section = content.get("accept") if isinstance(content, dict) else None
+        if section is None:
+            return None, f"The recording holds no limits to judge by, nor does its campaign file; {defaults}"
+        found = Acceptance.model_validate(section)
+    except YamlError as error:
+        reason = str(error)
+    except ValidationError as error:
+        reason = explained(error, place=("accept",)).message
+    else:
+        return found, "The limits to judge by were taken from the text of the campaign file in the recording."
+    return None, (
+        "The limits to judge by could not be taken from the text of the campaign file in the recording "
+        f"({reason.rstrip('.')}); {defaults}"
     )
 
 
@@ -243,7 +293,14 @@ def judge(
     Verdict
         Judgement, its sentence and the figures beside their limits.
     """
-    limits = limits_of(specification, table)
+    limits, note = limits_of(specification, table)
+    verdict = _judged(table, limits, status=status, open_end=open_end)
+    return replace(verdict, sentence=f"{verdict.sentence} {note}") if note else verdict
+
+
+def _judged(
+    table: IterationTable, limits: Limits, *, status: iterator_pb2.CampaignStatus | None, open_end: str
+) -> Verdict:
     whole = len(table) > 0 and table.level[table.best] == 1.0
     findings = _findings(table, limits) if whole else ()
     if status is None or status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED or not len(table):

@@ -144,7 +144,9 @@ def level_of(step: iterator_pb2.IterationStep) -> float:
     return step.level or 1.0
 
 
-def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.CampaignSpec) -> Playback:
+def playback_of(
+    step: iterator_pb2.IterationStep, specification: iterator_pb2.CampaignSpec, *, drive: Signals, response: Signals
+) -> Playback:
     """Decode a playback of a campaign; raises ArrayError where its arrays do not fit together.
 
     Parameters
@@ -153,13 +155,14 @@ def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.Ca
         One playback as recorded.
     specification : CampaignSpec
         Specification of the campaign.
+    drive, response : Signals
+        Samples of its run.
 
     Returns
     -------
     Playback
         The playback.
     """
-    response = Signals.from_message(step.response, field="response")
     in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
 
     def noted(samples: np.ndarray, *, in_band: bool) -> RecordedSignals:
@@ -169,9 +172,9 @@ def playback_of(step: iterator_pb2.IterationStep, specification: iterator_pb2.Ca
     return Playback(
         number=step.iteration,
         run=step.run,
-        drive=Signals.from_message(step.drive, field="drive"),
+        drive=drive,
         response=noted(response.samples, in_band=False),
-        response_in_band=noted(in_band, in_band=True),
+        response_in_band=noted(in_band.astype(np.float64, copy=False), in_band=True),
         actuators=actuator_use(step.actuators),
         level=level_of(step),
     )

@@ -12,7 +12,7 @@ from typing import Final
 from duralab.errors import InputError, LabError
 from duralab.near_files import did_you_mean
 from duralab.processes.supervisor import last_lines
-from duralab.recording import McapFile
+from duralab.recording import RecordingFiles
 from strict_yaml import open_regular
 
 _RECORDING: Final = b"\x89MCAP"
@@ -81,7 +81,7 @@ def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) 
     LabError
         The recorder's code failed; with the last lines that it said.
     """
-    file = McapFile(recording)
+    file = RecordingFiles(recording)
     if not file.whole:
         tell(f"{recording} was never finished; it is shown as far as it is whole.")
     said = target.with_suffix(".log")

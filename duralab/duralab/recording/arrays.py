@@ -12,8 +12,8 @@ from xarray.core import indexing
 
 from duralab.data import BandNote, Channel, Signals, marked
 from duralab.errors import InputError
+from duralab.recording.files import SignalWindows
 from duralab.recording.judged_windows import JudgedWindows
-from duralab.recording.windows import SignalWindows
 
 Windows = SignalWindows | JudgedWindows
 """Where samples are read."""

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from duralab.errors import InputError
-from duralab.recording.damage import within_contract
-from duralab.recording.mcap_file import McapFile
-from duralab.recording.window_cache import Window, WindowCache
+from duralab.recording.files import RecordingFiles, input_errors
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2
+from duralab_recordings import Window, WindowCache, within_contract
 
 
 class JudgedWindows:
@@ -19,7 +18,7 @@ class JudgedWindows:
 
     Parameters
     ----------
-    file : McapFile
+    file : RecordingFiles
         The recording's files.
     target : ndarray, shape (responses, samples)
         In the control band.
@@ -32,7 +31,7 @@ class JudgedWindows:
     """
 
     def __init__(
-        self, file: McapFile, *, target: np.ndarray, sample_rate: float, levels: Mapping[str, float], errors: bool
+        self, file: RecordingFiles, *, target: np.ndarray, sample_rate: float, levels: Mapping[str, float], errors: bool
     ) -> None:
         self._file = file
         self._target = target
@@ -82,8 +81,8 @@ class JudgedWindows:
         yield from self._file.messages(iterator_pb2.ConfirmationStep)
 
     def _window(self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> Window:
-        with within_contract(self._file.path):
+        with input_errors(), within_contract(self._file.path):
             response = from_array(step.response_in_band, field="response_in_band", shape=self._target.shape)
         # A copy: as a view it would hold the whole message.
-        read = self._target - response if self._errors else response.copy()
+        read = self._target - response if self._errors else response.astype(np.float64)
         return Window(np.zeros((0, read.shape[1])), read)

@@ -31,14 +31,10 @@ from duralab.data import (
     target_note,
 )
 from duralab.errors import InputError
-from duralab.recording.damage import unreadable, within_contract
-from duralab.recording.epochs import played_epochs
-from duralab.recording.mcap_file import SUMMARY, McapFile
-from duralab.recording.parts import open_end
-from duralab.recording.whole_runs import require_run_name, whole_run
-from duralab.recording.windows import SignalWindows
+from duralab.recording.files import RecordingFiles, SignalWindows, input_errors
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from duralab_recordings import check_samples, played_epochs, unreadable, within_contract
 
 if TYPE_CHECKING:
     import xarray
@@ -68,7 +64,7 @@ class Recording:
         if not str(path):
             raise InputError("There is no recording ''; give the path of an .mcap file.")
         self.path = Path(path)
-        self._file = McapFile(self.path)
+        self._file = RecordingFiles(self.path)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -89,8 +85,7 @@ class Recording:
         """Why it may go on in a file that is not here, in words; empty where it was closed, or a file not finished."""
         if self.closed is not None or not self.whole:
             return ""
-        reason = self.metadata.get(SUMMARY, {}).get("reason", "")
-        return open_end(self.path, parts=len(self.files), reason=reason)
+        return self._file.open_end()
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
         """Yield all messages of one type, e.g. `duralab_proto.v1.rig_pb2.SignalBlock`, one in memory at a time.
@@ -143,7 +138,7 @@ class Recording:
         """
         message = self._first(iterator_pb2.TargetInBand, "target")
         given = self.specification.target
-        with within_contract(self.path):
+        with input_errors(), within_contract(self.path):
             samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
         return RecordedTarget(
             channels_of(given.channels),
@@ -159,7 +154,7 @@ class Recording:
         if _true_or_false(in_band):
             signals = self.target
         else:
-            with within_contract(self.path):
+            with input_errors(), within_contract(self.path):
                 signals = Signals.from_message(self.specification.target, field="target")
         channels = channels_of(self.rig.responses)
         return target_dataset(signals, channels, target_note(self.specification, in_band=in_band))
@@ -168,7 +163,7 @@ class Recording:
     def model(self) -> Model | None:
         """The identified rig; None where the campaign did not come so far."""
         message = next(self.messages(identifier_pb2.Model), None)
-        with within_contract(self.path):
+        with input_errors(), within_contract(self.path):
             return Model.from_message(message) if message is not None else None
 
     @cached_property
@@ -220,14 +215,23 @@ class Recording:
         Raises
         ------
         InputError
-            There is no such playback.
+            There is no such playback, or its samples are missing or are not those that it was made of.
         """
         for step in self.messages(iterator_pb2.IterationStep):
             if step.iteration == number:
-                with within_contract(self.path):
-                    return playback_of(step, self.specification)
+                drive, response = self._samples_of(step)
+                with input_errors(), within_contract(self.path):
+                    return playback_of(step, self.specification, drive=drive, response=response)
         numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
+
+    def _samples_of(self, step: iterator_pb2.IterationStep) -> tuple[Signals, Signals]:
+        """Return drive and response of a playback: from its run, or from the step where that carries them."""
+        if not step.HasField("response"):
+            return self._whole_run(step.run, samples_hash=step.samples_hash)
+        with input_errors(), within_contract(self.path):
+            drive = Signals.from_message(step.drive, field="drive")
+            return drive, Signals.from_message(step.response, field="response")
 
     def signal(self, run: str) -> tuple[Signals, Signals]:
         """Put the blocks of one run on the rig together again, e.g. of the identification.
@@ -251,10 +255,23 @@ class Recording:
             was broken off.
         """
         require_run_name(run, example="signal('demo.i01')")
-        found = whole_run(self._file, run, rig=self.rig, played=self._played_epochs)
+        return self._whole_run(run)
+
+    def _whole_run(self, run: str, *, samples_hash: str = "") -> tuple[Signals, Signals]:
+        """Read a whole run, its samples compared with the hash where one is given."""
+        with input_errors():
+            window, sample_rate = self._windows.whole(run, finished=self.whole)
+            if samples_hash:
+                check_samples(window, samples_hash, path=self.path, run=run)
+        rows, wanted = (len(window.drive), len(window.response)), (len(self.rig.drives), len(self.rig.responses))
+        if rows != wanted:
+            raise InputError(
+                f"The recording {self.path} holds the run {run!r} with {rows[0]} drives and {rows[1]} responses; its "
+                f"rig has {wanted[0]} and {wanted[1]}."
+            )
         return (
-            Signals(channels_of(self.rig.drives), found.sample_rate, found.drive),
-            Signals(channels_of(self.rig.responses), found.sample_rate, found.response),
+            Signals(channels_of(self.rig.drives), sample_rate, window.drive.copy()),
+            Signals(channels_of(self.rig.responses), sample_rate, window.response.copy()),
         )
 
     def drives(self, *runs: str) -> xarray.Dataset:
@@ -375,7 +392,10 @@ class Recording:
 
     @cached_property
     def _played_epochs(self) -> dict[str, int]:
-        return played_epochs(self.messages(recorder_pb2.RunPlayed))
+        # A kill may have come between a step and the proof that its run was recorded.
+        steps = (*self.messages(iterator_pb2.IterationStep), *self.messages(iterator_pb2.ConfirmationStep))
+        named = {step.run: step.signal_epoch for step in steps if step.samples_hash}
+        return named | played_epochs(self.messages(recorder_pb2.RunPlayed))
 
     @cached_property
     def _iteration_steps(self) -> dict[str, tuple[int, float]]:
@@ -419,7 +439,7 @@ class Recording:
             with self.path.open("rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
         except OSError as error:
-            raise unreadable(self.path, error) from error
+            raise InputError(unreadable(self.path, error).message) from error
 
     def __repr__(self) -> str:
         """Return it on one line, without arrays."""
@@ -432,6 +452,12 @@ class Recording:
     def _repr_html_(self) -> str:
 
         return recording_html(self)
+
+
+def require_run_name(run: object, *, example: str) -> None:
+    """Refuse what is no name of a run, e.g. a list of names; raises InputError with an example of how to ask."""
+    if not isinstance(run, str):
+        raise InputError(f"A run is {run!r}; give the name of each as a text of its own, e.g. {example}.")
 
 
 def _true_or_false(in_band: object) -> bool:

@@ -30,6 +30,7 @@ from duralab_recordings.parts import (
     newer_format,
     part_metadata,
     part_path,
+    parts_beside,
 )
 from duralab_recordings.unfinished import (
     FOOTER_BYTES,
@@ -93,6 +94,7 @@ __all__ = [
     "newer_format",
     "part_metadata",
     "part_path",
+    "parts_beside",
     "places_of",
     "played_epochs",
     "reading",

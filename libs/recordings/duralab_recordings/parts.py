@@ -107,12 +107,35 @@ class Part:
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return where a part of a recording lies whose first file is `path`."""
+    """Return where a part of a recording lies whose first file is `path`.
+
+    Parameters
+    ----------
+    path : Path
+        First file of the recording.
+    number : int
+        Number of the part; 1 is the first file.
+
+    Returns
+    -------
+    Path
+        Path of the part.
+    """
     return path if number == 1 else path.with_name(f"{path.stem}.part{number:02d}{path.suffix}")
 
 
 def parts_beside(path: Path) -> dict[int, Path]:
     """Return the files beside a recording's first one that are named as parts of it, by number, in order.
+
+    Parameters
+    ----------
+    path : Path
+        First file of the recording.
+
+    Returns
+    -------
+    dict[int, Path]
+        Path of each part, by its number.
 
     Raises
     ------

@@ -34,6 +34,7 @@ class Recorder:
         kind = request.message_type.removeprefix("duralab.v1.")
         if self.refused.get(request.recording) == kind:
             raise FaultError(query_pb2.FAULT_CODE_INTERNAL, "The disk is full.")
+        self._expect_samples(kind, request.payload)
         self.watch(request.recording, request.step, False)
         steps = self.steps.setdefault(request.recording, [])
         if request.step < len(steps):
@@ -47,6 +48,15 @@ class Recorder:
         return recorder_pb2.CommitAck(
             recording=request.recording, step=request.step, payload_hash=hashlib.sha256(request.payload).hexdigest()
         )
+
+    @staticmethod
+    def _expect_samples(kind, payload):
+        """Refuse a step without samples, as a recorder that has got no signal block."""
+        playback = {"IterationStep": iterator_pb2.IterationStep, "ConfirmationStep": iterator_pb2.ConfirmationStep}
+        if kind in playback and not playback[kind].FromString(payload).HasField("response"):
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION, "The blocks are not here.", field="payload.samples_hash"
+            )
 
     def _expect_announced(self, recording, kind, payload):
         planned = {run.run for run in self.read(recording, recorder_pb2.RunPlanned)}

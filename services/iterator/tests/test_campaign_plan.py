@@ -240,7 +240,8 @@ def test_a_rig_with_fewer_responses_than_drives_is_refused():
 
 def test_a_confirmation_that_was_recorded_damaged_is_a_loss_of_data():
     plan = SimpleNamespace(target_in_band=np.zeros((2, 10)))
-    step = iterator_pb2.ConfirmationStep(number=3, response_in_band=to_array(np.zeros((2, 9))))
+    step = iterator_pb2.ConfirmationStep(number=3)
+    step.response.samples.CopyFrom(to_array(np.zeros((2, 9))))
     with pytest.raises(FaultError, match="Confirmation 3 was recorded damaged") as fault:
         recorded_confirmation(step, plan=plan)
     assert fault.value.code == query_pb2.FAULT_CODE_DATA_LOSS

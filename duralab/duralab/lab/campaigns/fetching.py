@@ -15,8 +15,9 @@ from typing import Final
 from duralab.errors import LabError
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.output_files import replace_when_complete
-from duralab.recording import part_path, parts_beside
+from duralab.recording import parts_beside
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from duralab_recordings import part_path
 from labbus import Bus, FaultError
 
 PART_BYTES: Final = 2 * 1024 * 1024

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 from duralab.errors import InputError
 from duralab.output_files import replace_when_complete
-from duralab.recording import part_path
 from duralab_proto.keys import check_id
+from duralab_recordings import part_path
 
 if TYPE_CHECKING:
     from duralab.recording import Recording

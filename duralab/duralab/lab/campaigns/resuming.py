@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from duralab.arguments import whole_number
-from duralab.campaign import Campaign, PartialSettings, completed, stop_message, update_message
+from duralab.campaign import Campaign, PartialSettings, acceptance_message, completed, stop_message, update_message
 from duralab.data import Rig
 from duralab.errors import InputError, LabError
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace
@@ -101,9 +101,10 @@ def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
 
 
 def _put_settings(request: iterator_pb2.ResumeCampaignRequest, settings: Campaign, *, rig: Rig) -> None:
-    """Put the update and the stop criteria of a campaign file into a request."""
+    """Put the update, the stop criteria and the limits of a campaign file into a request."""
     request.update.CopyFrom(update_message(settings.update, rig=rig))
     request.stop.CopyFrom(stop_message(settings.stop))
+    request.accept.CopyFrom(acceptance_message(settings.accept))
     request.scenario = settings.text
 
 
@@ -243,6 +244,7 @@ def _as_resumed(
     if not own_settings:
         specification.update.CopyFrom(request.update)
         specification.stop.CopyFrom(request.stop)
+        specification.accept.CopyFrom(request.accept)
         specification.scenario = request.scenario
     return specification
 

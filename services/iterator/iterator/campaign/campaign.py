@@ -19,15 +19,17 @@ from iterator.campaign.confirmation import confirmation_message, confirmed
 from iterator.campaign.identification import identification_request, identification_run
 from iterator.campaign.messages import (
     OUTCOMES,
+    StepT,
     checked_model,
     metrics_message,
     recorded_playback,
     run_played,
     step_message,
+    with_samples,
 )
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.progress_estimate import ProgressEstimate
-from iterator.campaign.recording_log import RecordingLog
+from iterator.campaign.recording_log import SAMPLES_LACK, RecordingLog
 from iterator.campaign.remarks import remarks_of
 from iterator.campaign.resumption import Resumption
 from iterator.campaign.rig_halt import bring_to_rest, latch_rig
@@ -175,8 +177,7 @@ class Campaign:
             if last.number > len(recorded):
                 with self._doing(f"storing {self._iteration_name()}", share=1.0):
                     step = step_message(last, self._playback.played, plan=plan)
-                    self._log.commit(step)
-                    self._log.commit(run_played(step, rig=self._rig))
+                    self._store_playback(step, drive=last.drive, response=last.response)
                 self._estimate.step_done()
             else:
                 self._estimate.step_was_done()
@@ -189,6 +190,21 @@ class Campaign:
         if best is not None:
             self._confirm(last.outcome, best)
         return last
+
+    def _store_playback(self, step: StepT, *, drive: NDArray[np.float64], response: NDArray[np.float64]) -> StepT:
+        """Store a playback: its samples are those of its run, or where the recorder lacks them, go with it."""
+        whole = with_samples(step, description=self._plan.description, drive=drive, response=response)
+        try:
+            self._log.commit(step)
+        except FaultError as fault:
+            if (fault.code, fault.field) != SAMPLES_LACK:
+                raise
+            self._journal.warning(
+                "A step is stored with its samples.", step=self._step, run=step.run, why=fault.message
+            )
+            self._log.commit(whole)
+        self._log.commit(run_played(step, rig=self._rig))
+        return whole
 
     def _go_on_after(self, model: identifier_pb2.Model) -> None:
         """Bring the recording to the end of the steps that were done before."""
@@ -276,7 +292,7 @@ class Campaign:
             self._board.add_confirmation(shown.repeatability, metrics=shown.metrics, remarks=shown.remarks)
 
     def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
-        """Play the best drive once more and store it; return the step."""
+        """Play the best drive once more and store it; return the step with its samples."""
         plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
         activity = f"playing {name} on {self._rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
@@ -291,12 +307,11 @@ class Campaign:
         with self._doing(f"storing {name}", share=1.0):
             played = self._playback.played
             step = confirmation_message(
-                response, in_band, played=played, number=number, iteration=best.number, plan=plan
+                best.drive, response, in_band, played=played, number=number, iteration=best.number, plan=plan
             )
-            self._log.commit(step)
-            self._log.commit(run_played(step, rig=self._rig))
+            whole = self._store_playback(step, drive=best.drive, response=response)
         self._estimate.step_done()
-        return step
+        return whole
 
     def _iteration_name(self) -> str:
         return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.largest_iterations}"

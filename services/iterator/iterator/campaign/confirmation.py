@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
 from iterator.assessment import (
     IterationMetrics,
@@ -68,9 +68,9 @@ def confirmed(
     metrics : sequence of IterationMetrics
         Of all its playbacks.
     recorded : sequence of ConfirmationStep
-        Those that were made before, and are not made again.
+        Those that were made before, with their samples, and are not made again.
     play : callable
-        Plays the drive of `best` with a number, from 1, and returns the step that it stored.
+        Plays the drive of `best` with a number, from 1, and returns the step that it stored, with its samples.
 
     Yields
     ------
@@ -169,6 +169,7 @@ def judge_confirmation(response_in_band: NDArray[np.float64], *, plan: CampaignP
 
 
 def confirmation_message(
+    drive: NDArray[np.float64],
     response: NDArray[np.float64],
     response_in_band: NDArray[np.float64],
     *,
@@ -177,10 +178,12 @@ def confirmation_message(
     iteration: int,
     plan: CampaignPlan,
 ) -> iterator_pb2.ConfirmationStep:
-    """Return a playback of the best drive as it is committed.
+    """Return a playback of the best drive as it is committed: it names the samples of its run.
 
     Parameters
     ----------
+    drive : ndarray, shape (n_u, samples)
+        As played.
     response, response_in_band : ndarray, shape (n_y, samples)
         As measured, and as judged.
     played : PlayResult
@@ -202,8 +205,8 @@ def confirmation_message(
         number=number,
         run=played.run,
         iteration=iteration,
-        response=to_record(plan.description.responses, plan.description.sample_rate, response),
-        response_in_band=to_array(response_in_band),
+        samples_hash=samples_hash(drive, response),
+        response_in_band=to_array(response_in_band.astype(np.float32)),
         metrics=iterator_pb2.IterationMetrics(
             iteration=iteration,
             channels=channel_metrics(metrics, plan=plan),
@@ -218,10 +221,10 @@ def confirmation_message(
 
 def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> NDArray[np.float64]:
     """Return the response of a playback that was committed, as it is judged; FaultError DATA_LOSS where damaged."""
+    shape = plan.target_in_band.shape
     try:
-        return from_array(
-            step.response_in_band, field="response_in_band", shape=plan.target_in_band.shape, dtype=np.float64
-        )
+        measured = from_array(step.response.samples, field="response.samples", shape=shape, dtype=np.float64)
+        return plan.settings.update.band.limit_response(measured)
     except ArrayError as error:
         raise FaultError(
             query_pb2.FAULT_CODE_DATA_LOSS,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.assessment import IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
@@ -82,7 +82,7 @@ def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2
 
 
 def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: CampaignPlan) -> iterator_pb2.IterationStep:
-    """Return one playback as it is committed.
+    """Return one playback as it is committed: it names the samples of its run, which its signal blocks hold.
 
     Parameters
     ----------
@@ -98,21 +98,48 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
     IterationStep
         The message.
     """
-    description = plan.description
     return iterator_pb2.IterationStep(
         iteration=iteration.number,
         run=played.run,
-        drive=to_record(description.drives, description.sample_rate, iteration.drive),
-        response=to_record(description.responses, description.sample_rate, iteration.response),
+        samples_hash=samples_hash(iteration.drive, iteration.response),
         metrics=metrics_message(iteration, plan=plan),
         actuators=played.actuators,
         inverse_frf=to_array(iteration.model.inverse_frf),
-        response_in_band=to_array(iteration.response_in_band),
+        response_in_band=to_array(iteration.response_in_band.astype(np.float32)),
         level=iteration.level,
         signal_epoch=played.epoch,
         signal_blocks=played.blocks,
         remarks=remarks_of(iteration, plan=plan),
     )
+
+
+StepT = TypeVar("StepT", bound=iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep)
+
+
+def with_samples(
+    step: StepT, *, description: rig_pb2.RigDescription, drive: NDArray[np.float64], response: NDArray[np.float64]
+) -> StepT:
+    """Return a step that carries the samples of its run.
+
+    Parameters
+    ----------
+    step : IterationStep or ConfirmationStep
+        Without them; it stays as it is.
+    description : RigDescription
+        Names the channels.
+    drive, response : ndarray, shape (channels, samples)
+        Of the run. The drive of a confirmation is in the step of its iteration.
+
+    Returns
+    -------
+    IterationStep or ConfirmationStep
+        A copy with them.
+    """
+    whole = type(step).FromString(step.SerializeToString())
+    if isinstance(whole, iterator_pb2.IterationStep):
+        to_record(description.drives, description.sample_rate, drive, into=whole.drive)
+    to_record(description.responses, description.sample_rate, response, into=whole.response)
+    return whole
 
 
 def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:

@@ -6,9 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
 from google.protobuf.message import DecodeError, Message
 
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.arrays import ArrayError, from_array, samples_hash
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from iterator.campaign.messages import with_samples
 from labbus import Bus, FaultError
 
 _KINDS: Final = {
@@ -38,6 +41,10 @@ class RecordedCampaign:
         What was asked for.
     steps : int
         How many were committed; the number of the next one.
+    last : Message
+        The step committed last, as it was committed.
+    iterations, confirmations : list
+        The playbacks, with their samples.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -52,10 +59,18 @@ class RecordedCampaign:
     final: iterator_pb2.CampaignStatus | None = None
     closed: bool = False
 
-    def take(self, message: Message) -> None:
-        """Add the next step."""
+    def take(self, message: Message, *, samples: tuple[array_pb2.Array, array_pb2.Array] | None = None) -> None:
+        """Add the next step; where it leaves out the samples of its run, they come beside it.
+
+        Raises
+        ------
+        ArrayError
+            The samples are damaged, or others than those of the step's hash.
+        """
         self.steps += 1
         self.last = message
+        if isinstance(message, iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) and samples is not None:
+            message = self._with_samples(message, *samples)
         match message:
             case rig_pb2.RigDescription():
                 self.description = message
@@ -73,6 +88,20 @@ class RecordedCampaign:
                 self.final = message
             case recorder_pb2.RecordingClosed():
                 self.closed = True
+
+    def _with_samples(
+        self,
+        step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep,
+        drive: array_pb2.Array,
+        response: array_pb2.Array,
+    ) -> Message:
+        description = self.description or rig_pb2.RigDescription()
+        played = from_array(drive, field="drive", shape=(len(description.drives), None), dtype=np.float64)
+        shape = (len(description.responses), played.shape[1])
+        measured = from_array(response, field="response", shape=shape, dtype=np.float64)
+        if samples_hash(played, measured) != step.samples_hash:
+            raise ArrayError(f"the samples of run {step.run!r} are not those of its hash", field="samples_hash")
+        return with_samples(step, description=description, drive=played, response=measured)
 
 
 def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
@@ -96,22 +125,26 @@ def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
         NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no campaign's.
     """
     messages = _messages(bus, id)
-    spec = next(messages, None)
+    spec, _ = next(messages, (None, None))
     if not isinstance(spec, iterator_pb2.CampaignSpec) or spec.id != id:
         raise _damaged(id, "its first step is not the specification of that campaign")
     recorded = RecordedCampaign(spec=spec, last=spec)
-    for message in messages:
-        recorded.take(message)
+    for message, samples in messages:
+        try:
+            recorded.take(message, samples=samples)
+        except ArrayError as error:
+            raise _damaged(id, str(error).rstrip(".")) from error
     for numbers in ([step.iteration for step in recorded.iterations], [step.number for step in recorded.confirmations]):
         if numbers != list(range(1, len(numbers) + 1)):
             raise _damaged(id, f"its playbacks are numbered {numbers}")
     return recorded
 
 
-def _messages(bus: Bus, id: str) -> Iterator[Message]:
+def _messages(bus: Bus, id: str) -> Iterator[tuple[Message, tuple[array_pb2.Array, array_pb2.Array] | None]]:
+    """Yield the steps, each with drive and response of the run whose samples it leaves out."""
     first, total = 0, 1
     while first < total:
-        request = recorder_pb2.ReadStepsRequest(first=first)
+        request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)
         answer = bus.query(bus.keys.recording_steps(id), request, recorder_pb2.RecordedSteps)
         total = answer.total
         if first < total and not answer.steps:
@@ -120,7 +153,7 @@ def _messages(bus: Bus, id: str) -> Iterator[Message]:
             if step.step != first:
                 raise _damaged(id, f"the recorder answered step {step.step} in place of step {first}")
             first += 1
-            yield _decoded(id, step)
+            yield _decoded(id, step), (step.drive, step.response) if step.HasField("response") else None
 
 
 def _decoded(id: str, step: recorder_pb2.RecordedStep) -> Message:

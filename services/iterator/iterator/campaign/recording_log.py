@@ -18,6 +18,10 @@ _ROOM_RETRY_SECONDS: Final = 1.0
 _SLOW_SECONDS: Final = 1.0
 
 
+SAMPLES_LACK: Final = (query_pb2.FAULT_CODE_FAILED_PRECONDITION, "payload.samples_hash")
+"""Code and field of the fault for a step whose run the recorder does not hold as it was played."""
+
+
 class RecordingLog:
     """Commits the steps of one recording; used by one thread.
 

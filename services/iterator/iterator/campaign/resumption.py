@@ -188,6 +188,8 @@ def new_campaign(
         spec.update.CopyFrom(request.update)
     if request.HasField("stop"):
         spec.stop.CopyFrom(request.stop)
+    if request.HasField("accept"):
+        spec.accept.CopyFrom(request.accept)
     spec.scenario = request.scenario or spec.scenario
     # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
     finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
@@ -220,6 +222,7 @@ def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
             ("from_iteration", request.from_iteration > 0),
             ("update", request.HasField("update")),
             ("stop", request.HasField("stop")),
+            ("accept", request.HasField("accept")),
             ("scenario", bool(request.scenario)),
         )
         if there

@@ -2,8 +2,7 @@ import tracemalloc
 
 import numpy as np
 
-from duralab.recording import window_cache
-from duralab.recording.window_cache import Window, WindowCache
+from duralab_recordings import Window, WindowCache, windows
 
 RUN = "demo.i01"
 
@@ -19,7 +18,7 @@ def kept(cache, numbers, *, samples=1):
 
 
 def test_so_many_windows_are_kept_as_fit_and_those_that_were_used_last(monkeypatch):
-    monkeypatch.setattr(window_cache, "CACHE_BYTES", 10 * (5 * 8 * 1000 + window_cache.WINDOW_BYTES))
+    monkeypatch.setattr(windows, "CACHE_BYTES", 10 * (5 * 8 * 1000 + windows.WINDOW_BYTES))
     cache = WindowCache()
     fill(cache, range(10), samples=1000)
     assert kept(cache, [0], samples=1000) == [0]
@@ -31,7 +30,7 @@ def test_so_many_windows_are_kept_as_fit_and_those_that_were_used_last(monkeypat
 
 
 def test_windows_of_single_samples_take_no_more_memory_than_is_counted(monkeypatch):
-    monkeypatch.setattr(window_cache, "CACHE_BYTES", 2**20)
+    monkeypatch.setattr(windows, "CACHE_BYTES", 2**20)
     cache = WindowCache()
     tracemalloc.start()
     try:
@@ -44,7 +43,7 @@ def test_windows_of_single_samples_take_no_more_memory_than_is_counted(monkeypat
 
 
 def test_a_window_that_two_threads_read_is_counted_once(monkeypatch):
-    monkeypatch.setattr(window_cache, "CACHE_BYTES", 10 * (5 * 8 + window_cache.WINDOW_BYTES))
+    monkeypatch.setattr(windows, "CACHE_BYTES", 10 * (5 * 8 + windows.WINDOW_BYTES))
     cache = WindowCache()
     for _ in range(20):
         cache.keep((RUN, 0, 1), Window(np.ones((2, 1)), np.ones((3, 1))))
