@@ -14,14 +14,13 @@ import pytest
 import yaml
 
 import duralab
-from duralab_proto.v1 import iterator_pb2
 
 SECONDS = 300.0
 
 
 def steps_of(recording: duralab.Recording) -> list[tuple[bytes, bytes]]:
-    steps = recording.messages(iterator_pb2.IterationStep)
-    return [(step.drive.samples.data, step.response.samples.data) for step in steps]
+    playbacks = [recording.playback(number) for number in recording.iterations.numbers]
+    return [(playback.drive.samples.tobytes(), playback.response.samples.tobytes()) for playback in playbacks]
 
 
 def state_of(folder: Path) -> dict[str, tuple[str, int]]:

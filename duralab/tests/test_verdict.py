@@ -6,6 +6,7 @@ import synthetic_campaign
 
 from duralab.campaign import Criterion, Judgement, compare_with_first, judge, judged_rows
 from duralab.campaign.file import Acceptance
+from duralab.campaign.specification import acceptance_message
 from duralab.campaign.verdict import Finding, limits_of
 from duralab.data import IterationTable, Signals
 from duralab.recording import open_recording
@@ -41,16 +42,10 @@ FINISHED = iterator_pb2.CampaignStatus(
 
 
 def specification(stop=None, **accept):
-    """Return a campaign whose file has this section `accept`; none where nothing is given."""
+    """Return a campaign that names these limits; one of format version 1, which names none, where nothing is given."""
     scenario = synthetic_campaign.specification(np.zeros((6, 2))).scenario
-    if accept:
-        from duralab.campaign import load_campaign
-
-        campaign = load_campaign("front_axle_demo")
-        scenario = campaign.model_copy(update={"accept": Acceptance(**accept)})
-        # As a campaign that was made in a script writes itself.
-        scenario = scenario.read_from(folder=campaign.folder, text="").text
-    return iterator_pb2.CampaignSpec(id="x", scenario=scenario, stop=stop)
+    limits = acceptance_message(Acceptance(**accept)) if accept else None
+    return iterator_pb2.CampaignSpec(id="x", scenario=scenario, stop=stop, accept=limits)
 
 
 def judged(table, *, status=FINISHED, stop=None, **accept):
@@ -119,13 +114,52 @@ def test_the_error_of_an_older_recording_is_judged_by_where_it_was_to_stop():
     old, new = table_of([0.25], outside=np.nan), table_of([0.25])
     assert judged(old, stop=stop).judgement is Judgement.REACHED
     assert judged(new, stop=stop).judgement is Judgement.NOT_REACHED
-    limits = limits_of(specification(stop), new)
+    limits, _ = limits_of(specification(stop), new)
     assert (limits.relative_rms_error, limits.damage_exponent) == (0.15, 8)
-    assert limits_of(specification(stop, damage_exponent=3), new).damage_exponent == 3
+    assert limits_of(specification(stop, damage_exponent=3), new)[0].damage_exponent == 3
+
+
+NO_LIMITS = "The recording holds no limits to judge by, "
+DEFAULTS = "it is judged by the defaults of this version of Duralab."
+
+
+@pytest.mark.parametrize(
+    ("scenario", "error", "note"),
+    [
+        (
+            "accept: {relative_rms_error: 0.3}",
+            0.3,
+            "The limits to judge by were taken from the text of the campaign file in the recording.",
+        ),
+        ("", 0.15, f"{NO_LIMITS}and no campaign file; {DEFAULTS}"),
+        ("name: x", 0.15, f"{NO_LIMITS}nor does its campaign file; {DEFAULTS}"),
+        (
+            "accept: {rms_error: 0.3}",
+            0.15,
+            "The limits to judge by could not be taken from the text of the campaign file in the recording (",
+        ),
+        ("accept: [", 0.15, "The limits to judge by could not be taken from the text of the campaign file in the"),
+    ],
+)
+def test_limits_that_are_not_in_the_specification_are_never_taken_silently(scenario, error, note):
+    old = iterator_pb2.CampaignSpec(id="x", scenario=scenario)
+    verdict = judge(table_of([0.1]), specification=old, status=FINISHED)
+    assert verdict.limits.relative_rms_error == error
+    assert f" {note}" in verdict.sentence
+    assert verdict.sentence.endswith("recording." if error == 0.3 else DEFAULTS)
+
+
+def test_the_limits_of_the_specification_are_what_is_judged_whatever_the_text_says():
+    given = Acceptance(relative_rms_error=None, peak_ratio=(0.5, 2.0), damage_exponent=3, energy_outside_band=0.0)
+    spec = iterator_pb2.CampaignSpec(id="x", scenario="accept: {error: 1}", accept=acceptance_message(given))
+    limits, note = limits_of(spec, table_of([0.1]))
+    assert note == ""
+    for name in Acceptance.model_fields:
+        assert getattr(limits, name) == getattr(given, name)
 
 
 def test_a_null_limit_survives_a_campaign_made_in_a_script():
-    limits = limits_of(specification(damage_ratio=None, peak_ratio=(0.5, 2.0)), table_of([0.1]))
+    limits, _ = limits_of(specification(damage_ratio=None, peak_ratio=(0.5, 2.0)), table_of([0.1]))
     assert limits.damage_ratio is None
     assert limits.peak_ratio == (0.5, 2.0)
 
@@ -198,7 +232,9 @@ def test_verdict_of_a_diverged_or_broken_campaign_says_so():
     assert "The oil is cold." in verdict.sentence
     assert judged(table, status=None).judgement is Judgement.ENDED_EARLY
     status = iterator_pb2.CampaignStatus(fault=query_pb2.Fault(message="no reason was given"))
-    assert judged(table, status=status).sentence.endswith("done: no reason was given.")
+    assert judged(table, status=status).sentence.startswith(
+        "The campaign ended early, 2 playbacks done: no reason was given. The recording"
+    )
 
 
 def test_a_part_of_the_target_is_not_the_target():

@@ -10,7 +10,7 @@ from google.protobuf.message import Message
 
 import duralab
 from duralab_proto.arrays import to_array
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 
 from .lab_under_fault import RIG
 
@@ -29,6 +29,7 @@ def _made(path: Path) -> dict[str, Message]:
     recording = duralab.open_recording(path)
     spec = recording.specification
     step = next(recording.messages(iterator_pb2.IterationStep))
+    drive = recording.playback(step.iteration).drive.to_message()
     model = next(recording.messages(identifier_pb2.Model))
     state = rig_pb2.RigState(rig=RIG, mode=rig_pb2.RIG_MODE_PLAYING, run="a", fraction=0.5)
     status = iterator_pb2.CampaignStatus(id="a", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING, iterations=[step.metrics])
@@ -44,12 +45,12 @@ def _made(path: Path) -> dict[str, Message]:
         ),
         recorder_pb2.ReadRecordingRequest(offset=0, length=1000, part="recording"),
         recorder_pb2.ReadStepsRequest(first=0),
-        rig_pb2.PlayRequest(run="a", drive=step.drive),
+        rig_pb2.PlayRequest(run="a", drive=drive),
         rig_pb2.StopRequest(reason="asked by a test"),
         rig_pb2.RigFrfRequest(frequency=model.frequency),
         next(recording.messages(rig_pb2.SignalBlock)),
         state,
-        *_identifier_requests(spec, step),
+        *_identifier_requests(spec, drive),
     ]
     made[0].CopyFrom(spec)
     for message in made:
@@ -57,7 +58,7 @@ def _made(path: Path) -> dict[str, Message]:
     return {message.DESCRIPTOR.full_name: message for message in made}
 
 
-def _identifier_requests(spec: iterator_pb2.CampaignSpec, step: iterator_pb2.IterationStep) -> list[Message]:
+def _identifier_requests(spec: iterator_pb2.CampaignSpec, drive: array_pb2.Record) -> list[Message]:
     identify = identifier_pb2.IdentifyRequest(
         rig=RIG, excitation=spec.excitation, estimator=spec.estimator, run="a", check_only=True
     )
@@ -66,7 +67,7 @@ def _identifier_requests(spec: iterator_pb2.CampaignSpec, step: iterator_pb2.Ite
         identifier_pb2.PlanRequest(identify=identify),
         identifier_pb2.LevelsRequest(identify=identify, factors=to_array(np.array([0.5, 1.0]))),
         identifier_pb2.AdviceRequest(model_id=MODEL, target=spec.target, lowest_frequency=1.0, highest_frequency=30.0),
-        identifier_pb2.PredictRequest(drive=step.drive),
+        identifier_pb2.PredictRequest(drive=drive),
         identifier_pb2.ConvergenceRequest(
             iteration_gain=to_array(np.ones(6)), lowest_frequency=1.0, highest_frequency=30.0
         ),

@@ -132,7 +132,7 @@ def test_a_campaign_in_the_secured_lab_gives_the_bytes_of_one_on_one_machine(
         assert (again.value.code_name, again.value.field) == ("ALREADY_EXISTS", "id")
     of_one, of_other = (
         [
-            (step.drive.samples.data, step.response.samples.data)
+            step.samples_hash
             for step in duralab.open_recording(result.recording_path).messages(iterator_pb2.IterationStep)
         ]
         for result in (alone, secured)

@@ -23,7 +23,7 @@ from duralab_recordings.parts import (
     open_end,
     require_chain,
 )
-from duralab_recordings.unfinished import LARGEST_RECORD, MAGIC, RecordReader, first_record_is_whole, whole_records
+from duralab_recordings.unfinished import LARGEST_RECORD, MAGIC, RecordReader, end_of_records, whole_records
 from strict_yaml import open_regular
 
 MessageT = TypeVar("MessageT", bound=Message)
@@ -137,7 +137,7 @@ class _OneFile:
         if self.whole:
             texts = {entry.name: entry.metadata for entry in index_reader(stream).iter_metadata()}
         else:
-            if not self._begins(stream):
+            if end_of_records(stream) == len(MAGIC):
                 raise RecordingError(
                     f"{self.path} ends within its first record and holds nothing; give a recording.mcap."
                 )
@@ -158,10 +158,6 @@ class _OneFile:
             next_file=texts.get(SUMMARY_METADATA, {}).get("next_file", ""),
             is_empty=is_empty and PART_METADATA not in texts,
         )
-
-    def _begins(self, stream: IO[bytes]) -> bool:
-        stream.seek(len(MAGIC))
-        return first_record_is_whole(stream)
 
     def _in_order(self, stream: IO[bytes]) -> Iterator[McapRecord]:
         """Yield the records of a file without an index, up to the last whole one."""

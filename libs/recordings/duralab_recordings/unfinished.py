@@ -208,9 +208,49 @@ def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterato
         yield from group.inner
 
 
-def first_record_is_whole(stream: IO[bytes]) -> bool:
-    """Return whether the first record of a file is there with all its bytes; the stream is after the file's mark."""
-    return _read_record(stream) is not None
+def end_of_records(stream: IO[bytes]) -> int:
+    """Return the position after the last record that is there with all its bytes; none of their content is read.
+
+    Zeros up to the end of the file are none: a power cut leaves them where data was to come.
+
+    Parameters
+    ----------
+    stream : file
+        Open for reading.
+
+    Raises
+    ------
+    McapError
+        Zeros stand where a record was to come, and other bytes follow them.
+    """
+    size = stream.seek(0, os.SEEK_END)
+    end = len(MAGIC)
+    while end + _HEAD.size <= size:
+        stream.seek(end)
+        opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
+        if opcode == 0:
+            if _zeros_end(stream, end) < size:
+                raise McapError(f"at byte {end} are zeros where a record was to come, and other bytes follow")
+            break
+        if length > LARGEST_RECORD:
+            return size
+        if end + _HEAD.size + length > size:
+            break
+        end += _HEAD.size + length
+    return end
+
+
+def _zeros_end(stream: IO[bytes], start: int) -> int:
+    """Return the position of the first byte that is not zero; what a sparse file does not store is not read."""
+    position = start
+    while (data := _next_data(stream, position)) is not None:
+        position = data
+        stream.seek(position)
+        block = stream.read(_BLOCK_BYTES)
+        if rest := block.lstrip(b"\0"):
+            return position + len(block) - len(rest)
+        position += len(block)
+    return stream.seek(0, os.SEEK_END)
 
 
 @dataclass
