@@ -17,7 +17,7 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup install demo bench faults multihost security-table audit sbom studies docs test examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup install demo bench faults multihost security-table audit sbom studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -37,7 +37,7 @@ bench: setup ## measure everything beside peers into out/bench.json and docs/ben
 
 faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
 	@$(BIN)/python -m tests.faults $(ARGS)
-	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security libs/labbus/tests/test_rejoining.py
+	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security libs/labbus/tests/long/test_rejoining.py
 
 security-table: setup ## try every role on every key with every operation over a secured router, and print what came through
 	@$(BIN)/python -m tests.security
@@ -61,15 +61,20 @@ docs: setup ## build the documentation's site into out/site; a warning is an err
 
 # One thread each, as a lab's services have it: threads of BLAS in several workers wait for one another most of the time.
 # Three on two cores: a test waits for a fifth of its time, for a fault to be noticed or a lab to stand.
-test: setup ## run all tests (ARGS="-k name" for some)
-	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=3 --dist=loadfile --no-loadscope-reorder $(ARGS)
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=3 --dist=loadfile --no-loadscope-reorder
+
+test: setup ## run the quick tests: units, the bus, a whole campaign, a resumed one, the READMEs (ARGS="-k name" for some)
+	@$(PYTEST) -m "not long" $(ARGS)
+
+test-all: setup ## run all tests, also those in folders of long ones (ARGS="-m long": only these)
+	@$(PYTEST) $(ARGS)
 
 examples-rust: setup ## build the Rust client of examples/bare_zenoh and run it against a lab (minutes, the first time)
 	@cargo build --quiet --manifest-path examples/bare_zenoh/rust/Cargo.toml
-	@$(BIN)/python -m pytest -q tests/test_examples.py -k rust
+	@$(BIN)/python -m pytest -q tests/long/test_examples.py -k rust
 
 fuzz: setup ## damage files of every format and read them, long (FUZZ=20000 of each, SEED=1000: other ones)
-	@DURALAB_FUZZ_EXAMPLES=$(FUZZ) DURALAB_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -q --numprocesses=2 duralab/tests/test_formats_fuzz.py
+	@DURALAB_FUZZ_EXAMPLES=$(FUZZ) DURALAB_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -q --numprocesses=2 duralab/tests/long/test_formats_fuzz.py
 
 coverage: setup ## measure which lines of the pure cores unit tests run; less than 90 % of one is an error (ARGS="spectra --lines")
 	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/core_coverage.py $(ARGS)

@@ -1,4 +1,4 @@
-"""What the guide to the formats says of them; its script and commands are run by tests/test_documented_guides.py."""
+"""What the guide to the formats says of them; its script and commands are run by tests/long/test_documented_guides.py."""
 
 import re
 from pathlib import Path

@@ -12,7 +12,7 @@ import duralab
 from duralab.errors import InputError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "read_a_recording.py"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "read_a_recording.py"
 
 
 def resumed(path, campaign, *, taken_over, repeated=0):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROAD = Path(__file__).resolve().parents[2] / "shared" / "data" / "belgian_block.crg"
+ROAD = Path(__file__).resolve().parents[3] / "shared" / "data" / "belgian_block.crg"
 
 
 @pytest.mark.skipif(not ROAD.exists(), reason="the measured road lies beside the project, not in it; it is not here")

@@ -17,7 +17,7 @@ import pytest
 import duralab
 from duralab.formats import read_signals
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
 BARE = EXAMPLES / "bare_zenoh"
 RUST = BARE / "rust"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-QUALITY = Path(__file__).resolve().parents[1] / "scripts" / "quality"
+QUALITY = Path(__file__).resolve().parents[2] / "scripts" / "quality"
 sys.path.insert(0, str(QUALITY))
 
 from mutants import mutants, mutated  # noqa: E402

@@ -14,7 +14,7 @@ import duralab
 from duralab import Channel, Signals
 from duralab.formats import read_signals, write_signals
 
-REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "pyRPC3_test1.rsp"
+REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "pyRPC3_test1.rsp"
 NAMES = ("FZ_FL", "FY_FL", "FX_FL", "FZ_FR", "FY_FR", "FX_FR")
 RESPONSES = tuple(f"{side}_{axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal"))
 SIGNS = np.array([[-1.0], [1.0], [1.0], [-1.0], [1.0], [1.0]])

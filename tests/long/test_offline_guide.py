@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-GUIDE = Path(__file__).resolve().parents[1] / "docs" / "guides" / "offline_analysis.md"
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "offline_analysis.md"
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?(?![\w])")
 TOLERANCE = 0.1
 

@@ -1,0 +1,15 @@
+"""Tiers of the tests: what lies in one of these folders is long, and `make test` leaves it to `make test-all`."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent
+LONG_FOLDERS = {"long", "security", "faults", "deploy", "multihost"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the long tests by their folder."""
+    for item in items:
+        if LONG_FOLDERS.intersection(item.path.relative_to(ROOT).parent.parts):
+            item.add_marker(pytest.mark.long)
