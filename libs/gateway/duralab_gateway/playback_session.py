@@ -104,7 +104,7 @@ class PlaybackSession:
             request.run,
             seed=request.seed,
             real_time=real_time,
-            report=lambda sentence: call.progress(sentence, self._interlock.fraction, detail=request.run),
+            report=lambda sentence, fraction: self._report(call, request.run, sentence, fraction),
             stopping=lambda seconds: self._must_end(call, seconds),
         )
         playback = self._rig.playback(drive, run)
@@ -236,6 +236,11 @@ class PlaybackSession:
             if self._must_end(call, _ROOM_POLL_SECONDS):
                 break
         return ""
+
+    def _report(self, call: Call, run: str, sentence: str, fraction: float | None) -> None:
+        if fraction is not None:
+            self._interlock.fraction = fraction
+        call.progress(sentence, self._interlock.fraction, detail=run)
 
     def _must_end(self, call: Call, seconds: float) -> bool:
         """Wait for at most so long; return at once, and whether, a stop or a commander that went ends the run."""

@@ -32,7 +32,7 @@ class Run:
     real_time : bool
         Whether the drive is played in real time. A real rig always does.
     report : callable
-        Sends a sentence of progress to the commander.
+        Sends a sentence of progress to the commander, and the share of the drive that is played where it is known.
     stopping : callable
         Given a time in s, waits so long for a stop; returns whether one came.
     """
@@ -43,7 +43,7 @@ class Run:
         *,
         seed: int = 0,
         real_time: bool = False,
-        report: Callable[[str], None] = lambda _sentence: None,
+        report: Callable[[str, float | None], None] = lambda _sentence, _fraction: None,
         stopping: Callable[[float], bool] = lambda _seconds: False,
     ) -> None:
         self.name = name
@@ -53,9 +53,17 @@ class Run:
         self._report = report
         self._stopping = stopping
 
-    def report(self, sentence: str) -> None:
-        """Tell people what the rig does, e.g. "waiting for the operator to press start"."""
-        self._report(sentence)
+    def report(self, sentence: str, fraction: float | None = None) -> None:
+        """Tell people what the rig does, e.g. "waiting for the operator to press start".
+
+        Parameters
+        ----------
+        sentence : str
+            What it does.
+        fraction : float, optional
+            Share of the drive that is played, 0 to 1; what the gateway knows where not given.
+        """
+        self._report(sentence, None if fraction is None else min(max(fraction, 0.0), 1.0))
 
     @property
     def stopped(self) -> bool:

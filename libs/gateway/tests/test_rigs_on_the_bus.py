@@ -64,6 +64,7 @@ class Waiting(Springs):
         self.phases.append(run.phase)
         if run.phase is Phase.PLAYING:
             run.report("waiting for the operator to press start")
+            run.report("half of it", 0.5)
             self.moving.set()
             while not (run.stopped or self.may_end.wait(0.01)):
                 pass
@@ -153,8 +154,9 @@ def test_words_of_the_rig_reach_the_commander():
     rig, told = Waiting(), []
     rig.may_end.set()
     with client_of(rig) as client:
-        client.play("a", hump(), on_progress=lambda progress: told.append((progress.phase, progress.detail)))
-    assert ("waiting for the operator to press start", "a") in told
+        client.play("a", hump(), on_progress=lambda p: told.append((p.phase, p.detail, p.fraction)))
+    assert ("waiting for the operator to press start", "a", 0.0) in told
+    assert ("half of it", "a", 0.5) in told
 
 
 @pytest.mark.parametrize(

@@ -1,97 +1,62 @@
 """The linear rig as a service of its own process: `python rig_process.py --config FILE`."""
 
-import threading
+from duralab.testing import LinearRig
+from duralab_gateway import SERVICE, Approach, GatewayConfig, serving
+from labbus import service_main
 
-from linear_plants import SAMPLE_RATE, impulse_responses, play
-from linear_rig import RESPONSES, STATIC, description
+if __package__:
+    from .linear_plants import SAMPLE_RATE, impulse_responses
+    from .linear_rig import DRIVES, RESPONSES, STATIC
+else:
+    from linear_plants import SAMPLE_RATE, impulse_responses
+    from linear_rig import DRIVES, RESPONSES, STATIC
 
-from duralab_proto.arrays import from_record, to_record
-from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import FaultError, ServiceConfig, service_main
 
-
-class RigConfig(ServiceConfig):
+class RigConfig(GatewayConfig):
     # Name of each rig, and how long each of its playbacks lasts, in seconds.
     rigs: dict[str, float]
     # Of these, the ones whose runs go on to their end.
     cannot_be_stopped: tuple[str, ...] = ()
+    # In N: next to nothing, and other numbers for each seed.
+    noise_rms: float = 0.0
 
 
 # What a rig says in the first half of a playback.
 WAITING = "waiting for the operator\x1b[2J to press start"
 
 
-class LinearRig:
-    def __init__(self, bus, rig, play_seconds, *, goes_on):
-        self._rig = rig
-        self._play_seconds = play_seconds
-        self._goes_on = goes_on
-        self._run = ""
-        self._reason = ""
-        self._changed = threading.Condition()
-        keys = bus.keys
-        bus.serve(keys.rig_description(rig), rig_pb2.DescriptionRequest, lambda *_: description(rig))
-        bus.serve(keys.rig_play(rig), rig_pb2.PlayRequest, self.play)
-        bus.serve(keys.rig_stop(rig), rig_pb2.StopRequest, self.stop, workers=1)
-        bus.serve(keys.rig_reset(rig), rig_pb2.ResetRequest, self.reset, workers=1)
-        bus.serve(keys.rig_state(rig), rig_pb2.StateRequest, lambda *_: self.state())
+def known_rig(name="front", noise_rms=0.0):
+    return SlowRig(name, 0.0, goes_on=False, noise_rms=noise_rms)
 
-    def state(self):
-        mode = rig_pb2.RIG_MODE_PLAYING if self._run else rig_pb2.RIG_MODE_IDLE
-        if self._reason:
-            mode = rig_pb2.RIG_MODE_INTERLOCKED
-        return rig_pb2.RigState(rig=self._rig, mode=mode, run=self._run, reason=self._reason)
 
-    def stop(self, request, _call):
-        with self._changed:
-            self._reason = self._reason or request.reason
-            if not self._goes_on:
-                assert self._changed.wait_for(lambda: not self._run, 10.0)
-            return self.state()
+class SlowRig(LinearRig):
+    """Takes a whole drive, and the time that it is told."""
 
-    def reset(self, _request, _call):
-        with self._changed:
-            assert self._changed.wait_for(lambda: not self._run, 10.0)
-            self._reason = ""
-            return self.state()
+    def __init__(self, name, play_seconds, *, goes_on, noise_rms):
+        plant = [[(h, [1.0]) for h in row] for row in impulse_responses()]
+        channels = {"drives": DRIVES, "responses": RESPONSES, "sample_rate": SAMPLE_RATE}
+        super().__init__(name, plant=plant, static=STATIC, noise_rms=noise_rms, **channels)
+        self._parts, self._goes_on = round(play_seconds / 0.05), goes_on
 
-    def play(self, request, call):
-        with self._changed:
-            if self._reason:
-                raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"It is interlocked ({self._reason}).")
-            self._run = request.run
-        try:
-            parts = round(self._play_seconds / 0.05)
-            for part in range(parts):
-                threading.Event().wait(0.05)
-                if part < parts / 2:
-                    call.progress(WAITING, 0.0, detail=f"run {request.run}")
-                else:
-                    call.progress("playing", part / parts, detail=request.run)
-                if (call.cancelled or self._reason) and not self._goes_on:
-                    raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The playback was broken off.")
-            _, _, drive = from_record(request.drive)
-            response = play(impulse_responses(), drive) + STATIC[:, None]
-            return rig_pb2.PlayResult(
-                run=request.run,
-                response=to_record(RESPONSES, SAMPLE_RATE, response),
-                actuators=[rig_pb2.ActuatorUse(drive="left", peak_command_ratio=0.5)],
-                epoch=request.seed,
-                blocks=drive.shape[1] // 100,
-            )
-        finally:
-            with self._changed:
-                self._run = ""
-                self._changed.notify_all()
+    def describe(self):
+        told = super().describe()
+        told.content_hash, told.publishes_after_run, told.cannot_be_stopped = "linear", True, self._goes_on
+        return told
+
+    def play(self, commands, run):
+        for part in range(self._parts):
+            waits = part < self._parts / 2
+            run.report(WAITING if waits else "playing", 0.0 if waits else part / self._parts)
+            if run.wait_for_stop(0.05):
+                return super().play(commands[:, : commands.shape[1] * part // self._parts], run)
+        return super().play(commands, run)
 
 
 def build(config):
-    def serve(bus):
-        for rig, play_seconds in config.rigs.items():
-            LinearRig(bus, rig, play_seconds, goes_on=rig in config.cannot_be_stopped)
-
-    return serve
+    goes_on, noise = config.cannot_be_stopped, config.noise_rms
+    rigs = [SlowRig(name, time, goes_on=name in goes_on, noise_rms=noise) for name, time in config.rigs.items()]
+    return lambda bus: serving(bus, *rigs, config=config, approach=Approach(ramp=0.0))
 
 
 if __name__ == "__main__":
-    service_main("rig_sim", RigConfig, build, instances=lambda config: tuple(config.rigs))
+    service_main(SERVICE, RigConfig, build, instances=lambda _: ())
