@@ -77,6 +77,7 @@ def test_all_distributions_are_here():
         "libs/gateway",
         "libs/labbus",
         "libs/loads",
+        "libs/recordings",
         "libs/roads",
         "libs/spectra",
         "libs/strict_yaml",

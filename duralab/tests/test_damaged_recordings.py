@@ -15,7 +15,7 @@ from test_cli import invoke
 import duralab
 from duralab.errors import InputError
 from duralab_proto.v1 import iterator_pb2
-from duralab_recordings import damaged
+from duralab_recordings.damage import damaged
 
 STEPS = 3
 FOOTER_AND_MAGIC = 9 + 20 + 8

@@ -75,7 +75,23 @@ class RecordingFiles(McapFile):
             super().__init__(path)
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield the messages of one type in the order they were written; raises InputError where a file is damaged."""
+        """Yield the messages of one type in the order they were written.
+
+        Parameters
+        ----------
+        kind : type
+            Of the contract.
+
+        Yields
+        ------
+        Message
+            Of that type.
+
+        Raises
+        ------
+        InputError
+            A file is damaged at a message that is read.
+        """
         with input_errors():
             yield from super().messages(kind)
 

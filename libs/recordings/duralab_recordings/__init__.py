@@ -5,8 +5,6 @@ from duralab_recordings.damage import (
     MissingFileError,
     MissingSamplesError,
     RecordingError,
-    damaged,
-    reading,
     reason_of,
     unreadable,
     within_contract,
@@ -21,12 +19,11 @@ from duralab_recordings.index import (
     last_metadata,
     messages_of,
 )
-from duralab_recordings.mcap_file import EPOCH, McapFile, epoch_of
+from duralab_recordings.mcap_file import EPOCH, McapFile
 from duralab_recordings.parts import (
     FORMAT_VERSION,
     PART_METADATA,
     SUMMARY_METADATA,
-    files_of,
     newer_format,
     part_metadata,
     part_path,
@@ -80,10 +77,7 @@ __all__ = [
     "check_samples",
     "chunks_of",
     "count_messages",
-    "damaged",
-    "epoch_of",
     "expect_chunk",
-    "files_of",
     "forget_indexes",
     "hash_of_blocks",
     "index_of",
@@ -97,7 +91,6 @@ __all__ = [
     "parts_beside",
     "places_of",
     "played_epochs",
-    "reading",
     "reason_of",
     "scan",
     "unreadable",

@@ -105,7 +105,20 @@ def damaged(path: Path, error: Exception | str) -> RecordingError:
 
 
 def unreadable(path: Path, error: OSError) -> RecordingError:
-    """Return the error of a file that the system does not give, e.g. one that was deleted since it was opened."""
+    """Return the error of a file that the system does not give, e.g. one that was deleted since it was opened.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    error : OSError
+        What the system says.
+
+    Returns
+    -------
+    RecordingError
+        To be raised.
+    """
     reason = error.strerror or error
     return RecordingError(f"The recording {path} cannot be read: {reason}; give the path of an .mcap file.")
 
@@ -123,12 +136,22 @@ def reading(path: Path) -> Iterator[None]:
 
 @contextmanager
 def within_contract(path: Path) -> Iterator[None]:
-    """Refuse a recording whose arrays are not those of the contract; raises RecordingError.
+    """Refuse a recording whose arrays are not those of the contract while they are decoded.
 
     Parameters
     ----------
     path : Path
         The file, for the sentence.
+
+    Yields
+    ------
+    None
+        To the code that decodes.
+
+    Raises
+    ------
+    RecordingError
+        In place of ArrayError.
     """
     try:
         yield

@@ -88,6 +88,11 @@ class McapFile:
         kind : type
             Of the contract.
 
+        Yields
+        ------
+        Message
+            Of that type.
+
         Raises
         ------
         RecordingError

@@ -89,7 +89,15 @@ class RunBound:
 
 @dataclass(frozen=True)
 class Window:
-    """Drive (drives, samples) and response (responses, samples) of a part of a run, in the rig's units."""
+    """A part of a run.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (drives, samples)
+        What was commanded, in the rig's units.
+    response : ndarray, shape (responses, samples)
+        What was measured.
+    """
 
     drive: np.ndarray
     response: np.ndarray
@@ -110,7 +118,18 @@ class WindowCache:
         self._lock = Lock()
 
     def find(self, key: tuple[str, int, int]) -> Window | None:
-        """Return a window that is kept; None where it is not."""
+        """Return a window that is kept.
+
+        Parameters
+        ----------
+        key : tuple
+            Run, first sample, and the sample after the last.
+
+        Returns
+        -------
+        Window or None
+            None where it is not kept.
+        """
         with self._lock:
             if key not in self._kept:
                 return None
@@ -188,12 +207,17 @@ class RunSignals:
         return tuple(self._places)
 
     def end(self, run: str) -> tuple[int, float, bool]:
-        """Return the number of samples of a run that are here, its rate in hertz, and whether its last block is here.
+        """Return the end of a run.
 
         Parameters
         ----------
         run : str
             Its name.
+
+        Returns
+        -------
+        int, float, bool
+            Number of samples that are here, sample rate in hertz, and whether its last block is here.
 
         Raises
         ------
@@ -206,12 +230,17 @@ class RunSignals:
         return self._ends[run]
 
     def size(self, run: str) -> tuple[int, float]:
-        """Return the number of samples of a run that are here, and its rate in hertz; raises as `end`.
+        """Return the size of a run; raises as `end`.
 
         Parameters
         ----------
         run : str
             Its name.
+
+        Returns
+        -------
+        int, float
+            Number of samples that are here, and sample rate in hertz.
         """
         samples, rate, _ = self.end(run)
         return samples, rate
@@ -223,6 +252,11 @@ class RunSignals:
         ----------
         run : str
             Its name.
+
+        Returns
+        -------
+        RunBound
+            Its samples at most.
 
         Raises
         ------
@@ -236,7 +270,7 @@ class RunSignals:
         return RunBound(sum(place.count for place in places) * size, size, channels, opening.sample_rate)
 
     def read(self, run: str, first: int, last: int) -> Window:
-        """Read the samples from `first` to the one before `last` of a run; the arrays are read-only and kept.
+        """Read the samples from `first` to the one before `last` of a run.
 
         Parameters
         ----------
@@ -244,6 +278,11 @@ class RunSignals:
             Its name.
         first, last : int
             From 0.
+
+        Returns
+        -------
+        Window
+            Its arrays are read-only and kept.
 
         Raises
         ------
@@ -266,6 +305,11 @@ class RunSignals:
             Its name.
         finished : bool
             Whether all files are, for the sentence of an error.
+
+        Returns
+        -------
+        Window, float
+            All samples, and the sample rate in hertz.
 
         Raises
         ------
@@ -362,7 +406,18 @@ class BlockHash:
         self._whole = False
 
     def take(self, block: rig_pb2.SignalBlock) -> None:
-        """Add a block; raises ArrayError where its arrays are damaged."""
+        """Add a block.
+
+        Parameters
+        ----------
+        block : SignalBlock
+            Of the run.
+
+        Raises
+        ------
+        ArrayError
+            Its arrays are damaged.
+        """
         self._waiting[block.first_sample] = block
         while (following := self._waiting.pop(self._reached, None)) is not None:
             self._hash.add(from_array(following.drive, field="drive"), from_array(following.response, field="response"))
@@ -378,7 +433,24 @@ class BlockHash:
 
 
 def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
-    """Check the samples of a run against the hash that its step names; raises RecordingError."""
+    """Check the samples of a run against the hash that its step names.
+
+    Parameters
+    ----------
+    window : Window
+        The whole run.
+    wanted : str
+        Hash that the step names.
+    path : Path
+        First file of the recording, for the sentence.
+    run : str
+        Name of the run, for the sentence.
+
+    Raises
+    ------
+    RecordingError
+        They are others.
+    """
     if samples_hash(window.drive, window.response) != wanted:
         raise RecordingError(
             f"The signal blocks of the run {run!r} in {path} are not the samples that its step was made of; "
@@ -415,6 +487,11 @@ def places_of(path: Path, topic: str, *, epoch: int) -> list[BlockPlace]:
         Key of the run's signals.
     epoch : int
         Of their publisher.
+
+    Returns
+    -------
+    list of BlockPlace
+        In the order they were written.
 
     Raises
     ------

@@ -110,7 +110,18 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 
 
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
-    """Return whether a step names the samples of its run only: its signal blocks hold them."""
+    """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them.
+
+    Parameters
+    ----------
+    message : Message
+        A step.
+
+    Returns
+    -------
+    bool
+        False for a step that carries samples, and for one of another kind.
+    """
     return isinstance(message, PlaybackStep) and not message.HasField("response")
 
 
