@@ -44,6 +44,14 @@ CORES = {
         name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",))
         for name in ("spectra", "roads", "loads", "strict_yaml")
     },
+    "duralab_recordings": Core(
+        "duralab_recordings",
+        "libs/recordings/duralab_recordings",
+        (
+            "libs/recordings/tests",
+            *(f"duralab/tests/test_{name}.py" for name in ("damaged_recordings", "signal_windows", "recording_parts")),
+        ),
+    ),
     **{
         name: Core(name, f"services/{name}/{name}", (f"services/{name}/tests",))
         for name in ("identifier", "iterator", "rig_sim")

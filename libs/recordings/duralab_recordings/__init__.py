@@ -40,15 +40,14 @@ from duralab_recordings.unfinished import (
     scan,
 )
 from duralab_recordings.windows import (
-    BlockHash,
     BlockPlace,
     RunBound,
     RunSignals,
     Window,
     WindowCache,
+    block_places,
     check_samples,
     hash_of_blocks,
-    places_of,
     played_epochs,
 )
 
@@ -60,7 +59,6 @@ __all__ = [
     "MAGIC",
     "PART_METADATA",
     "SUMMARY_METADATA",
-    "BlockHash",
     "BlockPlace",
     "McapFile",
     "MissingFileError",
@@ -73,6 +71,7 @@ __all__ = [
     "Window",
     "WindowCache",
     "ZerosError",
+    "block_places",
     "check_begin",
     "check_samples",
     "chunks_of",
@@ -89,7 +88,6 @@ __all__ = [
     "part_metadata",
     "part_path",
     "parts_beside",
-    "places_of",
     "played_epochs",
     "reason_of",
     "scan",

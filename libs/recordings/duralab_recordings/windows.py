@@ -75,15 +75,16 @@ class RunBound:
         Of each channel, if all blocks are of one size.
     block_samples : int
         Of a block.
-    channels : int
-        Drives and responses.
+    drives, responses : int
+        Channels.
     sample_rate : float
         In hertz.
     """
 
     samples: int
     block_samples: int
-    channels: int
+    drives: int
+    responses: int
     sample_rate: float
 
 
@@ -184,6 +185,7 @@ class RunSignals:
         self._played = played
         self._rig = rig
         self._cache = WindowCache()
+        self._bounds: dict[str, RunBound] = {}
         self._ends: dict[str, tuple[int, float, bool]] = {}
 
     @cached_property
@@ -191,9 +193,9 @@ class RunSignals:
         """Where the blocks of each run are, in the order they were written: those of the epoch that counts."""
         found: dict[str, list[tuple[int, BlockPlace]]] = {}
         for path in self._files:
-            with reading(path):
-                for run, epoch, place in _places_in(path, rig=self._rig):
-                    found.setdefault(run, []).append((epoch, place))
+            for topic, epoch, place in block_places(path):
+                if not self._rig or rig_of(topic) == self._rig:
+                    found.setdefault(topic.rsplit("/", 1)[-1], []).append((epoch, place))
         chosen: dict[str, list[BlockPlace]] = {}
         for run, places in found.items():
             counting = self._played.get(run, 0) or places[-1][0]
@@ -263,11 +265,14 @@ class RunSignals:
         RecordingError
             There are no signals of such a run.
         """
-        places = self._places_of(run)
-        opening = _read(places[0])[0]
-        size = opening.response.shape[-1]
-        channels = opening.drive.shape[0] + opening.response.shape[0]
-        return RunBound(sum(place.count for place in places) * size, size, channels, opening.sample_rate)
+        if run not in self._bounds:
+            places = self._places_of(run)
+            opening = _read(places[0])[0]
+            size, rows = opening.response.shape[-1], (opening.drive.shape[0], opening.response.shape[0])
+            self._bounds[run] = RunBound(
+                sum(place.count for place in places) * size, size, *rows, sample_rate=opening.sample_rate
+            )
+        return self._bounds[run]
 
     def read(self, run: str, first: int, last: int) -> Window:
         """Read the samples from `first` to the one before `last` of a run.
@@ -335,11 +340,11 @@ class RunSignals:
 
     def _window(self, run: str, first: int, last: int) -> Window:
         places = self._places_of(run)
-        opening = _read(places[0])[0]
+        bound = self.bound(run)
         if last <= first:
-            return Window(np.zeros((opening.drive.shape[0], 0)), np.zeros((opening.response.shape[0], 0)))
+            return Window(np.zeros((bound.drives, 0)), np.zeros((bound.responses, 0)))
         # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
-        blocks = _covering(_likely(places, opening.response.shape[-1], first, last), first, last)
+        blocks = _covering(_likely(places, bound.block_samples, first, last), first, last)
         if _gap(blocks, first, last) is not None:
             blocks = _covering(places, first, last)
             gap = _gap(blocks, first, last)
@@ -365,7 +370,7 @@ class RunSignals:
                     ],
                     axis=1,
                 )
-                for name, rows in (("drive", opening.drive.shape[0]), ("response", opening.response.shape[0]))
+                for name, rows in (("drive", bound.drives), ("response", bound.responses))
             )
         return Window(drive, response)
 
@@ -388,7 +393,7 @@ def hash_of_blocks(places: Iterable[BlockPlace]) -> str:
     RecordingError
         A file is damaged or cannot be read.
     """
-    order = BlockHash()
+    order = _BlockHash()
     for place in places:
         for block in _read(place):
             with within_contract(place.path):
@@ -396,7 +401,7 @@ def hash_of_blocks(places: Iterable[BlockPlace]) -> str:
     return order.result
 
 
-class BlockHash:
+class _BlockHash:
     """Hash of the samples of a run from its blocks in whatever order; one that comes before its turn is kept."""
 
     def __init__(self) -> None:
@@ -406,18 +411,7 @@ class BlockHash:
         self._whole = False
 
     def take(self, block: rig_pb2.SignalBlock) -> None:
-        """Add a block.
-
-        Parameters
-        ----------
-        block : SignalBlock
-            Of the run.
-
-        Raises
-        ------
-        ArrayError
-            Its arrays are damaged.
-        """
+        """Add a block; raises ArrayError where its arrays are damaged."""
         self._waiting[block.first_sample] = block
         while (following := self._waiting.pop(self._reached, None)) is not None:
             self._hash.add(from_array(following.drive, field="drive"), from_array(following.response, field="response"))
@@ -458,40 +452,18 @@ def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
         )
 
 
-def _places_in(path: Path, *, rig: str) -> Iterator[tuple[str, int, BlockPlace]]:
-    summary = index_of(path)
-    name = rig_pb2.SignalBlock.DESCRIPTOR.full_name
-    schemas = {schema.id for schema in summary.schemas.values() if schema.name == name}
-    channels = {
-        channel.id: channel
-        for channel in summary.channels.values()
-        if channel.schema_id in schemas and (not rig or rig_of(channel.topic) == rig)
-    }
-    with path.open("rb") as stream:
-        for chunk in summary.chunk_indexes:
-            for number in sorted(channels.keys() & chunk.message_index_offsets.keys()):
-                count = count_messages(stream, chunk, number)
-                channel = channels[number]
-                place = BlockPlace(path, chunk.chunk_start_offset, number, count)
-                yield channel.topic.rsplit("/", 1)[-1], epoch_of(channel), place
-
-
-def places_of(path: Path, topic: str, *, epoch: int) -> list[BlockPlace]:
-    """Return where the blocks of one epoch of a run are in a file that is finished.
+def block_places(path: Path) -> Iterator[tuple[str, int, BlockPlace]]:
+    """Yield where signal blocks are in a file, chunk after chunk in the order they were written.
 
     Parameters
     ----------
     path : Path
-        The file.
-    topic : str
-        Key of the run's signals.
-    epoch : int
-        Of their publisher.
+        The file; one without an end as far as it is whole.
 
-    Returns
-    -------
-    list of BlockPlace
-        In the order they were written.
+    Yields
+    ------
+    str, int, BlockPlace
+        Key of the run's signals, epoch of their publisher, and place.
 
     Raises
     ------
@@ -499,8 +471,16 @@ def places_of(path: Path, topic: str, *, epoch: int) -> list[BlockPlace]:
         The file is damaged or cannot be read.
     """
     with reading(path):
-        run, rig = topic.rsplit("/", 1)[-1], rig_of(topic)
-        return [place for of, found, place in _places_in(path, rig=rig) if (of, found) == (run, epoch)]
+        summary = index_of(path)
+        name = rig_pb2.SignalBlock.DESCRIPTOR.full_name
+        schemas = {schema.id for schema in summary.schemas.values() if schema.name == name}
+        channels = {channel.id: channel for channel in summary.channels.values() if channel.schema_id in schemas}
+        with path.open("rb") as stream:
+            for chunk in summary.chunk_indexes:
+                for number in sorted(channels.keys() & chunk.message_index_offsets.keys()):
+                    count = count_messages(stream, chunk, number)
+                    place = BlockPlace(path, chunk.chunk_start_offset, number, count)
+                    yield channels[number].topic, epoch_of(channels[number]), place
 
 
 def _likely(places: list[BlockPlace], size: int, first: int, last: int) -> list[BlockPlace]:

@@ -17,9 +17,9 @@ _LARGEST_PORT = 65535
 _SECURED = "tls/"
 
 LARGEST_PAYLOAD_BYTES = 512 * 2**20
-"""The largest message of the contract is an IterationStep: drive, response and filtered response of 12 + 6 rows of
-float64 at 1 kHz are 144 kB per second of the test, so that 512 MiB hold an hour, and a few of them at once still fit
-the memory of a small machine. Zenoh itself stops at 1 GiB."""
+"""The largest message of the contract is an IterationStep that carries its samples: 12 + 6 rows of float64 at 1 kHz
+are 144 kB per second of the test, so that 512 MiB hold an hour, and a few of them at once still fit the memory of a
+small machine. Zenoh itself stops at 1 GiB."""
 
 
 class BusMode(StrEnum):

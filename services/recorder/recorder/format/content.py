@@ -10,7 +10,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from duralab_proto.keys import rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
-from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockHash
+from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA
 from labbus import Continuity
 from recorder.format.runs import PlannedRun
 from recorder.format.sample_order import SampleOrder
@@ -46,8 +46,6 @@ class Content:
         The signal blocks of each rig, run and epoch.
     samples : dict of (str, str, int) to SampleOrder
         Whether their samples follow each other.
-    hashes : dict of (str, int) to BlockHash, optional
-        Hash of the samples of each run and epoch; not worked out where None.
     named : list of (str, int, str)
         Run, epoch and hash of the samples that steps leave out.
     streams : dict of (str, int) to Continuity
@@ -74,7 +72,6 @@ class Content:
     last_step_type: str = ""
     blocks: dict[tuple[str, str, int], Continuity] = field(default_factory=dict)
     samples: dict[tuple[str, str, int], SampleOrder] = field(default_factory=dict)
-    hashes: dict[tuple[str, int], BlockHash] | None = None
     named: list[tuple[str, int, str]] = field(default_factory=list)
     streams: Streams = field(default_factory=dict)
     planned: list[recorder_pb2.RunPlanned] = field(default_factory=list)
@@ -133,8 +130,6 @@ class Content:
             block = rig_pb2.SignalBlock.FromString(message.data)
             count = block.response.shape[-1] if block.response.shape else 0
             self.samples.setdefault(place, SampleOrder()).take(message.sequence, first=block.first_sample, count=count)
-            if self.hashes is not None:
-                self.hashes.setdefault(place[1:], BlockHash()).take(block)
         elif schema in _TYPES_STORED_ONCE:
             place = (channel.topic, int(channel.metadata[EPOCH]))
             self.streams.setdefault(place, Continuity()).accept(message.sequence)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockPlace, part_metadata, places_of
+from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockPlace, block_places, part_metadata
 from labbus import Continuity, StreamItem
 from recorder.format import (
     SCENARIO_METADATA,
@@ -198,7 +198,9 @@ class Recording:
         """
         match item.message:
             case rig_pb2.SignalBlock() as block:
-                begin = self._begins.setdefault((block.run, item.epoch), _begin_of(item.epoch))
+                place = (block.run, item.epoch)
+                if (begin := self._begins.get(place)) is None:
+                    begin = self._begins[place] = _begin_of(item.epoch)
                 seconds = block.first_sample / block.sample_rate
             case rig_pb2.PoseBlock() as pose:
                 known = [begin for (run, _), begin in self._begins.items() if run == pose.run]
@@ -222,7 +224,7 @@ class Recording:
         """
         self.sync()
         files = [recording_path(self._folder, self.name, number=number + 1) for number in range(self._stored.files)]
-        found = [place for path in files for place in places_of(path, topic, epoch=epoch)]
+        found = [place for path in files for key, of, place in block_places(path) if (key, of) == (topic, epoch)]
         return found if self._log is None else found + self._log.places(topic, metadata={EPOCH: str(epoch)})
 
     def sync(self) -> None:

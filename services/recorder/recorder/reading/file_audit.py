@@ -11,8 +11,19 @@ from typing import IO, Final
 
 from mcap.records import Footer
 
+from duralab_proto.keys import run_of
 from duralab_proto.v1 import recorder_pb2
-from duralab_recordings import DAMAGE, RecordReader, check_begin, newer_format, reason_of
+from duralab_recordings import (
+    DAMAGE,
+    BlockPlace,
+    RecordingError,
+    RecordReader,
+    block_places,
+    check_begin,
+    hash_of_blocks,
+    newer_format,
+    reason_of,
+)
 from recorder.format import Content, sha256_of, type_name_of
 
 _MAGIC_BYTES: Final = 8
@@ -67,10 +78,6 @@ class Audit:
         for (_, run, _), samples in content.samples.items():
             if samples.finding:
                 self.findings.append(f"The samples of run {run!r} do not join: {samples.finding}.")
-        hashes = content.hashes or {}
-        for run, epoch, samples_hash in content.named:
-            if (run, epoch) not in hashes or hashes[run, epoch].result != samples_hash:
-                self.findings.append(f"The samples of run {run!r} are not those of the hash that its step names.")
         self._compare()
 
     def _compare(self) -> None:
@@ -102,14 +109,29 @@ def audit(files: Sequence[Path], *, name: str = "") -> Audit:
     Audit
         Without findings where the recording is whole.
     """
-    found = Audit(content=Content(hashes={}))
+    found = Audit()
     before: Path | None = None
     for number, path in enumerate(files, start=1):
         _read_file(found, path)
         _check_place(found, path, number=number, before=before, name=name)
         before = path
     found.judge()
+    _check_samples(found, files)
     return found
+
+
+def _check_samples(found: Audit, files: Sequence[Path]) -> None:
+    """Read the runs again whose samples steps leave to their blocks, and compare them with the hashes of the steps."""
+    places: dict[tuple[str, int], list[BlockPlace]] = {}
+    try:
+        for path in files if found.content.named else ():
+            for topic, epoch, place in block_places(path):
+                places.setdefault((run_of(topic), epoch), []).append(place)
+        for run, epoch, samples_hash in found.content.named:
+            if hash_of_blocks(places.get((run, epoch), ())) != samples_hash:
+                found.findings.append(f"The samples of run {run!r} are not those of the hash that its step names.")
+    except RecordingError as error:
+        found.findings.append(f"The samples of its runs cannot be compared with their steps: {error.reason}.")
 
 
 def _read_file(found: Audit, path: Path) -> None:

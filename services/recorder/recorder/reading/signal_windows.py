@@ -175,7 +175,7 @@ def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> t
     first = math.floor(request.first_second * rate + 0.5)
     # Made whole only when it is bounded: the product may be infinite.
     samples = min(max(request.seconds * rate, 1.0), _MOST_SAMPLES)
-    row_bytes = 8 * bound.channels
+    row_bytes = 8 * (bound.drives + bound.responses)
     if min(samples, bound.samples - first) * row_bytes > LARGEST_WINDOW_BYTES:
         most = LARGEST_WINDOW_BYTES // row_bytes / rate
         raise invalid(
