@@ -17,7 +17,8 @@ from peer_environments import PEERS, PeerMissingError, peer_arrays, run_on_one_c
 from processes import resident_bytes
 from scipy import fft, signal
 
-from identifier import Capture, EstimatorKind, EstimatorOptions, FrfEstimate, Layout, Window, estimate
+from duralab_settings import EstimatorKind
+from identifier import Capture, EstimatorOptions, FrfEstimate, Layout, Window, estimate
 from spectra import CrossSpectra, SpectraEstimate, hann_periodic
 
 REPETITIONS, TURNS, PAIR_LOOPS = 7, 25, 3

@@ -8,7 +8,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +15,8 @@ from inverse_problem import BLOCK, CHANNELS, HIGHEST, LOWEST, RATE, SECONDS, rig
 from peer_environments import PEERS, PeerMissingError, peer_arrays, run_on_one_core
 from scipy import fft
 
-from iterator import (
-    UPDATES,
-    AcceptanceSettings,
-    IterationHistory,
-    Playback,
-    UpdateKind,
-    UpdateSettings,
-    control_band,
-    rig_model,
-)
+from duralab_settings import UpdateKind
+from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, control_band, rig_model
 from spectra import line_frequencies
 
 BAND = control_band(LOWEST, HIGHEST, sample_rate=RATE)
@@ -100,9 +91,9 @@ def _own_figures() -> dict[str, object]:
     twr = UpdateSettings(band=BAND, iteration_gain=np.full(CHANNELS, 0.5), kind=UpdateKind.BASIC_TWR)
     kinds = {
         "basic_twr": twr,
-        "basic_twr_with_acceptance": replace(twr, acceptance=AcceptanceSettings()),
-        "adaptive_modelling": replace(twr, kind=UpdateKind.ADAPTIVE_MODELLING),
-        "secant_with_acceptance": replace(twr, kind=UpdateKind.SECANT, acceptance=AcceptanceSettings()),
+        "basic_twr_with_acceptance": twr.model_copy(update={"accept_segments": True}),
+        "adaptive_modelling": twr.model_copy(update={"kind": UpdateKind.ADAPTIVE_MODELLING}),
+        "secant_with_acceptance": twr.model_copy(update={"kind": UpdateKind.SECANT, "accept_segments": True}),
     }
     length = BAND.transform_samples(samples)
 

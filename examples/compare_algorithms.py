@@ -13,7 +13,7 @@ campaign = duralab.load_campaign(Path(__file__).with_name("short_campaign.yaml")
 recordings = []
 with duralab.connect(*sys.argv[1:2]) as lab:
     for algorithm in ("secant", "basic_twr"):
-        update = {"algorithm": algorithm, "accept_segments": algorithm == "secant"}
+        update = {"kind": algorithm, "accept_segments": algorithm == "secant"}
         document = campaign.model_dump(mode="json", exclude_unset=True)
         document["update"] |= update
         document["name"] = algorithm

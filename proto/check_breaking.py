@@ -2,6 +2,7 @@
 
 Adding is free. What was there stays: messages, fields with their number, name and type, enum values. A field or enum
 value may only go when its number and its name are both reserved, so that neither ever comes back with another meaning.
+A field may get another name when the old one is reserved: on the wire only its number and type count.
 """
 
 from __future__ import annotations
@@ -113,8 +114,8 @@ def _compare_message(name: str, old: DescriptorProto, new: DescriptorProto) -> l
         elif now is None:
             if not (any(field.number in entry for entry in reserved) and field.name in new.reserved_name):
                 findings.append(f"{what} is gone; bring it back, or reserve both its number and its name.")
-        elif now.name != field.name:
-            findings.append(f"{what} is now called {now.name}; logs and JSON find it by name, so names never change.")
+        elif now.name != field.name and field.name not in new.reserved_name:
+            findings.append(f"{what} is now called {now.name}; reserve its old name, so that it never comes back.")
         elif (old_kind := _kind(field, old.oneof_decl)) != (new_kind := _kind(now, new.oneof_decl)):
             findings.append(f"{what} was {old_kind} and is {new_kind}; add a new field instead.")
     old_reserved = [range(entry.start, entry.end) for entry in old.reserved_range]

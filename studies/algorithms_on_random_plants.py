@@ -14,7 +14,8 @@ from random_plant_campaigns import BAND, Bench, errors_of, make_bench
 from random_plants import CHANNELS, SAMPLE_RATE
 from study_page import Findings, label, markdown_table, percent, plt, run
 
-from iterator import AcceptanceSettings, CorrectionSettings, UpdateKind, UpdateSettings
+from duralab_settings import UpdateKind
+from iterator import UpdateSettings
 
 
 @dataclass(frozen=True)
@@ -45,32 +46,42 @@ TOLD: Final = (3, 5, 7, 10)
 RUN_AWAY: Final = 1.1
 
 _GAIN: Final = np.ones(CHANNELS)
-_SAFE: Final = AcceptanceSettings()
-_UNGUARDED: Final = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
-_SHRUNK: Final = CorrectionSettings(lowest_coherence=0.0)
+_UNGUARDED: Final = {
+    "smallest_correction": 1e-6,
+    "largest_correction": 1e6,
+    "weigh_by_coherence": False,
+    "smooth_lines": False,
+}
+_SHRUNK: Final = {"lowest_coherence": 0.0}
 _RISING: Final = (0.7, 0.8, 0.9, 1.0)
 
 ALGORITHMS: Final = (
     Algorithm(
         "secant update, q 0.7 to 1, segment acceptance",
         "#1b5e9b",
-        UpdateSettings(BAND, _GAIN, UpdateKind.SECANT, acceptance=_SAFE, gain_schedule=_RISING),
+        UpdateSettings(
+            band=BAND, iteration_gain=_GAIN, kind=UpdateKind.SECANT, accept_segments=True, gain_schedule=_RISING
+        ),
     ),
     Algorithm(
         "Adaptive Modelling, coherence-shrunk, q 0.8, segment acceptance",
         "#3d8b4f",
-        UpdateSettings(BAND, 0.8 * _GAIN, UpdateKind.ADAPTIVE_MODELLING, _SHRUNK, acceptance=_SAFE),
+        UpdateSettings(
+            band=BAND, iteration_gain=0.8 * _GAIN, kind=UpdateKind.ADAPTIVE_MODELLING, **_SHRUNK, accept_segments=True
+        ),
     ),
     Algorithm(
         "basic TWR, q 0.5, segment acceptance",
         "#d9a441",
-        UpdateSettings(BAND, 0.5 * _GAIN, UpdateKind.BASIC_TWR, acceptance=_SAFE),
+        UpdateSettings(band=BAND, iteration_gain=0.5 * _GAIN, kind=UpdateKind.BASIC_TWR, accept_segments=True),
     ),
-    Algorithm("basic TWR, q 0.5", "#c0562a", UpdateSettings(BAND, 0.5 * _GAIN, UpdateKind.BASIC_TWR)),
+    Algorithm(
+        "basic TWR, q 0.5", "#c0562a", UpdateSettings(band=BAND, iteration_gain=0.5 * _GAIN, kind=UpdateKind.BASIC_TWR)
+    ),
     Algorithm(
         "plain Adaptive Modelling, q 0.5",
         "#8c6bb1",
-        UpdateSettings(BAND, 0.5 * _GAIN, UpdateKind.ADAPTIVE_MODELLING, _UNGUARDED),
+        UpdateSettings(band=BAND, iteration_gain=0.5 * _GAIN, kind=UpdateKind.ADAPTIVE_MODELLING, **_UNGUARDED),
     ),
 )
 

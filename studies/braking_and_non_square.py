@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -104,7 +104,7 @@ def _iterated(
     return campaign(
         target,
         model=model,
-        update=replace(algorithm.settings, iteration_gain=np.ones(target.shape[0])),
+        update=algorithm.settings.model_copy(update={"iteration_gain": (1.0,) * target.shape[0]}),
         playbacks=extent.playbacks,
         rig=rig,
         projected_to=limits_of(rig),

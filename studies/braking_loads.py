@@ -8,14 +8,16 @@ from typing import Final
 import numpy as np
 from low_level_campaigns import BAND, DISPLACEMENT, IDENTIFIED, SAMPLE_RATE, identify, predecessor_target
 from numpy.typing import NDArray
+from studied_rigs import AXLE_BLOCK
 
-from identifier import EstimatorKind, EstimatorSettings, White
+from duralab_settings import EstimatorKind, EstimatorSettings
+from identifier import white
 from iterator import RigModel
 from rig_sim import PlayableRig, load_any_rig, shipped_specimens
 
 #: RMS of the identification: vertical in m, lateral and longitudinal in N, left and right; then both brakes in N.
 LEVELS: Final = np.array([0.004, 300.0, 300.0] * 2 + [150.0] * 2)
-_FORCE: Final = White(*IDENTIFIED)
+_FORCE: Final = white(*IDENTIFIED)
 _SPECTRA: Final = ((DISPLACEMENT, _FORCE, _FORCE) * 2) + (_FORCE, _FORCE)
 #: Two realisations of eight experiments with one delay and two captured blocks each.
 _EXPERIMENT_SECONDS: Final = 105.0
@@ -48,7 +50,7 @@ def spindle_model(share: float, *, braking: bool, seed: int) -> RigModel:
         seed=seed,
         spectra=_SPECTRA[:drives],
         seconds=_EXPERIMENT_SECONDS,
-        estimator=EstimatorSettings(kind=EstimatorKind.H1),
+        estimator=EstimatorSettings(kind=EstimatorKind.H1, block_samples=AXLE_BLOCK),
     )
 
 

@@ -16,7 +16,7 @@ from rig_cell import Record, RigCell
 from studied_rigs import AEROSPACE_BLOCK, AXLE_BLOCK, aerospace, front_axle, long_reference
 from study_page import COLOURS, ESTIMATORS, TITLES, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
-from identifier import EstimatorKind, ExcitationKind
+from duralab_settings import EstimatorKind, ExcitationKind
 from spectra import line_frequencies
 
 

@@ -14,7 +14,8 @@ from rig_cell import RigCell
 from studied_rigs import AXLE_BLOCK, Reference, long_reference, spindle_coupled
 from study_page import COLOURS, TITLES, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
-from identifier import ExcitationKind, FrfEstimate
+from duralab_settings import ExcitationKind
+from identifier import FrfEstimate
 
 KINDS = (ExcitationKind.PSEUDO_RANDOM, ExcitationKind.HADAMARD, ExcitationKind.RANDOM_ORTHOGONAL)
 #: Order of the Hadamard matrix for six drives; each column is one delay and one capture block.

@@ -14,7 +14,8 @@ from rig_cell import RigCell
 from studied_rigs import AXLE_BLOCK, Reference, long_reference, spindle_coupled
 from study_page import COLOURS, ESTIMATORS, TITLES, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
-from identifier import EstimatorKind, ExcitationKind, FrfEstimate
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier import FrfEstimate
 
 #: The paper's two, and what else the same time can be used for.
 CASES = (

@@ -14,7 +14,8 @@ from rig_cell import RigCell
 from studied_rigs import AEROSPACE_BLOCK, aerospace
 from study_page import COLOURS, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
-from identifier import EstimatorKind, ExcitationKind, FrfEstimate
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier import FrfEstimate
 from rig_sim.structure import StructureRig
 
 #: Around the two torsion modes of the wing, where the damping is least.

@@ -22,7 +22,8 @@ from low_level_comparison import (
 from matplotlib.figure import Figure
 from study_page import Findings, label, markdown_table, percent, plt, run
 
-from iterator import UpdateKind, UpdateSettings
+from duralab_settings import UpdateKind
+from iterator import UpdateSettings
 from spectra import rms
 
 
@@ -107,7 +108,7 @@ def levels_table(extent: Extent) -> str:
 
 
 def _tried(kind: UpdateKind, share: float, seed: int, *, gain: float, extent: Extent) -> Trial:
-    update = UpdateSettings(BAND, gain * ONE, kind)
+    update = UpdateSettings(band=BAND, iteration_gain=gain * ONE, kind=kind)
     return campaign(target_of(extent), model=identified(share, seed), update=update, playbacks=extent.playbacks)
 
 

@@ -17,16 +17,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
+from duralab_settings import CorrectionPrediction, CorrectionShape, StopCriteria, UpdateKind
 from iterator import (
     NO_BOUNDS,
-    AcceptanceSettings,
     CampaignSettings,
-    CorrectionSettings,
-    CorrectionShape,
-    Prediction,
     RigModel,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     iterate,
     predict,
@@ -107,16 +102,16 @@ MISTAKES: Final = (
 )
 
 
-def _adaptive(prediction: Prediction, shape: CorrectionShape) -> UpdateSettings:
+def _adaptive(prediction: CorrectionPrediction, shape: CorrectionShape) -> UpdateSettings:
     return UpdateSettings(
-        BAND, _GAIN, UpdateKind.ADAPTIVE_MODELLING, CorrectionSettings(prediction=prediction, shape=shape)
+        band=BAND, iteration_gain=_GAIN, kind=UpdateKind.ADAPTIVE_MODELLING, prediction=prediction, correction=shape
     )
 
 
-_FORWARD, _BACKWARD = Prediction.FORWARD, Prediction.BACKWARD
+_FORWARD, _BACKWARD = CorrectionPrediction.FORWARD, CorrectionPrediction.BACKWARD
 _DIAGONAL, _FULL = CorrectionShape.DIAGONAL, CorrectionShape.FULL
 ALGORITHMS: Final = (
-    Algorithm("basic TWR", "#c0562a", "o-", UpdateSettings(BAND, _GAIN, UpdateKind.BASIC_TWR)),
+    Algorithm("basic TWR", "#c0562a", "o-", UpdateSettings(band=BAND, iteration_gain=_GAIN, kind=UpdateKind.BASIC_TWR)),
     Algorithm("forward, diagonal (the paper)", "#3d8b4f", "o-", _adaptive(_FORWARD, _DIAGONAL)),
     Algorithm("forward, full", "#3d8b4f", "s--", _adaptive(_FORWARD, _FULL)),
     Algorithm("backward, diagonal", "#8c6bb1", "o-", _adaptive(_BACKWARD, _DIAGONAL)),
@@ -125,7 +120,7 @@ ALGORITHMS: Final = (
         "secant update",
         "#1b5e9b",
         "o-",
-        UpdateSettings(BAND, _GAIN, UpdateKind.SECANT, acceptance=AcceptanceSettings()),
+        UpdateSettings(band=BAND, iteration_gain=_GAIN, kind=UpdateKind.SECANT, accept_segments=True),
     ),
 )
 
@@ -192,7 +187,9 @@ def errors_of(
         lambda drive: predict(rig, drive, band=BAND) + noise * rng.standard_normal(target.shape),
         target,
         model=model,
-        settings=CampaignSettings(algorithm.settings, StopCriteria(extent.playbacks, bounds=NO_BOUNDS)),
+        settings=CampaignSettings(
+            update=algorithm.settings, stop=StopCriteria(iterations=extent.playbacks, **NO_BOUNDS)
+        ),
     )
     return np.array([step.metrics.overall_relative_rms_error for step in steps])
 

@@ -11,27 +11,24 @@ from numpy.typing import NDArray
 from studied_rigs import AXLE_BLOCK, front_axle
 
 import roads
-from identifier import (
+from duralab_settings import (
     EstimatorKind,
     EstimatorSettings,
     ExcitationKind,
-    ExcitationSettings,
+    LimitPolicy,
     PowerSpectrum,
-    WhitePink,
-    design_experiment,
-    estimate_experiment,
-    row_covariance,
+    StopCriteria,
+    WhitePinkSpectrum,
 )
+from identifier import ExperimentSettings, design_experiment, estimate_experiment, row_covariance
 from iterator import (
     NO_BOUNDS,
     CampaignSettings,
     DriveLimitError,
     DriveLimits,
     Iteration,
-    LimitPolicy,
     ModelUncertainty,
     RigModel,
-    StopCriteria,
     UpdateSettings,
     control_band,
     iterate,
@@ -48,12 +45,12 @@ OPERATIONAL: Final = np.array([0.0135, 0.0009, 0.00085] * 2)
 #: Rows of the longitudinal forces among the responses, left and right.
 LONGITUDINAL: Final = (2, 5)
 IDENTIFIED: Final = (0.4, 45.0)
-DISPLACEMENT: Final = WhitePink(
+DISPLACEMENT: Final = WhitePinkSpectrum(
     lowest_frequency=IDENTIFIED[0], highest_frequency=IDENTIFIED[1], corner_frequency=2.0, decibels_per_octave=3.0
 )
 #: Two realisations of six experiments with one delay and two captured blocks each.
 _EXPERIMENT_SECONDS: Final = 75.0
-_ESTIMATOR: Final = EstimatorSettings(kind=EstimatorKind.LOCAL_POLYNOMIAL, local_half_width=6)
+_ESTIMATOR: Final = EstimatorSettings(kind=EstimatorKind.LOCAL_POLYNOMIAL, block_samples=AXLE_BLOCK, local_half_width=6)
 _SPEED: Final = 15.0
 _ROAD_SEED: Final = 8608
 _POTHOLE_SEED: Final = 1
@@ -152,13 +149,13 @@ def identify(
     response_weight: NDArray[np.float64] | None = None,
 ) -> RigModel:
     """Identify a rig with random orthogonal multisines of the given RMS; displacements where no spectra are given."""
-    settings = ExcitationSettings(
+    settings = ExperimentSettings(
         kind=ExcitationKind.RANDOM_ORTHOGONAL,
-        spectra=(DISPLACEMENT,) * levels.size if spectra is None else spectra,
-        levels=tuple(levels),
-        duration_seconds=seconds,
+        drive_spectra=(DISPLACEMENT,) * levels.size if spectra is None else spectra,
+        rms=tuple(levels),
+        duration=seconds,
         block_samples=AXLE_BLOCK,
-        fade_seconds=1.0,
+        fade=1.0,
         seed=seed,
         delay_blocks=1,
         capture_blocks=2,
@@ -204,8 +201,8 @@ def campaign(
             target,
             model=model,
             settings=CampaignSettings(
-                update,
-                StopCriteria(playbacks, bounds=NO_BOUNDS),
+                update=update,
+                stop=StopCriteria(iterations=playbacks, **NO_BOUNDS),
                 limit_policy=policy,
                 largest_overrun=LARGEST_OVERRUN,
             ),

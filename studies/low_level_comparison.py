@@ -11,7 +11,8 @@ from low_level_campaigns import BAND, LONGITUDINAL, OPERATIONAL, Trial, campaign
 from numpy.typing import NDArray
 from study_page import percent
 
-from iterator import AcceptanceSettings, CorrectionSettings, RigModel, SecantSettings, UpdateKind, UpdateSettings
+from duralab_settings import UpdateKind
+from iterator import RigModel, UpdateSettings
 
 
 @dataclass(frozen=True)
@@ -47,28 +48,45 @@ CHANNELS: Final = tuple(
 ONE: Final = np.ones(OPERATIONAL.size)
 FIXED: Final = 0.8 * ONE
 #: Without the safeguards, as in the paper.
-UNGUARDED: Final = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
-_SAFE: Final = AcceptanceSettings()
+UNGUARDED: Final = {
+    "smallest_correction": 1e-6,
+    "largest_correction": 1e6,
+    "weigh_by_coherence": False,
+    "smooth_lines": False,
+}
 _TWR, _AM, _SECANT = UpdateKind.BASIC_TWR, UpdateKind.ADAPTIVE_MODELLING, UpdateKind.SECANT
 
-BASIC_TWR: Final = Algorithm("basic TWR", UpdateSettings(BAND, FIXED, _TWR), "#c0562a")
-ADAPTIVE: Final = Algorithm("Adaptive Modelling", UpdateSettings(BAND, FIXED, _AM), "#3d8b4f")
+BASIC_TWR: Final = Algorithm("basic TWR", UpdateSettings(band=BAND, iteration_gain=FIXED, kind=_TWR), "#c0562a")
+ADAPTIVE: Final = Algorithm("Adaptive Modelling", UpdateSettings(band=BAND, iteration_gain=FIXED, kind=_AM), "#3d8b4f")
 SECANT: Final = Algorithm(
-    "secant update, segment acceptance", UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE), "#1b5e9b"
+    "secant update, segment acceptance",
+    UpdateSettings(band=BAND, iteration_gain=ONE, kind=_SECANT, accept_segments=True),
+    "#1b5e9b",
 )
 DRAWN: Final = (BASIC_TWR, ADAPTIVE, SECANT)
 ALGORITHMS: Final = (
     *DRAWN,
-    Algorithm("plain Adaptive Modelling, no safeguards", UpdateSettings(BAND, FIXED, _AM, UNGUARDED)),
-    Algorithm("Adaptive Modelling, segment acceptance", UpdateSettings(BAND, FIXED, _AM, acceptance=_SAFE)),
-    Algorithm("basic TWR, segment acceptance", UpdateSettings(BAND, FIXED, _TWR, acceptance=_SAFE)),
+    Algorithm(
+        "plain Adaptive Modelling, no safeguards",
+        UpdateSettings(band=BAND, iteration_gain=FIXED, kind=_AM, **UNGUARDED),
+    ),
+    Algorithm(
+        "Adaptive Modelling, segment acceptance",
+        UpdateSettings(band=BAND, iteration_gain=FIXED, kind=_AM, accept_segments=True),
+    ),
+    Algorithm(
+        "basic TWR, segment acceptance",
+        UpdateSettings(band=BAND, iteration_gain=FIXED, kind=_TWR, accept_segments=True),
+    ),
     Algorithm(
         "secant update without squares, segment acceptance",
-        UpdateSettings(BAND, ONE, _SECANT, secant=SecantSettings(squares=False), acceptance=_SAFE),
+        UpdateSettings(band=BAND, iteration_gain=ONE, kind=_SECANT, squares=False, accept_segments=True),
     ),
     Algorithm(
         "secant update, gain 0.7 to 1, segment acceptance",
-        UpdateSettings(BAND, ONE, _SECANT, acceptance=_SAFE, gain_schedule=(0.7, 0.8, 0.9, 1.0)),
+        UpdateSettings(
+            band=BAND, iteration_gain=ONE, kind=_SECANT, accept_segments=True, gain_schedule=(0.7, 0.8, 0.9, 1.0)
+        ),
     ),
 )
 

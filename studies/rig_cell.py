@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, PowerSpectrum
 from identifier import (
     Capture,
-    EstimatorKind,
-    EstimatorSettings,
-    ExcitationKind,
-    ExcitationSettings,
     Experiment,
+    ExperimentSettings,
     FrfEstimate,
     Layout,
-    PowerSpectrum,
     Window,
     design_experiment,
     estimate_experiment,
@@ -61,21 +58,21 @@ class RigCell:
         """Length of a block."""
         return self.block_samples / self.sample_rate
 
-    def settings(self, kind: ExcitationKind, *, seconds: float, seed: int, delay_blocks: int = 1) -> ExcitationSettings:
+    def settings(self, kind: ExcitationKind, *, seconds: float, seed: int, delay_blocks: int = 1) -> ExperimentSettings:
         """Return an excitation of this rig with one capture block after each delay, as in the paper."""
-        return ExcitationSettings(
+        return ExperimentSettings(
             kind=kind,
-            spectra=self.spectra,
-            levels=self.levels,
-            duration_seconds=seconds,
+            drive_spectra=self.spectra,
+            rms=self.levels,
+            duration=seconds,
             block_samples=self.block_samples,
-            fade_seconds=self.fade_seconds,
+            fade=self.fade_seconds,
             seed=seed,
             delay_blocks=delay_blocks,
             capture_blocks=1,
         )
 
-    def play(self, settings: ExcitationSettings) -> Record:
+    def play(self, settings: ExperimentSettings) -> Record:
         """Play an experiment with the sensors' noise, which depends on the excitation's seed."""
         experiment = design_experiment(settings, drives=len(self.levels), sample_rate=self.sample_rate)
         run = self.rig.playback(experiment.drive, seed=_NOISE_STREAM + settings.seed)
@@ -119,7 +116,10 @@ class Record:
     def estimate(self, kind: EstimatorKind = EstimatorKind.H1) -> FrfEstimate:
         """Estimate the FRF."""
         return estimate_experiment(
-            EstimatorSettings(kind=kind), self.layout, drive=self.experiment.drive, response=self.response
+            EstimatorSettings(kind=kind, block_samples=self.layout.block_samples),
+            self.layout,
+            drive=self.experiment.drive,
+            response=self.response,
         )
 
     def first(self, seconds: float) -> Record | None:

@@ -18,17 +18,18 @@ from random_plant_campaigns import BAND, Bench, Conditions, errors_of, make_benc
 from random_plants import CHANNELS, SAMPLE_RATE
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
-from iterator import AcceptanceSettings, CorrectionSettings, CorrectionShape, UpdateKind, UpdateSettings
+from duralab_settings import CorrectionShape, UpdateKind
+from iterator import UpdateSettings
 
 _FULL_CORRECTION: Final = Algorithm(
     "Adaptive Modelling, full correction, q 0.8, segment acceptance",
     "#8c6bb1",
     UpdateSettings(
-        BAND,
-        np.full(CHANNELS, 0.8),
-        UpdateKind.ADAPTIVE_MODELLING,
-        CorrectionSettings(shape=CorrectionShape.FULL),
-        acceptance=AcceptanceSettings(),
+        band=BAND,
+        iteration_gain=np.full(CHANNELS, 0.8),
+        kind=UpdateKind.ADAPTIVE_MODELLING,
+        correction=CorrectionShape.FULL,
+        accept_segments=True,
     ),
 )
 #: The first two and the paper's basic TWR of the other study, and the correction that couples channels.

@@ -11,17 +11,18 @@ from frf_error import relative_error, root_mean_square
 from numpy.typing import NDArray
 from rig_cell import RigCell
 
-from identifier import EstimatorKind, ExcitationKind, PowerSpectrum, White, WhitePink
+from duralab_settings import EstimatorKind, ExcitationKind, PowerSpectrum, WhitePinkSpectrum
+from identifier import white
 from rig_sim import PlayableRig, load_any_rig, shipped_specimens
 
 #: The band of a durability test; displacement falls above the corner as it does on a road.
 LOWEST, HIGHEST = 0.5, 45.0
-DISPLACEMENT = WhitePink(
+DISPLACEMENT = WhitePinkSpectrum(
     lowest_frequency=LOWEST, highest_frequency=HIGHEST, corner_frequency=2.0, decibels_per_octave=3
 )
-FORCE = White(LOWEST, HIGHEST)
+FORCE = white(LOWEST, HIGHEST)
 #: Of a ground vibration test: from above the modes of the cords, 2.5 Hz, to beyond the last elastic one, 66.8 Hz.
-SHAKER = White(3.0, 80.0)
+SHAKER = white(3.0, 80.0)
 #: Lines every 0.49 Hz; the resonance that lasts longest, 14.4 Hz at 8 %, falls below a millionth within one such block.
 AXLE_BLOCK = 2048
 #: 8 s, lines every 0.125 Hz: as wide as the narrowest resonance, 0.2 % at 31.5 Hz.

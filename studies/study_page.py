@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from marked_numbers import between_markers
 
-from identifier import EstimatorKind, ExcitationKind
+from duralab_settings import EstimatorKind, ExcitationKind
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -35,7 +35,7 @@ class LabError(Exception):
     message : str
         One sentence: what was wrong with which value, what is allowed, what to do.
     field : str
-        Path of the value that was wrong, e.g. "update.gain"; empty where none is.
+        Path of the value that was wrong, e.g. "update.iteration_gain"; empty where none is.
     service : str
         The service that found it, e.g. "rig_sim"; empty where none did.
     """

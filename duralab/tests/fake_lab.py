@@ -156,7 +156,7 @@ class FakeIterator:
                     fault=query_pb2.Fault(message="The rig is interlocked: it met a limit.", service="rig_sim"),
                 )
             case _:
-                status = final_status(spec.id, iterations=spec.stop.largest_iterations)
+                status = final_status(spec.id, iterations=spec.stop.iterations)
         self._status[spec.id] = status
         publisher.put(iterator_pb2.CampaignEvent(status=status))
 

@@ -1,4 +1,5 @@
 import re
+from copy import deepcopy
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ CONTENT = {
     },
     "estimator": {"block_samples": 2048, "overlap": 0.5},
     "control_band": {"lowest_frequency": 0.7, "highest_frequency": 35.0},
-    "update": {"algorithm": "adaptive_modelling", "gain": 0.7},
+    "update": {"kind": "adaptive_modelling", "iteration_gain": 0.7},
     "stop": {"iterations": 3},
 }
 
@@ -83,10 +84,18 @@ def test_every_field_says_what_it_is():
 @pytest.mark.parametrize(
     ("path", "value", "parts"),
     [
-        ("update.gian", 0.5, ["unknown key 'gian' in update", "allowed: algorithm, gain", "did you mean 'gain'?"]),
-        ("update.gain", 1.5, ["update.gain is 1.5", "less than or equal to 1"]),
-        ("update.gain", {"left_vertical": -1}, ["update.gain.left_vertical is -1", "greater than 0"]),
-        ("update.algorithm", "magic", ["update.algorithm is 'magic'", "'adaptive_modelling', 'basic_twr'"]),
+        (
+            "update.gian",
+            0.5,
+            ["unknown key 'gian' in update", "allowed: kind, gain_schedule", "did you mean 'iteration_gain'?"],
+        ),
+        ("update.iteration_gain", 1.5, ["update.iteration_gain is 1.5", "less than or equal to 1"]),
+        (
+            "update.iteration_gain",
+            {"left_vertical": -1},
+            ["update.iteration_gain.left_vertical is -1", "greater than 0"],
+        ),
+        ("update.kind", "magic", ["update.kind is 'magic'", "'basic_twr', 'adaptive_modelling', 'secant'"]),
         ("update.gain_schedule", [0.5, 0.0], ["update.gain_schedule.1 is 0.0", "greater than 0"]),
         (
             "update.gain_curve",
@@ -95,7 +104,7 @@ def test_every_field_says_what_it_is():
         ),
         ("stop.damage_ratio", [1.1, 1.2], ["stop has damage_ratio [1.1, 1.2]", "the first must be below 1"]),
         ("stop.damage_exponent", 4, ["stop.damage_exponent is 4", "3, 5 or 8"]),
-        ("at_limits", "clip", ["at_limits is 'clip'", "'refuse', 'project'"]),
+        ("limit_policy", "clip", ["limit_policy is 'clip'", "'refuse', 'project'"]),
         ("levels", [0.5, 0.75], ["levels is [0.5, 0.75]", "end with 1"]),
         ("levels", [0.5, 0.4, 1.0], ["levels is [0.5, 0.4, 1.0]", "never fall"]),
         ("levels", [0.1] * 9 + [1.0], ["levels has 9 playbacks below 1", "stop.iterations is"]),
@@ -171,7 +180,7 @@ def test_a_target_keeps_the_file_s_words_when_it_is_written_again():
 
 def test_misspelt_key_is_not_reported_as_missing_too():
     content = yaml.safe_load(changed("update.gian", 0.5))
-    del content["update"]["gain"]
+    del content["update"]["iteration_gain"]
     with pytest.raises(InputError) as caught:
         parse_campaign(yaml.safe_dump(content), name="x")
     assert "missing" not in caught.value.message
@@ -224,3 +233,27 @@ def test_public_names_are_all_there():
     with pytest.raises(AttributeError, match="nothing"):
         _ = duralab.nothing
     assert Path(duralab.__file__).name == "__init__.py"
+
+
+def test_a_file_with_older_keys_is_the_same_campaign_and_a_remark_names_the_new_ones():
+    content = deepcopy(CONTENT)
+    content["update"] = {"algorithm": "adaptive_modelling", "gain": 0.7, "caution": 2.0}
+    content |= {"at_limits": "refuse", "confirm": {"playbacks": 2}}
+    old = parse_campaign(yaml.safe_dump(content), name="old.yaml")
+
+    content["update"] = {"kind": "adaptive_modelling", "iteration_gain": 0.7, "secant": {"caution": 2.0}}
+    new = {key: value for key, value in content.items() if key not in ("at_limits", "confirm")}
+    new |= {"limit_policy": "refuse", "confirmations": 2}
+    today = parse_campaign(yaml.safe_dump(new), name="new.yaml")
+
+    assert old.model_dump() == today.model_dump() == duralab.Campaign.model_validate(content).model_dump()
+    assert today.remarks == ()
+    (remark,) = old.remarks
+    assert "update.gain is update.iteration_gain now" in remark
+
+
+def test_a_key_under_its_older_and_its_new_name_is_refused():
+    content = deepcopy(CONTENT)
+    content["update"] |= {"gain": 0.5}
+    with pytest.raises(InputError, match=r"^x: update.gain and update.iteration_gain are one setting"):
+        parse_campaign(yaml.safe_dump(content), name="x")

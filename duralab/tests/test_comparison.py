@@ -39,7 +39,7 @@ def test_only_what_differs_is_told_and_the_same_target_is_known(recording_path, 
     compared = duralab.compare(recording_path, slow[0])
     assert compared.same_target
     told = {difference.setting: difference.values for difference in compared.differences}
-    assert told == {"update.iteration_gain": ("0.7", "0.4"), "stop.largest_iterations": ("4", "6")}
+    assert told == {"update.iteration_gain": ("0.7", "0.4"), "stop.iterations": ("4", "6")}
 
 
 def test_another_target_another_kind_and_another_rig_are_told(recording_path, tmp_path, campaign):

@@ -10,12 +10,12 @@ import synthetic_campaign
 from test_campaign_file import CONTENT
 from test_identification_section import RIG
 
-from duralab.campaign import EstimatorSettings, ExcitationSettings
 from duralab.errors import InputError
 from duralab.lab import Identifier
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import identifier_pb2, query_pb2
+from duralab_settings import EstimatorSettings, ExcitationSettings
 
 KEYS = Keys("lab")
 EXCITATION = ExcitationSettings.model_validate(CONTENT["excitation"])

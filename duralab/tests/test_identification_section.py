@@ -5,8 +5,6 @@ import pytest
 from test_campaign_file import CONTENT, changed
 
 from duralab.campaign import (
-    EstimatorSettings,
-    ExcitationSettings,
     check_against_rig,
     estimator_message,
     excitation_message,
@@ -14,12 +12,12 @@ from duralab.campaign import (
     parse_campaign,
     shipped_campaigns,
 )
-from duralab.campaign.identification import EstimatorKind, ExcitationKind
 from duralab.data import Rig
 from duralab.errors import InputError
 from duralab.report.identification_words import identification_in_words
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2, rig_pb2
+from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, ExcitationSettings
 
 NAMES = [f"{side}_{axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal")]
 RIG = Rig.from_message(

@@ -156,7 +156,7 @@ def test_campaign_runs_to_its_result(lab, tmp_path):
         ("excitation.highest_frequency", 600, r"600 Hz; it must be below 500 Hz"),
         ("excitation.rms", {"left_vertical": 0.1}, "no value for left_lateral"),
         ("excitation.rms", 0.05, r"leaves room for 0\.0416667 m RMS"),
-        ("update.gain", {"rear": 0.5}, "unknown channel rear"),
+        ("update.iteration_gain", {"rear": 0.5}, "unknown channel rear"),
         ("excitation.duration", 3601.0, "plays 3600 s at most"),
         ("estimator.block_samples", 40_000, "without its fades lasts only 28 s"),
         ("target.road.duration", 1.0, r"target\.road"),

@@ -24,7 +24,7 @@ def test_adaptive_modelling_is_told_with_its_bounds(specification):
         "gain 0.7"
     )
     specification.update.weigh_by_coherence = False
-    specification.update.shape = iterator_pb2.CORRECTION_SHAPE_FULL
+    specification.update.correction = iterator_pb2.CORRECTION_SHAPE_FULL
     specification.update.prediction = iterator_pb2.CORRECTION_PREDICTION_BACKWARD
     assert told(specification)["Update"].startswith(
         "Adaptive Modelling, backward prediction, full correction of 0.5 to 2, gain"
@@ -62,7 +62,7 @@ def test_levels_weights_and_limits_are_told_where_they_are_set(specification):
     assert not {"Levels", "Weights", "Watched, not controlled"} & set(told(specification))
     names = [channel.name for channel in specification.target.channels]
     specification.levels.extend([0.5, 0.75, 1.0])
-    specification.update.response_weight.CopyFrom(to_array(np.array([1.0, 2.0, 1.0, 0.0, 1.0, 0.0])))
+    specification.update.weights.CopyFrom(to_array(np.array([1.0, 2.0, 1.0, 0.0, 1.0, 0.0])))
     specification.limit_policy = iterator_pb2.LIMIT_POLICY_REFUSE
     rows = told(specification)
     assert rows["Levels"] == "0.5, 0.75, 1 of the target in the first playbacks, then all of it"

@@ -23,16 +23,16 @@ def parent(text=SHIPPED.text):
 
 def test_keys_that_are_not_given_keep_the_values_of_the_parent(tmp_path):
     own = yaml.safe_load(SHIPPED.text)
-    own["update"] |= {"gain": 0.35, "caution": 3.0, "algorithm": "basic_twr"}
+    own["update"] |= {"iteration_gain": 0.35, "secant": {"caution": 3.0}, "kind": "basic_twr"}
     own["stop"] |= {"iterations": 4, "relative_rms_error": 0.02, "damage_ratio": [0.8, 1.25]}
     settings = load_settings(written(tmp_path, "stop: {iterations: 9, damage_ratio: null}\nupdate: {caution: 0.5}\n"))
     campaign = completed(settings, parent(yaml.safe_dump(own)))
-    own["update"]["caution"], own["stop"]["iterations"], own["stop"]["damage_ratio"] = 0.5, 9, None
+    own["update"]["secant"]["caution"], own["stop"]["iterations"], own["stop"]["damage_ratio"] = 0.5, 9, None
     assert campaign.model_dump() == duralab.Campaign.model_validate(own).model_dump()
     # The file that is recorded gives the same again, and says what was changed.
     (tmp_path / "again.yaml").write_text(campaign.text)
     assert load_campaign(tmp_path / "again.yaml").model_dump() == campaign.model_dump()
-    first_line = "# Campaign demo with other settings: stop.iterations, stop.damage_ratio, update.caution."
+    first_line = "# Campaign demo with other settings: stop.iterations, stop.damage_ratio, update.secant.caution."
     assert campaign.text.splitlines()[0] == first_line
 
 
@@ -50,7 +50,7 @@ def test_a_whole_campaign_file_and_a_shipped_one_still_count(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("update: {gane: 0.5}\n", "unknown key 'gane' in update; .*did you mean 'gain'"),
+        ("update: {gane: 0.5}\n", "unknown key 'gane' in update; .*did you mean 'iteration_gain'"),
         ("stop: {iterations: 0}\n", r"stop\.iterations is 0"),
         ("stop: {iterations: two}\n", r"stop\.iterations is 'two'"),
         ("update: {gain_curve: [{frequency: 1.0}]}\n", r"update\.gain_curve\.0\.share is missing"),

@@ -41,15 +41,15 @@ def points(plan):
 def test_axes_are_crossed_with_each_other_and_with_the_listed_points(sweep):
     plan = sweep(
         points=[
-            {"update.algorithm": "secant", "update.accept_segments": True},
-            {"update.algorithm": "basic_twr", "update.accept_segments": False},
+            {"update.kind": "secant", "update.accept_segments": True},
+            {"update.kind": "basic_twr", "update.accept_segments": False},
         ],
-        axes={"update.gain": [0.5, 1.0], "seed": {"from": 3, "count": 2}},
+        axes={"update.iteration_gain": [0.5, 1.0], "seed": {"from": 3, "count": 2}},
     )
     made = points(plan)
     assert grid_size(plan) == len(made) == len({point.id for point in made}) == 8
     document = yaml.safe_load(made[-1].campaign)
-    assert document["update"]["algorithm"] == "basic_twr"
+    assert document["update"]["kind"] == "basic_twr"
     assert document["seed"] == 4
     assert document["name"] == f"mine-{made[-1].id}"
 
@@ -60,10 +60,10 @@ def test_a_scaled_axis_multiplies_what_stands_in_the_file(sweep):
 
 
 def test_the_identity_is_of_the_content_and_not_of_how_it_is_written(sweep, tmp_path):
-    straight = points(sweep(axes={"update.gain": [0.5]}))[0]
-    assert points(sweep(settings={"update.gain": 0.5}, axes={"seed": [20140915]}))[0].id == straight.id
+    straight = points(sweep(axes={"update.iteration_gain": [0.5]}))[0]
+    assert points(sweep(settings={"update.iteration_gain": 0.5}, axes={"seed": [20140915]}))[0].id == straight.id
     # What differs: a setting, the content of a file that is read, a version.
-    assert points(sweep(axes={"update.gain": [0.6]}))[0].id != straight.id
+    assert points(sweep(axes={"update.iteration_gain": [0.6]}))[0].id != straight.id
     target = {"target": {"file": "loads.csv"}}
     (tmp_path / "loads.csv").write_text("one")
     campaign = {**yaml.safe_load(straight.campaign), **target, "name": "own"}
@@ -84,8 +84,8 @@ def test_other_versions_make_other_points(sweep, monkeypatch):
 @pytest.mark.parametrize(
     ("sections", "told"),
     [
-        ({"axes": {"update.gian": [0.5]}}, "did you mean 'gain'"),
-        ({"axes": {"update.gain": [1.5]}}, "update.gain: 1.5"),
+        ({"axes": {"update.gian": [0.5]}}, "did you mean 'iteration_gain'"),
+        ({"axes": {"update.iteration_gain": [1.5]}}, "update.iteration_gain: 1.5"),
         ({"axes": {"seed.of": [1]}}, "leads nowhere"),
         ({"axes": {"update..gain": [1]}}, "empty part"),
         ({"axes": {"rig": {"scale": [1.0]}}}, "only a number can be scaled"),
@@ -108,7 +108,7 @@ def test_a_wrong_key_or_value_is_found_before_anything_is_run(sweep, sections, t
         ({"axes": {"seed": {"from": 1}}}, "count is missing"),
         ({"axis": {"seed": [1]}}, "unknown key 'axis'; allowed: name, campaign, "),
         (
-            {"search": {"settings": {"update.gain": {"from": 1.0, "to": 0.5}}, "budget": 3, "seed": 1}},
+            {"search": {"settings": {"update.iteration_gain": {"from": 1.0, "to": 0.5}}, "budget": 3, "seed": 1}},
             "below the second",
         ),
     ],
@@ -121,8 +121,10 @@ def test_a_wrong_sweep_file_is_one_sentence(sweep, sections, told):
 
 def test_an_axis_that_is_given_twice_is_refused(tmp_path):
     path = tmp_path / "twice.yaml"
-    path.write_text("campaign: front_axle_demo\naxes:\n  update.gain: [0.5]\n  update.gain: [0.7]\n")
-    with pytest.raises(InputError, match=r"the key 'update\.gain' is given twice \(line 4, column 3\)"):
+    path.write_text(
+        "campaign: front_axle_demo\naxes:\n  update.iteration_gain: [0.5]\n  update.iteration_gain: [0.7]\n"
+    )
+    with pytest.raises(InputError, match=r"the key 'update\.iteration_gain' is given twice \(line 4, column 3\)"):
         load_sweep(path)
 
 

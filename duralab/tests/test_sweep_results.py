@@ -40,9 +40,12 @@ def outcome(id, error):
 
 
 def rows():
-    made = [({"update.gain": gain, "kind": kind}, outcome(f"{gain}{kind}", abs(gain - 0.7) + 0.01))
+    made = [({"update.iteration_gain": gain, "kind": kind}, outcome(f"{gain}{kind}", abs(gain - 0.7) + 0.01))
             for gain in (0.5, 0.7, 1) for kind in ("<h1>", "hv")]  # fmt: skip
-    return [*made, ({"update.gain": 2.0, "kind": "hv"}, Outcome("bad", State.FAILED, "The gain of <2> is too large."))]
+    return [
+        *made,
+        ({"update.iteration_gain": 2.0, "kind": "hv"}, Outcome("bad", State.FAILED, "The gain of <2> is too large.")),
+    ]
 
 
 @pytest.fixture
@@ -64,15 +67,15 @@ def test_an_outcome_is_read_as_it_was_written(tmp_path):
 
 def test_results_are_plain_tables(results, tmp_path):
     table = parquet.read_table(tmp_path / RESULTS)
-    assert table.schema.field("update.gain").type == pyarrow.float64()
+    assert table.schema.field("update.iteration_gain").type == pyarrow.float64()
     assert table.num_rows == 7
     playbacks = parquet.read_table(tmp_path / PLAYBACKS).to_pylist()
     assert len(playbacks) == 6 * 2 * 2
     assert {row["channel"] for row in playbacks} == {"left", "right"}
     again = read_results(tmp_path)
-    assert again.keys == ("update.gain", "kind")
+    assert again.keys == ("update.iteration_gain", "kind")
     assert (len(again.finished), len(again.failed), again.total) == (6, 1, 8)
-    assert again.best["update.gain"] == 0.7
+    assert again.best["update.iteration_gain"] == 0.7
     assert again.rows == results.rows
 
 
@@ -98,7 +101,7 @@ def test_the_report_compares_and_opens_offline(results, tmp_path):
     assert "<h1>" not in before_scripts.split("<h1>fifty")[1]
     drawn = json.loads(re.search(r'id="figures">(.*?)</script>', page, re.S).group(1).replace("<\\/", "</"))
     lines = drawn["all"]
-    assert lines["layout"]["xaxis"]["ticktext"] == ["update.gain", "kind", "overall error", "worst error"]
+    assert lines["layout"]["xaxis"]["ticktext"] == ["update.iteration_gain", "kind", "overall error", "worst error"]
     # Six lines of four places with a gap after each; the best is drawn last and lowest where errors are.
     heights = [height for trace in lines["data"] for height in trace["y"]]
     assert len(heights) == 6 * 5

@@ -15,7 +15,7 @@ from duralab.sweeps.search import search
 
 SECTION = {
     "settings": {
-        "update.gain": {"from": 0.1, "to": 1.0},
+        "update.iteration_gain": {"from": 0.1, "to": 1.0},
         "excitation.capture_blocks": {"from": 1, "to": 4, "whole": True},
         "estimator.block_samples": {"choices": [1024, 2048]},
     },
@@ -41,7 +41,7 @@ class FakeRunner:
             if number in self.fails:
                 yield point, Outcome(point.id, State.FAILED, "The rig is out.")
                 continue
-            gain, block = point.settings["update.gain"], point.settings["estimator.block_samples"]
+            gain, block = point.settings["update.iteration_gain"], point.settings["estimator.block_samples"]
             error = (gain - 0.62) ** 2 + 0.2 * (block != 1024) + 0.001 * point.settings.get("seed", 0)
             yield point, Outcome(point.id, State.FINISHED, "Done.", overall_error=error, worst_error=error)
 
@@ -65,7 +65,7 @@ def test_a_search_ends_near_the_ground_and_keeps_its_budget(plan, tmp_path):
     ended = run(plan(), tmp_path / "a", FakeRunner())
     assert len(ended) == SECTION["budget"]
     best_point, _ = min(ended, key=lambda pair: pair[1].overall_error)
-    assert abs(best_point.settings["update.gain"] - 0.62) < 0.1
+    assert abs(best_point.settings["update.iteration_gain"] - 0.62) < 0.1
     assert best_point.settings["estimator.block_samples"] == 1024
     # It learns: the second half is better than the random first.
     errors = [outcome.overall_error for _, outcome in ended]
@@ -92,7 +92,7 @@ def test_with_axes_each_trial_runs_at_every_point(plan, tmp_path):
     assert len(ended) == SECTION["budget"]
     pairs = [point.settings for point, _ in ended]
     assert {row["seed"] for row in pairs} == {1, 2}
-    assert len({row["update.gain"] for row in pairs}) == SECTION["budget"] // 2
+    assert len({row["update.iteration_gain"] for row in pairs}) == SECTION["budget"] // 2
 
 
 def test_a_budget_below_one_trial_is_refused(plan, tmp_path):
@@ -108,7 +108,7 @@ def test_axes_with_too_many_points_are_refused_before_they_are_made(plan, tmp_pa
 
 
 def test_a_bound_that_the_campaign_does_not_allow_is_found_first(plan, tmp_path):
-    wrong = plan(search={**SECTION, "settings": {"update.gain": {"from": 0.5, "to": 2.0}}})
+    wrong = plan(search={**SECTION, "settings": {"update.iteration_gain": {"from": 0.5, "to": 2.0}}})
     runner = FakeRunner()
     with pytest.raises(InputError, match=r"update\.gain"):
         run(wrong, tmp_path / "a", runner)

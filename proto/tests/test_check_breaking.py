@@ -87,12 +87,20 @@ def test_field_may_go_when_number_and_name_are_reserved(check):
         assert "duralab.v1.Rig.gains = 3 is gone" in said
 
 
+def test_field_may_be_renamed_when_its_old_name_is_reserved(check):
+    reserved = ('reserved "gone";', 'reserved "gone", "name";')
+    assert check(("string name = 1;", "string title = 1;"), reserved) == (0, "")
+    status, said = check(("string name = 1;", "bytes title = 1;"), reserved)
+    assert status == 1
+    assert "was optional string and is optional bytes" in said
+
+
 @pytest.mark.parametrize(
     ("edit", "said"),
     [
         (("string name = 1;", ""), "Rig.name = 1 is gone"),
         (("string name = 1;", "string name = 10;"), "Rig.name = 1 has become number 10"),
-        (("string name = 1;", "string title = 1;"), "Rig.name = 1 is now called title"),
+        (("string name = 1;", "string title = 1;"), "Rig.name = 1 is now called title; reserve its old name"),
         (("string name = 1;", "bytes name = 1;"), "was optional string and is optional bytes"),
         (("string name = 1;", "optional string name = 1;"), "is optional string with presence"),
         (("repeated double gains", "double gains"), "was repeated double and is optional double"),

@@ -42,7 +42,7 @@ class Core:
 CORES = {
     **{
         name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",))
-        for name in ("spectra", "roads", "loads", "strict_yaml")
+        for name in ("spectra", "roads", "loads")
     },
     "duralab_recordings": Core(
         "duralab_recordings",
@@ -52,6 +52,7 @@ CORES = {
             *(f"duralab/tests/test_{name}.py" for name in ("damaged_recordings", "signal_windows", "recording_parts")),
         ),
     ),
+    "duralab_settings": Core("duralab_settings", "libs/settings/duralab_settings", ("libs/settings/tests",)),
     **{
         name: Core(name, f"services/{name}/{name}", (f"services/{name}/tests",))
         for name in ("identifier", "iterator", "rig_sim")

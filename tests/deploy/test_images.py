@@ -110,4 +110,4 @@ def test_closure_is_printed_for_the_shell():
     printed = subprocess.run(
         [sys.executable, script, "services/identifier"], capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    assert printed == ["libs/labbus", "libs/spectra", "libs/strict_yaml", "proto", "services/identifier"]
+    assert printed == ["libs/labbus", "libs/settings", "libs/spectra", "proto", "services/identifier"]

@@ -267,7 +267,7 @@ def _of_one_playback(reference: Reference) -> Reference:
     """Return the campaign cut short: what is asked of its recording again and again is read quickly."""
     short = iterator_pb2.CampaignSpec()
     short.CopyFrom(reference.specification)
-    short.stop.largest_iterations = 1
+    short.stop.iterations = 1
     return replace(reference, specification=short, playbacks=reference.playbacks[:1])
 
 

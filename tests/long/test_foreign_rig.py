@@ -33,7 +33,7 @@ excitation:
   capture_blocks: 2
 estimator: {kind: h1, block_samples: 512}
 control_band: {lowest_frequency: 1.0, highest_frequency: 30.0}
-update: {algorithm: adaptive_modelling, gain: 0.8}
+update: {kind: adaptive_modelling, iteration_gain: 0.8}
 stop: {iterations: 4}
 accept: {relative_rms_error: 0.05}
 """

@@ -70,13 +70,13 @@ def test_a_file_is_resumed_with_the_keys_that_change(first: Path, tmp_path: Path
     assert len(child.iterations) == 4
     assert steps_of(child)[:3] == steps_of(parent)
     # Only what was given differs.
-    assert wanted.stop.largest_iterations == 4
+    assert wanted.stop.iterations == 4
     assert wanted.update.secant.caution == 2.0
-    wanted.stop.largest_iterations = kept.stop.largest_iterations
+    wanted.stop.iterations = kept.stop.iterations
     wanted.update.secant.caution = kept.update.secant.caution
     assert (wanted.update, wanted.stop) == (kept.update, kept.stop)
     recorded = yaml.safe_load(child.specification.scenario)
-    assert recorded["update"] == yaml.safe_load(kept.scenario)["update"] | {"caution": 2.0}
+    assert recorded["update"] == yaml.safe_load(kept.scenario)["update"] | {"secant": {"caution": 2.0}}
     assert (out / "report.html").stat().st_size > 100_000
     # What was resumed can be resumed again, from its own file.
     (tmp_path / "more.yaml").write_text("stop: {iterations: 5}\n")
@@ -116,12 +116,12 @@ def test_what_cannot_be_resumed_from_a_file_is_refused_before_a_lab_starts(first
     given = str(first / "recording.mcap")
     before = state_of(first)
     (tmp_path / "settings.yaml").write_text("update: {gane: 0.5}\n")
-    (tmp_path / "gain.yaml").write_text("update: {gain: 7}\n")
+    (tmp_path / "gain.yaml").write_text("update: {iteration_gain: 7}\n")
     for arguments, sentence in (
         ([str(tmp_path / "no.mcap")], "no.mcap"),
         ([given, "--connect", "tcp/127.0.0.1:1"], "in a private lab; leave it out"),
         ([given, "--settings", "settings.yaml"], "unknown key 'gane' in update"),
-        ([given, "--settings", "gain.yaml"], "update.gain is 7"),
+        ([given, "--settings", "gain.yaml"], "update.iteration_gain is 7"),
         ([given, "--out", str(first), "--from", "1"], "is the file that is read"),
         ([given, "--out", str(first), "--from", "1", "--replace"], "is the file that is read"),
     ):

@@ -5,33 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identifier import (
-    EstimatorKind,
-    EstimatorOptions,
-    ExcitationKind,
-    ExcitationSettings,
-    WhitePink,
-    design_experiment,
-    estimate,
-    pure_random,
-)
+from duralab_settings import EstimatorKind, ExcitationKind, StopCriteria, UpdateKind, WhitePinkSpectrum
+from identifier import EstimatorOptions, ExperimentSettings, design_experiment, estimate, pure_random
 from identifier.modelling import fill_lines, valid_band
-from iterator import (
-    CampaignSettings,
-    Outcome,
-    RigModel,
-    StopCriteria,
-    UpdateKind,
-    UpdateSettings,
-    control_band,
-    rig_model,
-    run_campaign,
-)
+from iterator import CampaignSettings, Outcome, RigModel, UpdateSettings, control_band, rig_model, run_campaign
 from rig_sim import Rig, load_rig, shipped_specimens
 from rig_sim.playing import FaultKind, StuckSensor
 
 CHANNEL = "left_lateral"
-SPECTRA = (WhitePink(0.4, 45.0, 2.0, 3.0),) * 6
+SPECTRA = (
+    WhitePinkSpectrum(lowest_frequency=0.4, highest_frequency=45.0, corner_frequency=2.0, decibels_per_octave=3.0),
+) * 6
 
 
 def played(rig: Rig, drive: NDArray[np.float64], *, seed: int = 1) -> NDArray[np.float64]:
@@ -44,13 +28,13 @@ def played(rig: Rig, drive: NDArray[np.float64], *, seed: int = 1) -> NDArray[np
 
 def identified(rig: Rig) -> RigModel:
     experiment = design_experiment(
-        ExcitationSettings(
-            spectra=SPECTRA,
-            levels=(0.004, 0.003, 0.001, 0.004, 0.003, 0.001),
+        ExperimentSettings(
+            drive_spectra=SPECTRA,
+            rms=(0.004, 0.003, 0.001, 0.004, 0.003, 0.001),
             block_samples=2048,
-            fade_seconds=1.0,
+            fade=1.0,
             kind=ExcitationKind.RANDOM_ORTHOGONAL,
-            duration_seconds=75.0,
+            duration=75.0,
             seed=1,
         ),
         drives=6,
@@ -84,7 +68,7 @@ def test_the_shipped_rigs_stuck_sensor_ends_the_iteration_at_its_first_playback_
 
     band = control_band(0.7, 35.0, sample_rate=1000.0)
     update = UpdateSettings(band=band, iteration_gain=np.full(6, 0.8), kind=UpdateKind.SECANT)
-    settings = CampaignSettings(update, StopCriteria(7, divergence_ratio=3.0))
+    settings = CampaignSettings(update=update, stop=StopCriteria(iterations=7, divergence_ratio=3.0))
     result = run_campaign(play, target, model=identified(good), settings=settings)
     assert (result.outcome, len(playbacks)) == (Outcome.RESPONSE_STOOD_STILL, 3)
     assert [iteration.stood_still for iteration in result.iterations[:-1]] == [(), ()]

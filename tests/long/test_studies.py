@@ -84,7 +84,7 @@ def test_bias_is_what_stays_and_scatter_what_changes(study_module):
 
 
 def test_the_first_part_of_a_record_is_whole_sets_of_the_same_experiments(study_module):
-    from identifier import ExcitationKind
+    from duralab_settings import ExcitationKind
 
     cell = study_module("studied_rigs").aerospace(1024)
     columns, block = 4, cell.block_seconds

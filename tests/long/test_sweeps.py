@@ -43,7 +43,7 @@ CAMPAIGN = {
     },
     "estimator": {"block_samples": 512},
     "control_band": {"lowest_frequency": 6.0, "highest_frequency": 50.0},
-    "update": {"algorithm": "basic_twr", "gain": 0.8},
+    "update": {"kind": "basic_twr", "iteration_gain": 0.8},
     # A target of noise that this structure cannot follow; without these bounds its first drive would not be played.
     "stop": {"iterations": 1, "error_bound": None, "peak_bound": None, "damage_bound": None},
 }

@@ -1,7 +1,6 @@
 """Campaign files: their sections, reading and checking, the specification for the services, and the verdict."""
 
 from duralab.campaign.file import Campaign, MeasuredRoad, SyntheticRoad, Target
-from duralab.campaign.identification import EstimatorSettings, ExcitationSettings
 from duralab.campaign.identification_loading import load_identification
 from duralab.campaign.loading import (
     ImportSettings,
@@ -45,7 +44,6 @@ from duralab.campaign.template import (
     shipped_text,
     template_for,
 )
-from duralab.campaign.values import Section, Seed
 from duralab.campaign.verdict import (
     Criterion,
     Judgement,
@@ -55,6 +53,7 @@ from duralab.campaign.verdict import (
     judged_rows,
     repeatability_in_words,
 )
+from duralab_settings import EstimatorSettings, ExcitationSettings
 
 __all__ = [
     "AWAITED_TARGET",
@@ -75,8 +74,6 @@ __all__ = [
     "RemoveDrift",
     "RemoveMean",
     "Resample",
-    "Section",
-    "Seed",
     "ShortenByDamage",
     "SourceChannel",
     "Stretch",

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from duralab.campaign.identification import EstimatorSettings, ExcitationSettings
-from duralab.campaign.iteration import AtLimits, DamageExponent, StopSection, UpdateSection
 from duralab.campaign.target_edit import EditStep, SourceChannel
-from duralab.campaign.values import Levels, NotNegative, Positive, Range, Section, Seed
+from duralab_settings import (
+    Acceptance,
+    ControlBandSettings,
+    EstimatorSettings,
+    ExcitationSettings,
+    PlaybackSettings,
+    Positive,
+    Range,
+    Section,
+    Seed,
+    StopCriteria,
+    UpdateSection,
+    with_new_keys,
+)
 
 
 class Potholes(Section):
     """Rounded holes at random places, each in one wheel track."""
 
     count: int = Field(ge=1, le=1000, description="How many.")
-    depth: Range = Field(strict=False, description="Shallowest and deepest, in metres, e.g. [0.02, 0.05].")
-    length: Range = Field(strict=False, description="Shortest and longest, in metres, e.g. [0.4, 1.0].")
+    depth: Range = Field(description="Shallowest and deepest, in metres, e.g. [0.02, 0.05].")
+    length: Range = Field(description="Shortest and longest, in metres, e.g. [0.4, 1.0].")
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
@@ -83,87 +94,8 @@ class Target(Section):
         return self
 
 
-class ControlBand(Section):
-    """Where the target is reproduced and judged; it is whole between the two edges."""
-
-    lowest_frequency: Positive = Field(description="Lower edge in hertz; the target holds one period of it at least.")
-    highest_frequency: Positive = Field(description="Upper edge in hertz.")
-    lower_flank: Positive | None = Field(
-        default=None,
-        description="Width in hertz of the flank below the band, in which target and drives fade out, within the "
-        "excited band; left out: half of lowest_frequency, or less where the excited band begins sooner.",
-    )
-    upper_flank: Positive | None = Field(
-        default=None,
-        description="Width in hertz of the flank above the band; left out: a tenth of highest_frequency, or less where "
-        "the excited band ends sooner.",
-    )
-
-    @model_validator(mode="after")
-    def _check_order(self) -> Self:
-        if self.lowest_frequency >= self.highest_frequency:
-            raise ValueError(
-                f"reaches from {self.lowest_frequency:g} to {self.highest_frequency:g} Hz; "
-                "lowest_frequency must be below highest_frequency"
-            )
-        if self.lower_flank is not None and self.lower_flank > self.lowest_frequency:
-            raise ValueError(f"has lower_flank {self.lower_flank:g} Hz; it must not exceed lowest_frequency")
-        return self
-
-
-class Acceptance(Section):
-    """What report, exit code, comparison and sweep judge the best playback by; a limit that is null is not judged."""
-
-    relative_rms_error: Positive | None = Field(
-        default=0.15, description="Largest relative RMS error of any controlled channel that is accepted."
-    )
-    peak_ratio: tuple[NotNegative, Positive] | None = Field(
-        default=(0.9, 1.1),
-        strict=False,
-        description="Smallest and largest peak that is accepted, response over target.",
-    )
-    damage_ratio: tuple[NotNegative, Positive] | None = Field(
-        default=(0.8, 1.25),
-        strict=False,
-        description="Smallest and largest pseudo-damage that is accepted, response over target.",
-    )
-    damage_exponent: DamageExponent | None = Field(
-        default=None,
-        strict=False,
-        description="Slope of the S-N line that damage is judged at: 3, 5 or 8; left out: that of stop.",
-    )
-    energy_outside_band: float | None = Field(
-        default=0.1,
-        ge=0,
-        le=1,
-        description="Largest share of a target's energy outside the control band that is accepted, 0 to 1.",
-    )
-
-    @model_validator(mode="after")
-    def _check_ratios(self) -> Self:
-        for key in ("peak_ratio", "damage_ratio"):
-            bounds = getattr(self, key)
-            if bounds is not None and not bounds[0] < 1.0 < bounds[1]:
-                raise ValueError(f"has {key} {list(bounds)}; the first must be below 1, the second above")
-        limits = (self.relative_rms_error, self.peak_ratio, self.damage_ratio, self.energy_outside_band)
-        if all(limit is None for limit in limits):
-            raise ValueError("has no limit, all are null; give one limit at least, so that the result can be judged")
-        return self
-
-
-class Confirm(Section):
-    """Whether the best drive is played again after the iteration."""
-
-    playbacks: int = Field(
-        default=0,
-        ge=0,
-        le=100,
-        description="How often, each time with other seeds; the result then tells how far the rig repeats itself.",
-    )
-
-
-class Campaign(Section):
-    """A whole campaign: the content of a campaign file."""
+class Sections(Section):
+    """What a campaign is for, and its sections."""
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
@@ -174,39 +106,26 @@ class Campaign(Section):
     target: Target = Field(description="What to reproduce.")
     excitation: ExcitationSettings = Field(description="The experiment that identifies the rig.")
     estimator: EstimatorSettings = Field(description="How the model is estimated from the experiment.")
-    control_band: ControlBand = Field(description="Where the target is reproduced and judged.")
+    control_band: ControlBandSettings = Field(description="Where the target is reproduced and judged.")
     update: UpdateSection = Field(description="How each next drive is made.")
-    stop: StopSection = Field(description="When the iteration ends.")
-    confirm: Confirm = Field(default=Confirm(), description="Playing the best drive again, to know how far it repeats.")
-    at_limits: AtLimits = Field(
-        default=AtLimits.PROJECT,
-        strict=False,
-        description="What becomes of a drive past a limit: project plays a near one and says so, refuse ends the "
-        "campaign.",
-    )
-    largest_overrun: float = Field(
-        default=1.25,
-        ge=1,
-        le=1000,
-        description="Multiple of a limit that the first drive may ask for to be projected; a target that asks for more "
-        "is refused before it is played.",
-    )
-    levels: Levels = Field(
-        default=(),
-        strict=False,
-        description="Share of the target in each of the first playbacks, rising to 1, e.g. [0.5, 0.75, 1.0]; left out: "
-        "all play the whole target.",
-    )
-    real_time: bool = Field(
-        default=False,
-        description="Whether the rig plays in real time, as a rehearsal of a real one; left out: as fast as it can.",
-    )
+    stop: StopCriteria = Field(description="When the iteration ends.")
     accept: Acceptance = Field(
         default=Acceptance(), description="What the result is judged by; left out: the defaults of its keys."
     )
 
+
+# The bases in this order: what a file begins with comes first.
+class Campaign(PlaybackSettings, Sections):
+    """A whole campaign: the content of a campaign file."""
+
     _folder: Path = PrivateAttr(default=Path())
     _text: str = PrivateAttr(default="")
+    _remarks: tuple[str, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_old_keys(cls, content: Any) -> Any:
+        return with_new_keys(content)[0] if isinstance(content, dict) else content
 
     @model_validator(mode="after")
     def _check_control_band(self) -> Self:
@@ -222,17 +141,8 @@ class Campaign(Section):
         return self
 
     @model_validator(mode="after")
-    def _check_levels(self) -> Self:
-        if not self.levels:
-            return self
-        if list(self.levels) != sorted(self.levels) or self.levels[-1] != 1.0:
-            raise ValueError(f"levels is {list(self.levels)}; it must never fall and end with 1, the whole target")
-        partial = sum(level < 1.0 for level in self.levels)
-        if partial >= self.stop.iterations:
-            raise ValueError(
-                f"levels has {partial} playbacks below 1 and stop.iterations is {self.stop.iterations}; at least one "
-                "playback of the whole target must follow"
-            )
+    def _check_whole_playback(self) -> Self:
+        self.require_whole_playback(self.stop)
         return self
 
     @property
@@ -257,9 +167,15 @@ class Campaign(Section):
         content["accept"] = self.accept.model_dump(mode="json")
         return yaml.safe_dump(content, sort_keys=False)
 
-    def read_from(self, *, folder: Path, text: str) -> Self:
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to change in the file, one sentence each: keys that have another name now."""
+        return self._remarks
+
+    def read_from(self, *, folder: Path, text: str, remarks: tuple[str, ...] = ()) -> Self:
         """Return this campaign with the place and the words it was read from."""
         copy = self.model_copy()
         copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
         copy._text = text  # noqa: SLF001
+        copy._remarks = remarks  # noqa: SLF001
         return copy

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
-from duralab.campaign.identification import EstimatorSettings, ExcitationSettings
 from duralab.campaign.loading import explained, load_campaign, parse_mapping, read_text, shipped_campaigns
-from duralab.campaign.values import Section, Seed
+from duralab_settings import EstimatorSettings, ExcitationSettings, Section, Seed
 
 
 class IdentificationSettings(Section):

@@ -10,12 +10,12 @@ from typing import Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+import duralab_settings
 from duralab.campaign.file import Campaign
 from duralab.campaign.target_edit import EditStep, SourceChannel
-from duralab.campaign.values import ONE_NUMBER, PER_CHANNEL, Section
 from duralab.errors import InputError
 from duralab.near_files import did_you_mean
-from strict_yaml import YamlError, explain_validation, parse_yaml, read_yaml_text
+from duralab_settings import Section, SettingsError, YamlError, parse_yaml, read_yaml_text, with_new_keys
 
 _SUFFIX = ".yaml"
 
@@ -86,12 +86,14 @@ def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
     InputError
         It is not YAML, or a key or value in it is not allowed.
     """
-    content = parse_mapping(text, name=name, what="a campaign file", keys=Campaign.model_fields)
+    content, remarks = today(
+        parse_mapping(text, name=name, what="a campaign file", keys=Campaign.model_fields), name=name
+    )
     try:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
         raise explained(error, name=f"{name}: ") from error
-    return campaign.read_from(folder=folder, text=text)
+    return campaign.read_from(folder=folder, text=text, remarks=remarks)
 
 
 def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[EditStep, ...]:
@@ -121,22 +123,21 @@ def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[
 def explained(
     error: ValidationError, *, name: str = "", place: tuple[str, ...] = (), is_part: bool = False
 ) -> InputError:
-    """Return what is wrong with a campaign, or with a part of one, in one sentence.
+    """Return what is wrong with a campaign or a part of one, in one sentence; see `duralab_settings.explained`."""
+    return as_input_error(duralab_settings.explained(error, Campaign, name=name, place=place, is_part=is_part))
 
-    Parameters
-    ----------
-    error : ValidationError
-        What was found.
-    name : str
-        Begin of the sentence.
-    place : tuple of str
-        Keys of the campaign that lead to the part.
-    is_part : bool
-        Whether keys of the part itself may be missing.
-    """
-    hidden = (ONE_NUMBER, PER_CHANNEL)
-    found = explain_validation(error, Campaign, place=place, hidden=hidden, is_part=is_part, joint=" ")
-    return InputError(f"{name}{found.sentence}", field=found.field)
+
+def as_input_error(error: SettingsError) -> InputError:
+    """Return the error of settings as one of the SDK."""
+    return InputError(str(error), field=error.field)
+
+
+def today(content: dict[Any, Any], *, name: str) -> tuple[dict[Any, Any], tuple[str, ...]]:
+    """Return settings with the keys of today, and a remark where there were older ones; raise InputError for both."""
+    try:
+        return with_new_keys(content, name=f"{name}: ")
+    except SettingsError as error:
+        raise as_input_error(error) from error
 
 
 class ImportSettings(Section):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,13 +12,12 @@ import yaml
 from pydantic import ValidationError
 
 from duralab.campaign.file import Campaign
-from duralab.campaign.iteration import StopSection, UpdateSection
-from duralab.campaign.loading import explained, load_campaign, parse_campaign, parse_mapping, read_text
+from duralab.campaign.loading import explained, load_campaign, parse_campaign, parse_mapping, read_text, today
 from duralab.errors import InputError
 from duralab_proto.v1 import iterator_pb2
-from strict_yaml import parse_yaml
+from duralab_settings import Section, StopCriteria, UpdateSection, parse_yaml
 
-_SECTIONS: Final = {"update": UpdateSection, "stop": StopSection}
+_SECTIONS: Final = {"update": UpdateSection, "stop": StopCriteria}
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,13 @@ class PartialSettings:
         Of the file they were read from.
     sections : dict
         One or both sections; each holds only the keys that change.
+    remarks : tuple of str
+        What to change in the file: keys that have another name now.
     """
 
     name: str
     sections: dict[str, dict[str, Any]]
+    remarks: tuple[str, ...] = ()
 
 
 def load_settings(source: str | Path) -> Campaign | PartialSettings:
@@ -72,9 +75,10 @@ def load_settings(source: str | Path) -> Campaign | PartialSettings:
         return load_campaign(source)
     if not content:
         raise InputError(f"{name} is empty; give `update`, `stop` or both, with the keys that change.")
+    content, remarks = today(content, name=name)
     for section, keys in content.items():
         _require_known(section, keys, name=name)
-    return PartialSettings(name, content)
+    return PartialSettings(name, content, remarks)
 
 
 def _require_known(section: str, keys: object, *, name: str) -> None:
@@ -108,17 +112,37 @@ def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> C
         The recording holds no campaign file of this version, or a value is not allowed beside those that stay.
     """
     recorded = _recorded_campaign(settings, parent)
-    content = dict(parse_yaml(recorded.text))
+    content, _ = today(dict(parse_yaml(recorded.text)), name=settings.name)
     for section, keys in settings.sections.items():
-        content[section] = {**content[section], **keys}
+        content[section] = _merged(content[section], keys, model=_SECTIONS[section])
     try:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
         raise explained(error, name=f"{settings.name}, with what campaign {parent.id!r} has: ") from error
-    changed = ", ".join(f"{section}.{key}" for section, keys in settings.sections.items() for key in keys)
+    changed = ", ".join(name for section, keys in settings.sections.items() for name in _names(section, keys))
     text = f"# Campaign {parent.id} with other settings: {changed}.\n"
     text += yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     return campaign.read_from(folder=Path(), text=text)
+
+
+def _names(section: str, keys: dict[str, Any]) -> Iterator[str]:
+    """Yield the dotted keys that a part of a section gives, those of a section within it one by one."""
+    for key, value in keys.items():
+        nested = _is_section(_SECTIONS[section].model_fields[key].annotation) and isinstance(value, dict)
+        yield from (f"{section}.{key}.{inner}" for inner in value) if nested else (f"{section}.{key}",)
+
+
+def _is_section(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any], *, model: type[Section]) -> dict[str, Any]:
+    """Return a section with other keys; of a section within it, too, only the keys that are given change."""
+    merged = {**old, **new}
+    for key, field in model.model_fields.items():
+        if _is_section(field.annotation) and key in old and key in new:
+            merged[key] = {**old[key], **new[key]}
+    return merged
 
 
 def _recorded_campaign(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> Campaign:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from duralab.campaign.values import Gain, NotNegative, Positive, Range, Section
+from duralab_settings import Gain, NotNegative, Positive, Range, Section
 
 Factor = Annotated[float, Field(allow_inf_nan=False)]
 

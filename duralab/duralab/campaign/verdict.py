@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from pydantic import ValidationError
@@ -14,10 +13,8 @@ from pydantic import ValidationError
 from duralab.data import DAMAGE_SLOPES, IterationTable, passes
 from duralab.errors import ended
 from duralab_proto.v1 import iterator_pb2
-from strict_yaml import YamlError, parse_yaml
-
-if TYPE_CHECKING:
-    from duralab.campaign.file import Acceptance
+from duralab_settings import Acceptance, SettingsError, YamlError, parse_yaml
+from duralab_settings.messages import from_message
 
 _ENDS: Final = MappingProxyType(
     {
@@ -203,24 +200,23 @@ def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -
     Limits, str
         The limits, and a sentence on their origin; empty where they are those of the specification.
     """
+    defaults = "it is judged by the defaults of this version of Duralab"
     if specification.HasField("accept"):
-        accept = specification.accept
-        return _limits(
-            relative_rms_error=accept.relative_rms_error if accept.HasField("relative_rms_error") else None,
-            peak_ratio=_bounds(accept.peak_ratio),
-            damage_ratio=_bounds(accept.damage_ratio),
-            damage_exponent=accept.damage_exponent or specification.stop.damage_exponent,
-            energy_outside_band=accept.energy_outside_band if accept.HasField("energy_outside_band") else None,
-        ), ""
-    from duralab.campaign.file import Acceptance
-
-    accept, note = _acceptance_in_text(specification)
-    if accept is None and np.isnan(table.energy_outside_band).all() and specification.stop.relative_rms_error > 0.0:
-        accept = Acceptance(relative_rms_error=specification.stop.relative_rms_error)
-        note += ", and by the error at which it was to end."
-    elif accept is None:
-        accept = Acceptance()
-        note += "."
+        try:
+            accept, note = from_message(specification.accept, Acceptance, field="accept"), ""
+        except SettingsError as error:
+            accept = Acceptance()
+            note = f"The limits to judge by in the recording are not allowed ({str(error).rstrip('.')}); {defaults}."
+    else:
+        found, note = _acceptance_in_text(specification, defaults=defaults)
+        if found is None and np.isnan(table.energy_outside_band).all() and specification.stop.relative_rms_error > 0.0:
+            accept = Acceptance(relative_rms_error=specification.stop.relative_rms_error)
+            note += ", and by the error at which it was to end."
+        elif found is None:
+            accept = Acceptance()
+            note += "."
+        else:
+            accept = found
     return _limits(
         relative_rms_error=accept.relative_rms_error,
         peak_ratio=accept.peak_ratio,
@@ -235,19 +231,13 @@ def _limits(*, damage_exponent: float, **limits: Any) -> Limits:
     return Limits(damage_exponent=known, **limits)
 
 
-def _bounds(pair: Sequence[float]) -> tuple[float, float] | None:
-    return (pair[0], pair[1]) if len(pair) == 2 else None
-
-
-def _acceptance_in_text(specification: iterator_pb2.CampaignSpec) -> tuple[Acceptance | None, str]:
+def _acceptance_in_text(specification: iterator_pb2.CampaignSpec, *, defaults: str) -> tuple[Acceptance | None, str]:
     """Return the section `accept` of a recorded campaign file, and a sentence that says where the limits are from.
 
     Without such a section the sentence has no full stop yet.
     """
-    from duralab.campaign.file import Acceptance
     from duralab.campaign.loading import explained
 
-    defaults = "it is judged by the defaults of this version of Duralab"
     if not specification.scenario:
         return None, f"The recording holds no limits to judge by, and no campaign file; {defaults}"
     try:

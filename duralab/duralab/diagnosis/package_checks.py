@@ -16,7 +16,7 @@ OWN: Final = (
     "duralab-spectra",
     "duralab-roads",
     "duralab-loads",
-    "duralab-strict-yaml",
+    "duralab-settings",
     "duralab-rig-sim",
     "duralab-identifier",
     "duralab-iterator",

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from duralab.errors import InputError
-from strict_yaml import require_regular
+from duralab_settings import require_regular
 
 
 class FormatError(InputError):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, Self, TypeVar
 
 import numpy as np
 
-from duralab.campaign import Campaign, EstimatorSettings, ExcitationSettings
+from duralab.campaign import Campaign
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import LabError
 from duralab.lab.campaigns import CampaignResult
@@ -25,6 +25,7 @@ from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, FREE_ENDPOINT, conne
 from duralab.lab.progress import OnProgress, RunProgress
 from duralab.lab.watching import LabEvent, Watch, Watched
 from duralab_proto.keys import ANY
+from duralab_settings import EstimatorSettings, ExcitationSettings
 from labbus import BusError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from duralab.arguments import progress_callback, real_numbers, require_seed
-from duralab.campaign import EstimatorSettings, ExcitationSettings, estimator_message, excitation_message
+from duralab.campaign import estimator_message, excitation_message
 from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
 from duralab.errors import InputError
 from duralab.lab.deadline import Patience, patience
@@ -19,6 +19,7 @@ from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import identifier_pb2, query_pb2
+from duralab_settings import EstimatorSettings, ExcitationSettings
 
 
 class Identifier:

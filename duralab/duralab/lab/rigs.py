@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duralab.arguments import progress_callback
-from duralab.campaign import EstimatorSettings, ExcitationSettings
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError
 from duralab.lab.client import Asking
@@ -17,6 +16,7 @@ from duralab.lab.identifier import Identifier
 from duralab.lab.playing import halting, play_drive, reset_rig, state_of_rig, stop_rig
 from duralab.lab.progress import OnProgress
 from duralab_proto.v1 import rig_pb2
+from duralab_settings import EstimatorSettings, ExcitationSettings
 
 if TYPE_CHECKING:
     import xarray

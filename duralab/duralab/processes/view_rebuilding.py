@@ -13,7 +13,7 @@ from duralab.errors import InputError, LabError
 from duralab.near_files import did_you_mean
 from duralab.processes.supervisor import last_lines
 from duralab.recording import RecordingFiles
-from strict_yaml import open_regular
+from duralab_settings import open_regular
 
 _RECORDING: Final = b"\x89MCAP"
 _LIVE_VIEW: Final = b"RRF"

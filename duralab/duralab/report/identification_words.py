@@ -36,7 +36,7 @@ def identification_in_words(excitation: identifier_pb2.Excitation, estimator: id
     """Return what was played and how the model was estimated from it."""
     return (
         f"{_EXCITATIONS.get(excitation.kind, 'unknown')}, {_spectrum(excitation)}, "
-        f"{excitation.duration_seconds:g} s; {_ESTIMATORS.get(estimator.kind, 'unknown')}, "
+        f"{excitation.duration:g} s; {_ESTIMATORS.get(estimator.kind, 'unknown')}, "
         f"{_blocks(excitation, estimator)}"
     )
 

@@ -28,7 +28,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
         *iteration_in_words(specification),
         (
             "End",
-            f"after {stop.largest_iterations} playbacks"
+            f"after {stop.iterations} playbacks"
             + (f", or at a relative RMS error of {stop.relative_rms_error:g}" if stop.relative_rms_error else "")
             + (
                 f", with damage ratios of {stop.smallest_damage_ratio:g} to {stop.largest_damage_ratio:g}"

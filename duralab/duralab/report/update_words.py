@@ -26,7 +26,7 @@ def iteration_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[s
     rows = [("Update", _update(specification.update, _names(specification)))]
     if specification.levels:
         rows.append(("Levels", f"{_listed(specification.levels)} of the target in the first playbacks, then all of it"))
-    weight = _values(specification.update.response_weight)
+    weight = _values(specification.update.weights)
     if weight.size:
         names = np.array(_names(specification))
         counted = weight > 0.0
@@ -58,7 +58,7 @@ def _update(update: iterator_pb2.UpdateSettings, names: Sequence[str]) -> str:
 def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:
     if update.kind == iterator_pb2.UPDATE_KIND_ADAPTIVE_MODELLING:
         backward = update.prediction == iterator_pb2.CORRECTION_PREDICTION_BACKWARD
-        full = update.shape == iterator_pb2.CORRECTION_SHAPE_FULL
+        full = update.correction == iterator_pb2.CORRECTION_SHAPE_FULL
         weighed = f", weighed by coherence above {update.lowest_coherence:g}" if update.weigh_by_coherence else ""
         return [
             f"{'backward' if backward else 'forward'} prediction",

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from duralab.errors import InputError
-from strict_yaml import read_regular
+from duralab_settings import read_regular
 
 AUTHORITY: Final = "ca"
 """Name of the authority's files."""

@@ -32,8 +32,8 @@ from duralab.security.certificate_files import (
 )
 from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
 from duralab_proto.keys import KeyNameError, Keys
+from duralab_settings import read_regular
 from labbus import DEFAULT_PORT, router_configuration
-from strict_yaml import read_regular
 
 AUTHORITY_DAYS: Final = 3650
 DEFAULT_DAYS: Final = 365

@@ -1,4 +1,4 @@
-"""Dotted keys: a place in a YAML document, e.g. `update.gain` or `struts.left_strut.law.stiffness`."""
+"""Dotted keys: a place in a YAML document, e.g. `update.iteration_gain` or `struts.left_strut.law.stiffness`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def look_up(document: dict[str, Any], key: str, *, what: str) -> Any:
 def _parts(key: str, *, what: str) -> tuple[list[str], str]:
     *parents, last = key.split(".")
     if not all((*parents, last)):
-        raise InputError(f"The key {key!r} of {what} has an empty part; write e.g. 'update.gain'.", field=key)
+        raise InputError(f"The key {key!r} of {what} has an empty part; write e.g. 'update.iteration_gain'.", field=key)
     return parents, last
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from strict_yaml import open_regular
+from duralab_settings import open_regular
 
 _DISTRIBUTIONS: Final = (
     "duralab",
@@ -24,7 +24,7 @@ _DISTRIBUTIONS: Final = (
     "duralab-rig-sim",
     "duralab-roads",
     "duralab-spectra",
-    "duralab-strict-yaml",
+    "duralab-settings",
     "drake",
     "llvmlite",
     "numpy",

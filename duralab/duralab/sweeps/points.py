@@ -18,7 +18,7 @@ from duralab.sweeps.dotted_keys import change, look_up
 from duralab.sweeps.identity import file_sha256, installed_versions, point_id
 from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText
 from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
-from strict_yaml import parse_yaml
+from duralab_settings import new_key, parse_yaml, with_new_keys
 
 _PATHS: Final = ("target.file", "target.opencrg.path")
 """Keys of a campaign file that name a file, relative to it."""
@@ -72,7 +72,8 @@ class PointMaker:
         self._sweep = sweep
         named = sweep.folder / sweep.campaign
         self._base = load_campaign(named if named.is_file() else sweep.campaign)
-        self._document: dict[str, Any] = parse_yaml(self._base.text)
+        # The text stays as it was written; its keys are those of today, as the dotted ones are.
+        self._document, _ = with_new_keys(parse_yaml(self._base.text))
         self._specimens = Specimens(sweep)
         self._versions = installed_versions()
         for key, value in sweep.settings.items():
@@ -113,9 +114,10 @@ class PointMaker:
                 value = value.of(look_up(self._specimens.document(rig), inner, what=f"specimen {rig}"), key=key)
             changes.setdefault(rig, {})[inner] = value
             return value
+        place = new_key(key)
         if isinstance(value, Multiple):
-            value = value.of(look_up(document, key, what="the campaign"), key=key)
-        change(document, key, value, what="the campaign")
+            value = value.of(look_up(document, place, what="the campaign"), key=key)
+        change(document, place, value, what="the campaign")
         return value
 
     def _files(self, plan: Campaign, *, place: str) -> dict[str, str]:

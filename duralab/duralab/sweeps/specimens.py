@@ -17,7 +17,7 @@ import yaml
 from duralab.errors import InputError, LabError
 from duralab.sweeps.dotted_keys import change
 from duralab.sweeps.sweep_file import Sweep
-from strict_yaml import parse_yaml, read_yaml_text, require_regular
+from duralab_settings import parse_yaml, read_yaml_text, require_regular
 
 SPECIMEN: Final = "specimen"
 """What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""

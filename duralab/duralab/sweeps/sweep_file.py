@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from duralab.campaign import Section, Seed
+from duralab_settings import Section, Seed, new_key, remarks_on
 
 MOST_POINTS = 100_000
 """Points of one sweep: their settings are made and checked before the first of them is run."""
@@ -157,6 +157,13 @@ class Sweep(Section):
     _folder: Path = PrivateAttr(default=Path())
     _text: str = PrivateAttr(default="")
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to change in the file, one sentence: dotted keys that have another name now."""
+        searched = self.search.settings if self.search else {}
+        points = (key for point in self.points for key in point)
+        return remarks_on(dict.fromkeys([*self.settings, *points, *self.axes, *searched]))
+
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
         groups = [("settings", self.settings), ("axes", self.axes), *(("points", point) for point in self.points)]
@@ -165,7 +172,10 @@ class Sweep(Section):
         for place, keys in groups:
             if "name" in keys:
                 raise ValueError(f"{place} changes name; every campaign of a sweep is named after its point")
-        varied = [set(self.axes), set().union(*self.points), set(self.search.settings if self.search else ())]
+        varied = [
+            {new_key(key) for key in keys}
+            for keys in (self.axes, set().union(*self.points), self.search.settings if self.search else ())
+        ]
         twice = (varied[0] & varied[1]) | (varied[0] & varied[2]) | (varied[1] & varied[2])
         if twice:
             raise ValueError(f"varies {', '.join(sorted(twice))} in two of axes, points and search; one is enough")

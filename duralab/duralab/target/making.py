@@ -14,7 +14,7 @@ from duralab.data import LARGEST_RATE_ERROR, Rig, Signals
 from duralab.errors import InputError
 from duralab.target.editing import EditedTarget, edit_signals
 from duralab.target.measured import map_channels, read_target_file
-from strict_yaml import require_regular
+from duralab_settings import require_regular
 
 LEAD_IN_SECONDS: Final = 1.0
 """The vehicle rolls from flat ground onto the road, and off it, in this time."""

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from strict_yaml import YamlError, explain_validation, parse_yaml, read_yaml_text
+from duralab_settings import YamlError, explain_validation, parse_yaml, read_yaml_text
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
 

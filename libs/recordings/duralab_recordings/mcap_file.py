@@ -24,7 +24,7 @@ from duralab_recordings.parts import (
     require_chain,
 )
 from duralab_recordings.unfinished import LARGEST_RECORD, MAGIC, RecordReader, end_of_records, whole_records
-from strict_yaml import open_regular
+from duralab_settings import open_regular
 
 MessageT = TypeVar("MessageT", bound=Message)
 

@@ -88,12 +88,12 @@ class Spectrum(_message.Message):
     def __init__(self, white_pink: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., table: _Optional[_Union[TabulatedSpectrum, _Mapping]] = ...) -> None: ...
 
 class Excitation(_message.Message):
-    __slots__ = ("kind", "spectrum", "rms", "duration_seconds", "fade_seconds", "seed", "drive_spectra", "peak", "delay_blocks", "capture_blocks", "repeats", "realisations", "odd_lines", "detection_share", "minimise_crest_factor", "burst_share")
+    __slots__ = ("kind", "spectrum", "rms", "duration", "fade", "seed", "drive_spectra", "peak", "delay_blocks", "capture_blocks", "repeats", "realisations", "odd_lines", "detection_share", "minimise_crest_factor", "burst_share")
     KIND_FIELD_NUMBER: _ClassVar[int]
     SPECTRUM_FIELD_NUMBER: _ClassVar[int]
     RMS_FIELD_NUMBER: _ClassVar[int]
-    DURATION_SECONDS_FIELD_NUMBER: _ClassVar[int]
-    FADE_SECONDS_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    FADE_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     DRIVE_SPECTRA_FIELD_NUMBER: _ClassVar[int]
     PEAK_FIELD_NUMBER: _ClassVar[int]
@@ -108,8 +108,8 @@ class Excitation(_message.Message):
     kind: ExcitationKind
     spectrum: WhitePinkSpectrum
     rms: _array_pb2.Array
-    duration_seconds: float
-    fade_seconds: float
+    duration: float
+    fade: float
     seed: int
     drive_spectra: _containers.RepeatedCompositeFieldContainer[Spectrum]
     peak: _array_pb2.Array
@@ -121,7 +121,7 @@ class Excitation(_message.Message):
     detection_share: float
     minimise_crest_factor: bool
     burst_share: float
-    def __init__(self, kind: _Optional[_Union[ExcitationKind, str]] = ..., spectrum: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., duration_seconds: _Optional[float] = ..., fade_seconds: _Optional[float] = ..., seed: _Optional[int] = ..., drive_spectra: _Optional[_Iterable[_Union[Spectrum, _Mapping]]] = ..., peak: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., delay_blocks: _Optional[int] = ..., capture_blocks: _Optional[int] = ..., repeats: _Optional[int] = ..., realisations: _Optional[int] = ..., odd_lines: _Optional[bool] = ..., detection_share: _Optional[float] = ..., minimise_crest_factor: _Optional[bool] = ..., burst_share: _Optional[float] = ...) -> None: ...
+    def __init__(self, kind: _Optional[_Union[ExcitationKind, str]] = ..., spectrum: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., duration: _Optional[float] = ..., fade: _Optional[float] = ..., seed: _Optional[int] = ..., drive_spectra: _Optional[_Iterable[_Union[Spectrum, _Mapping]]] = ..., peak: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., delay_blocks: _Optional[int] = ..., capture_blocks: _Optional[int] = ..., repeats: _Optional[int] = ..., realisations: _Optional[int] = ..., odd_lines: _Optional[bool] = ..., detection_share: _Optional[float] = ..., minimise_crest_factor: _Optional[bool] = ..., burst_share: _Optional[float] = ...) -> None: ...
 
 class Estimator(_message.Message):
     __slots__ = ("kind", "block_samples", "overlap", "local_order", "local_half_width")

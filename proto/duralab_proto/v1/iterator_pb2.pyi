@@ -100,7 +100,7 @@ class SecantSettings(_message.Message):
     def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ...) -> None: ...
 
 class UpdateSettings(_message.Message):
-    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "shape", "secant", "response_weight")
+    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "correction", "secant", "weights")
     KIND_FIELD_NUMBER: _ClassVar[int]
     ITERATION_GAIN_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
@@ -112,9 +112,9 @@ class UpdateSettings(_message.Message):
     GAIN_CURVE_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
     GAIN_CURVE_SHARE_FIELD_NUMBER: _ClassVar[int]
     PREDICTION_FIELD_NUMBER: _ClassVar[int]
-    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_FIELD_NUMBER: _ClassVar[int]
     SECANT_FIELD_NUMBER: _ClassVar[int]
-    RESPONSE_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    WEIGHTS_FIELD_NUMBER: _ClassVar[int]
     kind: UpdateKind
     iteration_gain: _array_pb2.Array
     smallest_correction: float
@@ -126,14 +126,14 @@ class UpdateSettings(_message.Message):
     gain_curve_frequency: _array_pb2.Array
     gain_curve_share: _array_pb2.Array
     prediction: CorrectionPrediction
-    shape: CorrectionShape
+    correction: CorrectionShape
     secant: SecantSettings
-    response_weight: _array_pb2.Array
-    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., shape: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., response_weight: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    weights: _array_pb2.Array
+    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., correction: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., weights: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
-    __slots__ = ("largest_iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent", "error_bound", "peak_bound", "damage_bound")
-    LARGEST_ITERATIONS_FIELD_NUMBER: _ClassVar[int]
+    __slots__ = ("iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent", "error_bound", "peak_bound", "damage_bound")
+    ITERATIONS_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     DIVERGENCE_RATIO_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
@@ -145,7 +145,7 @@ class StopCriteria(_message.Message):
     ERROR_BOUND_FIELD_NUMBER: _ClassVar[int]
     PEAK_BOUND_FIELD_NUMBER: _ClassVar[int]
     DAMAGE_BOUND_FIELD_NUMBER: _ClassVar[int]
-    largest_iterations: int
+    iterations: int
     relative_rms_error: float
     divergence_ratio: float
     smallest_damage_ratio: float
@@ -157,7 +157,7 @@ class StopCriteria(_message.Message):
     error_bound: float
     peak_bound: float
     damage_bound: float
-    def __init__(self, largest_iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ..., error_bound: _Optional[float] = ..., peak_bound: _Optional[float] = ..., damage_bound: _Optional[float] = ...) -> None: ...
+    def __init__(self, iterations: _Optional[int] = ..., relative_rms_error: _Optional[float] = ..., divergence_ratio: _Optional[float] = ..., smallest_damage_ratio: _Optional[float] = ..., largest_damage_ratio: _Optional[float] = ..., smallest_improvement: _Optional[float] = ..., improvement_playbacks: _Optional[int] = ..., damage_budget: _Optional[float] = ..., damage_exponent: _Optional[float] = ..., error_bound: _Optional[float] = ..., peak_bound: _Optional[float] = ..., damage_bound: _Optional[float] = ...) -> None: ...
 
 class Acceptance(_message.Message):
     __slots__ = ("relative_rms_error", "peak_ratio", "damage_ratio", "damage_exponent", "energy_outside_band")

@@ -8,7 +8,6 @@ will do. The service (`python -m identifier --config FILE`) plays on a rig of th
 from identifier.estimators import (
     LARGEST_CONDITION,
     Estimation,
-    EstimatorKind,
     EstimatorOptions,
     FrfEstimate,
     ModelWarning,
@@ -17,15 +16,9 @@ from identifier.estimators import (
     estimate,
 )
 from identifier.excitation import (
-    ExcitationKind,
-    ExcitationSettings,
     Experiment,
     ExperimentPlan,
-    LevelKind,
-    PowerSpectrum,
-    TabulatedSpectrum,
-    White,
-    WhitePink,
+    ExperimentSettings,
     check_levels,
     crest_factors,
     design_experiment,
@@ -37,9 +30,9 @@ from identifier.excitation import (
     schedule_experiment,
     shortest_delay_seconds,
     sign_matrix,
+    white,
 )
 from identifier.experiment import (
-    EstimatorSettings,
     IdentificationSettings,
     RigUnderTest,
     check_against_rig,
@@ -48,7 +41,6 @@ from identifier.experiment import (
 )
 from identifier.layout import Capture, Layout, Window
 from identifier.modelling import IdentifiedModel, content_hash, from_message, to_message, with_id
-from identifier.setting_error import SettingError
 from identifier.uncertainty import (
     DistortionLevels,
     ValidBand,
@@ -69,28 +61,19 @@ __all__ = [
     "Capture",
     "DistortionLevels",
     "Estimation",
-    "EstimatorKind",
     "EstimatorOptions",
-    "EstimatorSettings",
-    "ExcitationKind",
-    "ExcitationSettings",
     "Experiment",
     "ExperimentPlan",
+    "ExperimentSettings",
     "FrfEstimate",
     "IdentificationSettings",
     "IdentifiedModel",
     "Layout",
-    "LevelKind",
     "ModelWarning",
-    "PowerSpectrum",
     "RigUnderTest",
-    "SettingError",
     "SpectralSums",
-    "TabulatedSpectrum",
     "ValidBand",
     "WarningCode",
-    "White",
-    "WhitePink",
     "Window",
     "advise_levels",
     "check_against_rig",
@@ -120,5 +103,6 @@ __all__ = [
     "sign_matrix",
     "spectral_radius",
     "to_message",
+    "white",
     "with_id",
 ]

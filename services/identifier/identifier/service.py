@@ -10,6 +10,7 @@ from pydantic import Field
 
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import identifier_pb2, query_pb2
+from duralab_settings import SettingsError
 from identifier.bus import (
     advise,
     converge,
@@ -40,7 +41,6 @@ from identifier.modelling import (
     to_message,
     valid_band,
 )
-from identifier.setting_error import SettingError
 from labbus import Bus, Call, FaultError, ServiceConfig
 
 SERVICE = "identifier"
@@ -351,7 +351,7 @@ def _invalid() -> Iterator[None]:
     """Make a fault of a setting that is not allowed."""
     try:
         yield
-    except SettingError as error:
+    except SettingsError as error:
         raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field) from error
 
 

@@ -2,25 +2,26 @@
 
 import numpy as np
 
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, WhitePink
+from duralab_settings import ExcitationKind, WhitePinkSpectrum
+from identifier.excitation import ExperimentSettings, white
 
 RATE = 1000.0
-WHITE = White(0.5, 50.0)
-PINK = WhitePink(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
+WHITE = white(0.5, 50.0)
+PINK = WhitePinkSpectrum(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
 MULTISINES = [kind for kind in ExcitationKind if kind.is_multisine]
 
 
-def settings_of(drives=3, **changes):
+def settings_of(drives=3, *, level="rms", **changes):
     """Settings of a short experiment with two groups of actuators."""
     values = {
-        "spectra": tuple(PINK if index % 2 else WHITE for index in range(drives)),
-        "levels": tuple(0.5 + index for index in range(drives)),
-        "duration_seconds": 40.0,
+        "drive_spectra": tuple(PINK if index % 2 else WHITE for index in range(drives)),
+        level: tuple(0.5 + index for index in range(drives)),
+        "duration": 40.0,
         "block_samples": 2048,
-        "fade_seconds": 0.25,
+        "fade": 0.25,
         "seed": 11,
     }
-    return ExcitationSettings(**(values | changes))
+    return ExperimentSettings(**(values | changes))
 
 
 def blocks_of(experiment):

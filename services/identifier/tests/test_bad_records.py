@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from known_plants import error, lightly_damped, noise_layout, periodic_experiment, respond
 
-from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate
+from duralab_settings import EstimatorKind
+from identifier import Estimation, EstimatorOptions, WarningCode, estimate
 from identifier.estimators.periodicity import SMALLEST_DECAY, PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 

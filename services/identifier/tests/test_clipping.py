@@ -6,7 +6,7 @@ from known_plants import resonance
 from scipy import signal
 
 from identifier.estimators.record_checks import STEP_SAMPLES, ChannelCheck
-from identifier.excitation import ExcitationSettings, White, design_experiment
+from identifier.excitation import ExperimentSettings, design_experiment, white
 
 RATE = 512.0
 
@@ -41,12 +41,12 @@ def test_a_slow_crest_on_a_coarse_converter_is_not_clipped(highest, steps):
 @pytest.mark.parametrize("steps", [102, 410])
 def test_a_multisine_of_low_crest_factor_on_a_coarse_converter_is_not_clipped(steps):
     """Its crests are many, alike and flat."""
-    settings = ExcitationSettings(
-        spectra=(White(0.5, 5.0),),
-        levels=(1.0,),
-        duration_seconds=200.0,
+    settings = ExperimentSettings(
+        drive_spectra=(white(0.5, 5.0),),
+        rms=(1.0,),
+        duration=200.0,
         block_samples=8192,
-        fade_seconds=1.0,
+        fade=1.0,
         seed=1,
         minimise_crest_factor=True,
     )

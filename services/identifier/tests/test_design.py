@@ -5,7 +5,8 @@ import pytest
 from scipy import signal
 from short_experiments import MULTISINES, PINK, RATE, WHITE, blocks_of, drive_coherence, settings_of
 
-from identifier.excitation import ExcitationKind, LevelKind, TabulatedSpectrum, crest_factors, design_experiment
+from duralab_settings import ExcitationKind, TabulatedSpectrum
+from identifier.excitation import crest_factors, design_experiment, power_density
 from identifier.layout import Window
 
 EXACT = [
@@ -23,11 +24,11 @@ def design(drives=3, **changes):
 @pytest.mark.parametrize("kind", EXACT, ids=lambda kind: kind.value)
 @pytest.mark.parametrize("drives", [1, 2, 3, 6, 8])
 def test_orthogonal_drives_have_a_diagonal_s_uu_though_their_psds_differ(kind, drives):
-    assert drive_coherence(design(drives, kind=kind, duration_seconds=60.0)) <= 1e-12
+    assert drive_coherence(design(drives, kind=kind, duration=60.0)) <= 1e-12
 
 
 def test_nine_drives_take_the_twelve_columns_of_paley():
-    experiment = design(9, kind=ExcitationKind.HADAMARD, duration_seconds=60.0, delay_blocks=1, capture_blocks=1)
+    experiment = design(9, kind=ExcitationKind.HADAMARD, duration=60.0, delay_blocks=1, capture_blocks=1)
     assert len(experiment.layout.captures) == 12
     assert drive_coherence(experiment) <= 1e-12
 
@@ -43,12 +44,12 @@ def test_independent_phases_are_not_orthogonal():
 
 @pytest.mark.parametrize("kind", MULTISINES, ids=lambda kind: kind.value)
 def test_the_psd_of_every_captured_block_of_a_multisine_is_exact(kind):
-    table = TabulatedSpectrum(frequencies=(0.5, 8.0, 50.0), densities=(1.0, 30.0, 2.0))
-    experiment = design(kind=kind, spectra=(WHITE, PINK, table))
+    table = TabulatedSpectrum(frequency=(0.5, 8.0, 50.0), density=(1.0, 30.0, 2.0))
+    experiment = design(kind=kind, drive_spectra=(WHITE, PINK, table))
     lines = np.abs(np.fft.rfft(blocks_of(experiment), axis=-1)) ** 2
     frequency = experiment.layout.frequency
     for index, spectrum in enumerate((WHITE, PINK, table)):
-        density = spectrum.density(frequency)
+        density = power_density(spectrum, frequency)
         # Parseval: twice the sum over the lines is block^2 times the mean square.
         expected = density / density.sum() * (0.5 + index) ** 2 * 2048**2 / 2.0
         np.testing.assert_allclose(lines[:, index], np.tile(expected, (len(lines), 1)), rtol=1e-9, atol=1e-18 * 2048**2)
@@ -65,13 +66,13 @@ def test_the_rms_over_the_captures_is_exact(kind):
 
 @pytest.mark.parametrize("kind", list(ExcitationKind), ids=lambda kind: kind.value)
 def test_the_peak_of_the_whole_drive_is_exact(kind):
-    drive = design(kind=kind, level_kind=LevelKind.PEAK).drive
+    drive = design(kind=kind, level="peak").drive
     np.testing.assert_allclose(np.max(np.abs(drive), axis=1), [0.5, 1.5, 2.5], rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", EXACT[1:], ids=lambda kind: kind.value)
 def test_peak_levels_keep_s_uu_diagonal(kind):
-    assert drive_coherence(design(kind=kind, level_kind=LevelKind.PEAK)) <= 1e-12
+    assert drive_coherence(design(kind=kind, level="peak")) <= 1e-12
 
 
 @pytest.mark.parametrize("kind", list(ExcitationKind), ids=lambda kind: kind.value)
@@ -87,7 +88,7 @@ def test_a_rig_at_rest_is_not_kicked(kind):
 
 @pytest.mark.parametrize("kind", MULTISINES, ids=lambda kind: kind.value)
 def test_a_capture_of_a_multisine_and_the_delay_behind_its_fade_repeat_every_block(kind):
-    experiment = design(kind=kind, delay_blocks=2, capture_blocks=2, duration_seconds=60.0)
+    experiment = design(kind=kind, delay_blocks=2, capture_blocks=2, duration=60.0)
     for capture in experiment.layout.captures:
         stretch = experiment.drive[:, capture.start - 2 * 2048 : capture.start + 2 * 2048].reshape(3, 4, 2048)
         np.testing.assert_allclose(stretch[:, 1], stretch[:, 2], atol=1e-15)
@@ -97,7 +98,7 @@ def test_a_capture_of_a_multisine_and_the_delay_behind_its_fade_repeat_every_blo
 @pytest.mark.parametrize("kind", MULTISINES, ids=lambda kind: kind.value)
 def test_the_captures_of_a_linear_plant_give_its_exact_frf(kind):
     """The poles decay by 0.8 a sample: after a block of delay nothing is left of any experiment before."""
-    experiment = design(2, kind=kind, duration_seconds=60.0)
+    experiment = design(2, kind=kind, duration=60.0)
     layout, cells = experiment.layout, [[[1.0, 0.5], [0.3]], [[-0.2, 0.1], [2.0, 0.0, 1.0]]]
     response = np.stack(
         [sum(signal.lfilter(b, [1.0, -0.8], experiment.drive[j]) for j, b in enumerate(row)) for row in cells]
@@ -114,7 +115,7 @@ def test_the_captures_of_a_linear_plant_give_its_exact_frf(kind):
 
 
 def test_a_repeat_plays_the_same_realisation_again_and_the_next_realisation_is_another():
-    experiment = design(repeats=2, realisations=2, duration_seconds=80.0)
+    experiment = design(repeats=2, realisations=2, duration=80.0)
     numbers = [(c.realisation, c.experiment) for c in experiment.layout.captures]
     assert numbers == [(m, c) for m in range(2) for _ in range(2) for c in range(3)]
     blocks = blocks_of(experiment)[::2]
@@ -123,7 +124,7 @@ def test_a_repeat_plays_the_same_realisation_again_and_the_next_realisation_is_a
 
 
 def test_an_odd_multisine_has_nothing_on_even_lines_and_on_detection_lines():
-    experiment = design(odd_lines=True, detection_share=0.25, duration_seconds=60.0)
+    experiment = design(odd_lines=True, detection_share=0.25, duration=60.0)
     layout = experiment.layout
     assert not layout.excited[::2].any()
     odd_detection = np.flatnonzero(layout.detection[1::2])
@@ -164,9 +165,7 @@ def test_an_independent_drive_does_not_depend_on_how_many_others_there_are(kind)
 
 
 def test_pure_random_is_gaussian_and_a_burst_only_while_it_lasts():
-    drive = design(
-        kind=ExcitationKind.PURE_RANDOM, duration_seconds=200.0, spectra=(WHITE,) * 3, fade_seconds=0.0
-    ).drive
+    drive = design(kind=ExcitationKind.PURE_RANDOM, duration=200.0, drive_spectra=(WHITE,) * 3, fade=0.0).drive
     kurtosis = np.mean(drive**4, axis=1) / np.mean(drive**2, axis=1) ** 2
     np.testing.assert_allclose(kurtosis, 3.0, rtol=0.06)
     bursts = blocks_of(design(kind=ExcitationKind.BURST_RANDOM, burst_share=0.25))
@@ -178,10 +177,10 @@ def test_a_sweep_spends_its_energy_as_the_psd_asks():
     experiment = design(
         1,
         kind=ExcitationKind.SWEPT_SINE,
-        spectra=(PINK,),
+        drive_spectra=(PINK,),
         block_samples=32768,
         burst_share=0.9,
-        fade_seconds=0.05,
+        fade=0.05,
     )
     power = np.abs(np.fft.rfft(blocks_of(experiment)[0, 0])) ** 2
     frequency = experiment.layout.frequency

@@ -1,11 +1,11 @@
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from duralab_settings import ExcitationKind, Spectrum
+from identifier.excitation import ExperimentSettings, design_experiment, white
 from identifier.uncertainty import (
     can_separate,
     distortion_shares,
@@ -16,12 +16,12 @@ from identifier.uncertainty import (
 
 RATE = 512.0
 GAIN = np.array([[1.0, 0.4], [-0.3, 2.0]])
-SETTINGS = ExcitationSettings(
-    spectra=(White(lowest_frequency=4.0, highest_frequency=80.0),) * 2,
-    levels=(1.0, 1.0),
-    duration_seconds=160.0,
+SETTINGS = ExperimentSettings(
+    drive_spectra=(white(lowest_frequency=4.0, highest_frequency=80.0),) * 2,
+    rms=(1.0, 1.0),
+    duration=160.0,
     block_samples=512,
-    fade_seconds=0.0,
+    fade=0.0,
     seed=3,
     kind=ExcitationKind.RANDOM_ORTHOGONAL,
     delay_blocks=1,
@@ -46,7 +46,7 @@ def in_band_power(levels, psd):
 
 def test_a_linear_plant_with_noise_is_noisy_and_not_nonlinear():
     levels = played(SETTINGS, linear, noise=0.3)
-    # White noise of variance 0.09 has a one-sided density of 2 * 0.09 / rate.
+    # white noise of variance 0.09 has a one-sided density of 2 * 0.09 / rate.
     noise = np.mean(levels.noise_psd[levels.excited], axis=0)
     np.testing.assert_allclose(noise, 2.0 * 0.09 / RATE, rtol=0.05)
     distortion = np.mean(levels.distortion_psd[levels.excited], axis=0)
@@ -90,7 +90,7 @@ def test_the_amount_is_that_of_a_cube_of_gaussian_drive():
     # For a Gaussian u of variance 1, u^3 = 3 u + He3(u), and He3 has variance 6, spread over three times the band.
     # Brute force tells how much of it falls on the excited lines.
     share = 0.2
-    settings = replace(SETTINGS, duration_seconds=400.0)
+    settings = SETTINGS.model_copy(update={"duration": 400.0})
     levels = played(settings, lambda drive: drive + share * drive**3, noise=0.05)
     experiment = design_experiment(settings, drives=2, sample_rate=RATE)
     u = np.random.default_rng(1).standard_normal((2, 60, 512))
@@ -108,7 +108,7 @@ def test_the_amount_is_that_of_a_cube_of_gaussian_drive():
 
 @pytest.mark.parametrize(("power", "odd"), [(3, True), (2, False)])
 def test_cubes_fall_on_the_odd_lines_left_out_and_squares_on_the_even_ones(power, odd):
-    settings = replace(SETTINGS, odd_lines=True, detection_share=0.25, duration_seconds=200.0)
+    settings = SETTINGS.model_copy(update={"odd_lines": True, "detection_share": 0.25, "duration": 200.0})
     levels = played(settings, lambda drive: drive + 0.2 * drive**power, noise=0.02)
     silent = levels.odd_psd > 0.0
     np.testing.assert_array_equal(silent.any(axis=1)[::2], False)
@@ -130,7 +130,7 @@ def test_cubes_fall_on_the_odd_lines_left_out_and_squares_on_the_even_ones(power
 
 
 def test_lines_left_out_say_nothing_of_a_linear_plant():
-    settings = replace(SETTINGS, odd_lines=True, detection_share=0.25)
+    settings = SETTINGS.model_copy(update={"odd_lines": True, "detection_share": 0.25})
     for noise in (0.0, 0.3):
         sentences = separated_verdicts(played(settings, linear, noise=noise), responses=("a", "b"))
         assert [sentence.startswith("No nonlinearity beyond the noise in ") for sentence in sentences] == [True] * 2
@@ -138,15 +138,16 @@ def test_lines_left_out_say_nothing_of_a_linear_plant():
 
 def test_the_columns_of_one_hadamard_realisation_do_not_pass_for_other_phases():
     # Six drives have eight columns: more experiments than drives, but one set of phases.
-    settings = replace(
-        SETTINGS,
-        kind=ExcitationKind.HADAMARD,
-        spectra=SETTINGS.spectra[:1] * 6,
-        levels=(1.0,) * 6,
-        duration_seconds=70.0,
+    settings = SETTINGS.model_copy(
+        update={
+            "kind": ExcitationKind.HADAMARD,
+            "drive_spectra": (Spectrum(white_pink=SETTINGS.spectra[0]),) * 6,
+            "rms": (1.0,) * 6,
+            "duration": 70.0,
+        }
     )
     one, two = (
-        design_experiment(replace(settings, realisations=number), drives=6, sample_rate=RATE).layout
+        design_experiment(settings.model_copy(update={"realisations": number}), drives=6, sample_rate=RATE).layout
         for number in (1, 2)
     )
     assert not can_separate(one, drives=6)
@@ -181,7 +182,7 @@ def test_the_verdict_names_channel_frequency_and_share():
     ],
 )
 def test_an_experiment_that_cannot_tell_them_apart_is_known_and_refused(changes, possible):
-    settings = replace(SETTINGS, **changes)
+    settings = SETTINGS.model_copy(update={**changes})
     experiment = design_experiment(settings, drives=2, sample_rate=RATE)
     assert can_separate(experiment.layout, drives=2) == possible
     if not possible:
@@ -191,6 +192,6 @@ def test_an_experiment_that_cannot_tell_them_apart_is_known_and_refused(changes,
 
 @pytest.mark.parametrize("kind", [ExcitationKind.PSEUDO_RANDOM, ExcitationKind.HADAMARD, ExcitationKind.ORTHOGONAL_DFT])
 def test_every_multisine_serves(kind):
-    levels = played(replace(SETTINGS, kind=kind), linear, noise=0.3)
+    levels = played(SETTINGS.model_copy(update={"kind": kind}), linear, noise=0.3)
     np.testing.assert_allclose(np.mean(levels.noise_psd[levels.excited], axis=0), 2.0 * 0.09 / RATE, rtol=0.05)
     assert np.all(np.abs(np.mean(levels.distortion_psd[levels.excited], axis=0)) < 0.05 * 2.0 * 0.09 / RATE)

@@ -3,7 +3,8 @@ import pytest
 from short_experiments import RATE, settings_of
 
 import spectra
-from identifier.excitation import ExcitationKind, design_experiment, plan_experiment, shortest_delay_seconds
+from duralab_settings import ExcitationKind
+from identifier.excitation import design_experiment, plan_experiment, shortest_delay_seconds
 
 
 def plan(drives=3, **changes):
@@ -24,10 +25,10 @@ def test_the_plan_is_what_the_design_does(kind):
 
 def test_as_many_realisations_are_played_as_fit():
     # Three experiments of three blocks: 18.432 s a realisation, and a fade of 0.25 s at the end.
-    told = plan(duration_seconds=2 * 18.432 + 0.25)
+    told = plan(duration=2 * 18.432 + 0.25)
     assert (told.realisations, told.experiments_per_realisation, told.periods) == (2, 3, 2)
     assert told.samples == 2 * 18_432 + 250
-    assert plan(duration_seconds=2 * 18.432 + 0.249).realisations == 1
+    assert plan(duration=2 * 18.432 + 0.249).realisations == 1
     # The two periods of a capture average noise, but hold the same distortion.
     assert (told.blocks, told.independent_averages) == (12, 6.0)
     assert told.delay_seconds_share == pytest.approx(1.0 - 12 * 2048 / 37_114)

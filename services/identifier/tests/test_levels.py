@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1.array_pb2 import Channel
-from identifier.excitation import LevelKind, WhitePink, check_levels, pure_random
-from identifier.setting_error import SettingError
+from duralab_settings import LevelKind, SettingsError, WhitePinkSpectrum
+from identifier.excitation import check_levels, pure_random
 
 RATE = 1000.0
-PINK = WhitePink(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
+PINK = WhitePinkSpectrum(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
 
 
 def make(rms):
@@ -23,7 +23,7 @@ def test_every_drive_beyond_its_limit_is_named_with_peak_limit_and_a_level_that_
         Channel(name="left_vertical", unit="m", minimum=-0.02, maximum=0.02),
         Channel(name="right_vertical", unit="m", minimum=-0.03, maximum=0.5),
     ]
-    with pytest.raises(SettingError) as refusal:
+    with pytest.raises(SettingsError) as refusal:
         check_levels(drive, channels=channels, levels=(0.01, 0.02), sample_rate=RATE)
     message = str(refusal.value)
     assert refusal.value.field == "excitation.rms"
@@ -44,20 +44,20 @@ def test_a_drive_faster_than_its_slew_limit_is_refused_with_a_level_that_fits():
     drive = make(rms=(0.01,))
     fastest = np.max(np.abs(np.diff(drive))) * RATE
     channel = limited(minimum=-0.1, maximum=0.1, slew_limit=fastest / 2)
-    with pytest.raises(SettingError, match=r"m/s beyond its limit of .* m/s \(an RMS of 0\.00[45]"):
+    with pytest.raises(SettingsError, match=r"m/s beyond its limit of .* m/s \(an RMS of 0\.00[45]"):
         check_levels(drive, channels=[channel], levels=(0.01,), sample_rate=RATE)
     check_levels(0.499 * drive, channels=[channel], levels=(0.00499,), sample_rate=RATE)
 
 
 def test_a_limit_that_leaves_no_room_is_refused_without_a_level():
-    with pytest.raises(SettingError, match="no RMS fits"):
+    with pytest.raises(SettingsError, match="no RMS fits"):
         check_levels(make(rms=(0.01,)), channels=[limited(minimum=0.0, maximum=0.1)], levels=(0.01,), sample_rate=RATE)
 
 
 def test_a_peak_that_would_fit_is_named_where_levels_are_peaks():
     drive = np.array([[0.0, 0.2, -0.1]])
     with pytest.raises(
-        SettingError, match=r"reach 0\.2 m beyond its limit of 0\.1 m \(a peak of 0\.1 m fits\)"
+        SettingsError, match=r"reach 0\.2 m beyond its limit of 0\.1 m \(a peak of 0\.1 m fits\)"
     ) as refusal:
         check_levels(
             drive,

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from known_plants import PLANT, error, lightly_damped, noise_layout, periodic_experiment, respond
 
-from identifier import EstimatorKind, EstimatorOptions, estimate
+from duralab_settings import EstimatorKind
+from identifier import EstimatorOptions, estimate
 
 BLOCK = 2048
 

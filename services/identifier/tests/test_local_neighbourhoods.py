@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from known_plants import noise_layout, periodic_experiment, respond
 
-from identifier import EstimatorKind, EstimatorOptions, estimate
+from duralab_settings import EstimatorKind
+from identifier import EstimatorOptions, estimate
 from identifier.estimators.local_polynomial import local_polynomial_model
 from identifier.estimators.local_rational import local_rational_model
 from identifier.estimators.local_regression import LocalSums

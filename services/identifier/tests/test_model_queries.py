@@ -9,7 +9,7 @@ import pytest
 from duralab_proto.arrays import from_array, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from duralab_proto.v1.array_pb2 import Channel
-from identifier import SettingError
+from duralab_settings import SettingsError
 from identifier.bus import advise, converge, drive_room
 from identifier.modelling import IdentifiedModel, to_message, with_id
 from identifier.service import IdentifierConfig, IdentifierService
@@ -67,7 +67,7 @@ def test_convergence_is_foretold_only_where_the_rigs_model_is_valid_too():
     answer = converge(model, convergence_request(5.0, 40.0), rig=rig)
     np.testing.assert_allclose(from_array(answer.spectral_radius), 0.4, atol=1e-3)
     for lowest, highest in ((2.0, 40.0), (5.0, 50.0)):
-        with pytest.raises(SettingError, match="within that of rig model 5 to 40 Hz, 5 to 40 Hz") as refusal:
+        with pytest.raises(SettingsError, match="within that of rig model 5 to 40 Hz, 5 to 40 Hz") as refusal:
             converge(model, convergence_request(lowest, highest), rig=rig)
         assert refusal.value.field == "lowest_frequency"
 
@@ -81,7 +81,7 @@ def advice_request(model, **changes):
 @pytest.mark.parametrize("crest_factor", [0.5, -1.0, np.inf])
 def test_a_crest_factor_that_is_not_allowed_is_refused_with_its_field(crest_factor):
     model = model_valid(1.0, 60.0)
-    with pytest.raises(SettingError, match="it must be 1 or more and finite") as refusal:
+    with pytest.raises(SettingsError, match="it must be 1 or more and finite") as refusal:
         advise(model, advice_request(model, crest_factor=crest_factor), room=drive_room(model))
     assert refusal.value.field == "crest_factor"
 
@@ -89,7 +89,7 @@ def test_a_crest_factor_that_is_not_allowed_is_refused_with_its_field(crest_fact
 def test_a_target_that_does_not_move_is_refused_with_its_field():
     model = model_valid(1.0, 60.0)
     still = to_record(model.responses, RATE, np.ones((2, 4000)))
-    with pytest.raises(SettingError, match="does not move") as refusal:
+    with pytest.raises(SettingsError, match="does not move") as refusal:
         advise(model, advice_request(model, target=still), room=drive_room(model))
     assert refusal.value.field == "target"
 

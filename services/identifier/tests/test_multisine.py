@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from identifier.excitation import TabulatedSpectrum, White
+from duralab_settings import TabulatedSpectrum
+from identifier.excitation import white
 from identifier.excitation.multisine import block_of, choose_lines, line_amplitudes
 
 FREQUENCY = np.arange(129.0)
@@ -16,7 +17,7 @@ def test_a_block_is_the_sum_of_cosines_of_its_lines():
 
 
 def test_amplitudes_are_those_of_a_block_of_rms_one_whatever_the_phases():
-    spectra = (White(2.0, 60.0), TabulatedSpectrum(frequencies=(2.0, 60.0), densities=(9.0, 1.0)))
+    spectra = (white(2.0, 60.0), TabulatedSpectrum(frequency=(2.0, 60.0), density=(9.0, 1.0)))
     excited, _ = choose_lines(spectra[0], frequency=FREQUENCY, odd=True, detection_share=0.0, seed=1)
     amplitude = line_amplitudes(spectra, frequency=FREQUENCY, excited=excited)
     phase = np.exp(2j * np.pi * np.random.default_rng(2).random(amplitude.shape))
@@ -26,6 +27,6 @@ def test_amplitudes_are_those_of_a_block_of_rms_one_whatever_the_phases():
 
 @pytest.mark.parametrize("odd", [False, True])
 def test_lines_without_a_phase_are_not_excited(odd):
-    excited, detection = choose_lines(White(1e-9, 128.0), frequency=FREQUENCY, odd=odd, detection_share=0.0, seed=1)
+    excited, detection = choose_lines(white(1e-9, 128.0), frequency=FREQUENCY, odd=odd, detection_share=0.0, seed=1)
     assert not (excited | detection)[[0, 128]].any()
     np.testing.assert_array_equal(np.flatnonzero(detection), np.arange(2, 128, 2) if odd else [])

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 import spectra
-from identifier.excitation import White, WhitePink, pure_random
+from duralab_settings import WhitePinkSpectrum
+from identifier.excitation import power_density, pure_random, white
 
 RATE = 1000.0
-PINK = WhitePink(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
+PINK = WhitePinkSpectrum(lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0)
 
 
 def make(samples=60_000, fade=1000, rms=(0.01, 0.02, 0.5), seed=3, spectrum=PINK):
@@ -49,8 +50,12 @@ def test_the_psd_is_flat_to_the_corner_and_falls_by_the_slope_above():
 
 
 def test_a_slope_of_zero_is_white():
-    white = WhitePink(lowest_frequency=1.0, highest_frequency=100.0, corner_frequency=1.0, decibels_per_octave=0.0)
-    np.testing.assert_array_equal(white.density(np.array([0.5, 1.0, 30.0, 100.0, 101.0])), [0.0, 1.0, 1.0, 1.0, 0.0])
+    white = WhitePinkSpectrum(
+        lowest_frequency=1.0, highest_frequency=100.0, corner_frequency=1.0, decibels_per_octave=0.0
+    )
+    np.testing.assert_array_equal(
+        power_density(white, np.array([0.5, 1.0, 30.0, 100.0, 101.0])), [0.0, 1.0, 1.0, 1.0, 0.0]
+    )
 
 
 def test_drives_are_independent_and_gaussian():
@@ -83,7 +88,7 @@ def test_fades_that_leave_nothing_are_refused():
 
 
 def test_every_drive_can_have_its_own_psd():
-    drive = make(rms=(1.0, 1.0), fade=0, spectrum=(White(1.0, 10.0), White(20.0, 40.0)))
+    drive = make(rms=(1.0, 1.0), fade=0, spectrum=(white(1.0, 10.0), white(20.0, 40.0)))
     power = np.abs(np.fft.rfft(drive, axis=1)) ** 2
     frequency = np.fft.rfftfreq(60_000, 1 / RATE)
     assert power[0, frequency > 10.5].sum() < 1e-20 * power[0].sum()

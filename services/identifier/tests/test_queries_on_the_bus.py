@@ -37,8 +37,8 @@ def request(run, **excitation):
                     lowest_frequency=1.0, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0
                 ),
                 "rms": to_array(np.array([0.005, 0.005])),
-                "duration_seconds": 30.0,
-                "fade_seconds": 0.5,
+                "duration": 30.0,
+                "fade": 0.5,
                 "seed": 1,
                 "capture_blocks": 2,
                 **excitation,

@@ -6,13 +6,10 @@ import pytest
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from duralab_proto.v1.array_pb2 import Channel
+from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, SettingsError
 from identifier import (
-    EstimatorKind,
-    EstimatorSettings,
-    ExcitationKind,
     ModelWarning,
     RigUnderTest,
-    SettingError,
     WarningCode,
     check_against_rig,
     content_hash,
@@ -35,8 +32,8 @@ def request(**changes):
                 lowest_frequency=0.5, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0
             ),
             rms=to_array(np.array([0.01, 0.02])),
-            duration_seconds=20.0,
-            fade_seconds=1.0,
+            duration=20.0,
+            fade=1.0,
             seed=2**64 - 1,
         ),
         estimator=identifier_pb2.Estimator(kind=identifier_pb2.ESTIMATOR_KIND_H1, block_samples=1024, overlap=0.5),
@@ -74,7 +71,7 @@ def plan(message):
 def multisine(**changes):
     return request(
         excitation__kind=identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL,
-        **{"excitation__capture_blocks": 2, "excitation__duration_seconds": 30.0, **changes},
+        **{"excitation__capture_blocks": 2, "excitation__duration": 30.0, **changes},
     )
 
 
@@ -85,7 +82,7 @@ def test_a_sound_request_passes_every_check():
 @pytest.mark.parametrize("kind", list(ExcitationKind))
 def test_every_kind_of_excitation_can_be_asked_for(kind):
     number = identifier_pb2.ExcitationKind.Value(f"EXCITATION_KIND_{kind.name}")
-    message = request(excitation__kind=number, excitation__fade_seconds=0.1, excitation__rms=[0.005, 0.005])
+    message = request(excitation__kind=number, excitation__fade=0.1, excitation__rms=[0.005, 0.005])
     assert settings_of(message).excitation.kind is kind
     assert plan(message).drive.shape[0] == 2
 
@@ -114,9 +111,9 @@ def test_drives_of_different_kinds_have_spectra_of_their_own_and_levels_may_be_p
     # 6 dB per octave over the 3.26 octaves from 5 to 48 Hz, and the table's -20 dB at 50 Hz.
     np.testing.assert_allclose((lines[:, at[1]] / lines[:, at[0]]) ** 2, [10 ** (-0.6 * 3.26), 0.0125], rtol=0.1)
     table.density.CopyFrom(to_array(np.array([1.0, -1.0, 0.01])))
-    with pytest.raises(SettingError, match="must be finite and greater") as refusal:
+    with pytest.raises(SettingsError, match=r"table.density.1 is -1.0; it must be greater than 0") as refusal:
         settings_of(message)
-    assert refusal.value.field == "excitation.drive_spectra.1"
+    assert refusal.value.field == "excitation.drive_spectra.1.table.density.1"
 
 
 @pytest.mark.parametrize(
@@ -125,34 +122,43 @@ def test_drives_of_different_kinds_have_spectra_of_their_own_and_levels_may_be_p
         ({"rig": "Front Axle"}, "rig", "Front Axle"),
         ({"rig": ""}, "rig", "rig"),
         ({"run": "a/b"}, "run", "a/b"),
-        ({"excitation__kind": 0}, "excitation.kind", "kind 0"),
-        ({"estimator__kind": 7}, "estimator.kind", "kind 7"),
+        ({"excitation__kind": 0}, "excitation.kind", r"is 0; offered are PURE_RANDOM \(1\)"),
+        ({"estimator__kind": 7}, "estimator.kind", r"is 7; offered are H1 \(1\)"),
         ({"estimator__kind": identifier_pb2.ESTIMATOR_KIND_H2}, "estimator.kind", "3 responses and 2 drives; H2"),
-        ({"estimator__local_order": 7}, "estimator.local_order", "from 1 to 6"),
-        ({"excitation__peak": [0.01, 0.01]}, "excitation.peak", "one of the two"),
+        ({"estimator__local_order": 7}, "estimator.local_order", "is 7; it must be less than or equal to 6"),
+        ({"excitation__peak": [0.01, 0.01]}, "excitation.peak", "an rms or a peak .* and not both"),
         ({"excitation__odd_lines": True}, "excitation.odd_lines", "only a multisine"),
         ({"excitation__rms": [0.01]}, "excitation.rms", "1 RMS values were given; .* 2 drives"),
-        ({"excitation__rms": [0.01, 0.0]}, "excitation.rms", "RMS of drive 1 is 0.0"),
-        ({"excitation__rms": []}, "excitation.rms", "of each for every drive"),
+        ({"excitation__rms": [0.01, 0.0]}, "excitation.rms.1", "is 0.0; it must be greater than 0"),
+        ({"excitation__rms": []}, "excitation.rms", "at least 1 item"),
         ({"excitation__rms": [0.01, np.nan]}, "excitation.rms", "nan"),
         ({"excitation__rms": [[0.01, 0.01]]}, "excitation.rms", "shape"),
         ({"excitation__rms": [0.01, 0.05]}, "excitation.rms", "drive_1 would reach .* limit of"),
         ({"excitation__spectrum__highest_frequency": 500.0}, "excitation.spectrum.highest_frequency", "below 500 Hz"),
         ({"excitation__spectrum__highest_frequency": np.nan}, "excitation.spectrum.highest_frequency", "nan"),
-        ({"excitation__spectrum__lowest_frequency": 0.0}, "excitation.spectrum.highest_frequency", "above 0"),
-        ({"excitation__spectrum__corner_frequency": 60.0}, "excitation.spectrum.corner_frequency", "60.0 Hz"),
-        ({"excitation__spectrum__decibels_per_octave": -3.0}, "excitation.spectrum.decibels_per_octave", "-3.0 dB"),
-        ({"excitation__duration_seconds": np.inf}, "excitation.duration_seconds", "inf s"),
-        ({"excitation__duration_seconds": 601.0}, "excitation.duration_seconds", "at most 600 s"),
-        ({"excitation__duration_seconds": 4.0}, "excitation.duration_seconds", "4 are needed for 2 drives, so take"),
-        ({"excitation__fade_seconds": 10.0}, "excitation.fade_seconds", "less than half"),
-        ({"excitation__fade_seconds": -1.0}, "excitation.fade_seconds", "0 or more"),
-        ({"estimator__block_samples": 255}, "estimator.block_samples", "255 samples"),
-        ({"estimator__block_samples": 2**31}, "estimator.block_samples", "between the fades"),
+        (
+            {"excitation__spectrum__lowest_frequency": 0.0},
+            "excitation.spectrum.lowest_frequency",
+            "is 0.0; it must be gr",
+        ),
+        (
+            {"excitation__spectrum__corner_frequency": 60.0},
+            "excitation.spectrum.corner_frequency",
+            "corner at 60 Hz; it must lie",
+        ),
+        ({"excitation__spectrum__decibels_per_octave": -3.0}, "excitation.spectrum.decibels_per_octave", "is -3.0"),
+        ({"excitation__duration": np.inf}, "excitation.duration", "inf; it must be a finite"),
+        ({"excitation__duration": 601.0}, "excitation.duration", "at most 600 s"),
+        ({"excitation__duration": 4.0}, "excitation.duration", "4 are needed for 2 drives, so take"),
+        ({"excitation__fade": 10.0}, "excitation.fade", "nothing would be left"),
+        ({"excitation__fade": -1.0}, "excitation.fade", "greater than or equal to 0"),
+        ({"estimator__block_samples": 255}, "estimator.block_samples", "is 255; it must be"),
+        ({"estimator__block_samples": 2**31}, "estimator.block_samples", "less than or equal to 1048576"),
         ({"estimator__overlap": 1.0}, "estimator.overlap", "less than 1"),
         ({"estimator__overlap": np.nan}, "estimator.overlap", "nan"),
+        ({"estimator__block_samples": 2**20}, "estimator.block_samples", "between the fades"),
         (
-            {"estimator__overlap": 0.9999, "excitation__duration_seconds": 600.0, "estimator__block_samples": 8192},
+            {"estimator__overlap": 0.9999, "excitation__duration": 600.0, "estimator__block_samples": 8192},
             "estimator.overlap",
             "smaller overlap",
         ),
@@ -167,27 +173,27 @@ def test_drives_of_different_kinds_have_spectra_of_their_own_and_levels_may_be_p
     ],
 )
 def test_what_is_not_allowed_is_refused_with_its_field(changes, field, message):
-    with pytest.raises(SettingError, match=message) as refusal:
+    with pytest.raises(SettingsError, match=message) as refusal:
         plan(request(**changes))
     assert refusal.value.field == field
     assert str(refusal.value).endswith(".")
 
 
 def test_the_duration_asked_for_is_enough():
-    short = request(excitation__duration_seconds=4.0, estimator__overlap=0.75)
-    with pytest.raises(SettingError) as refusal:
+    short = request(excitation__duration=4.0, estimator__overlap=0.75)
+    with pytest.raises(SettingsError) as refusal:
         check_against_rig(settings_of(short), RIG)
     asked = float(str(refusal.value).split("take ")[1].split(" s or")[0])
-    check_against_rig(settings_of(request(excitation__duration_seconds=asked, estimator__overlap=0.75)), RIG)
+    check_against_rig(settings_of(request(excitation__duration=asked, estimator__overlap=0.75)), RIG)
 
 
 def test_a_multisine_that_does_not_fit_is_refused_with_its_field():
-    with pytest.raises(SettingError, match="realisations of") as refusal:
+    with pytest.raises(SettingsError, match="realisations of") as refusal:
         plan(multisine(excitation__realisations=50))
-    assert refusal.value.field == "excitation.duration_seconds"
+    assert refusal.value.field == "excitation.duration"
 
 
-ESTIMATOR = EstimatorSettings()
+ESTIMATOR = EstimatorSettings(block_samples=1024)
 
 
 @pytest.mark.parametrize("message", [request(), multisine()])
@@ -291,7 +297,7 @@ def test_a_model_says_how_linear_the_rig_is():
     together, apart, unknown = make_model(), make_model(multisine()), make_model(multisine(excitation__realisations=1))
     assert len(together.verdicts) == len(apart.verdicts) == 3
     assert together.distortion is None
-    few = make_model(request(excitation__duration_seconds=6.5))
+    few = make_model(request(excitation__duration=6.5))
     share = np.sqrt(np.sum(few.residual_psd, axis=0) / np.sum(few.response_psd[few.band.lines], axis=0))
     assert few.verdicts[0].startswith("Unexplained ")
     assert f"{100.0 * share[0]:.2g} % over the band" in few.verdicts[0]

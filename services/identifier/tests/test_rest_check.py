@@ -5,21 +5,22 @@ import pytest
 from known_plants import RATE
 from scipy.signal import lfilter
 
-from identifier import EstimatorKind, WarningCode, estimate
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier import WarningCode, estimate
 from identifier.estimators.rest_check import RestCheck
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from identifier.excitation import ExperimentSettings, design_experiment, white
 
 BLOCK = 1024
 BURSTS = (ExcitationKind.BURST_RANDOM, ExcitationKind.SWEPT_SINE)
 
 
 def design(kind, *, share=0.5):
-    settings = ExcitationSettings(
-        spectra=(White(2.0, 60.0),) * 2,
-        levels=(1.0, 1.0),
-        duration_seconds=40 * BLOCK / RATE,
+    settings = ExperimentSettings(
+        drive_spectra=(white(2.0, 60.0),) * 2,
+        rms=(1.0, 1.0),
+        duration=40 * BLOCK / RATE,
         block_samples=BLOCK,
-        fade_seconds=0.1,
+        fade=0.1,
         burst_share=share,
         seed=6,
         kind=kind,

@@ -4,7 +4,7 @@ import pytest
 from test_request_and_model import RIG, multisine, plan, request
 
 from duralab_proto.v1 import identifier_pb2
-from identifier import SettingError
+from duralab_settings import SettingsError
 from identifier.experiment import with_names
 
 POLYNOMIAL = {"estimator__kind": identifier_pb2.ESTIMATOR_KIND_LOCAL_POLYNOMIAL}
@@ -20,8 +20,8 @@ RATIONAL = {"estimator__kind": identifier_pb2.ESTIMATOR_KIND_LOCAL_RATIONAL}
     ],
 )
 def test_a_local_method_without_enough_equations_is_refused_before_anything_is_played(make, changes, message):
-    with pytest.raises(SettingError, match=message) as refusal:
-        plan(make(**{"estimator__block_samples": 256, "excitation__fade_seconds": 0.1, **changes}))
+    with pytest.raises(SettingsError, match=message) as refusal:
+        plan(make(**{"estimator__block_samples": 256, "excitation__fade": 0.1, **changes}))
     assert refusal.value.field == "estimator.local_half_width"
 
 

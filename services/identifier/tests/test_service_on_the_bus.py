@@ -42,8 +42,8 @@ def request(run, *, rig="linear", seed=1, rms=(0.005, 0.005), seconds=60.0):
                 lowest_frequency=1.0, highest_frequency=50.0, corner_frequency=5.0, decibels_per_octave=6.0
             ),
             rms=to_array(np.array(rms)),
-            duration_seconds=seconds,
-            fade_seconds=1.0,
+            duration=seconds,
+            fade=1.0,
             seed=seed,
         ),
         estimator=identifier_pb2.Estimator(kind=identifier_pb2.ESTIMATOR_KIND_H1, block_samples=1024, overlap=0.5),

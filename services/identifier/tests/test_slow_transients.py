@@ -7,7 +7,8 @@ import pytest
 from known_plants import lightly_damped, periodic_experiment, respond
 from scipy import signal
 
-from identifier import EstimatorKind, WarningCode, estimate
+from duralab_settings import EstimatorKind
+from identifier import WarningCode, estimate
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.slow_transients import SlowTransients
 from identifier.uncertainty import separate_distortion, separated_verdicts

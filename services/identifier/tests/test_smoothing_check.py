@@ -5,8 +5,9 @@ import pytest
 from known_plants import RATE, error, lightly_damped, respond, true_frf
 from short_experiments import WHITE, settings_of
 
-from identifier.estimators import EstimatorKind, EstimatorOptions, WarningCode, estimate
-from identifier.excitation import ExcitationKind, design_experiment
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier.estimators import EstimatorOptions, WarningCode, estimate
+from identifier.excitation import design_experiment
 
 LOCAL = (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
 AT_REST = (ExcitationKind.BURST_RANDOM, ExcitationKind.SWEPT_SINE)
@@ -15,8 +16,8 @@ AT_REST = (ExcitationKind.BURST_RANDOM, ExcitationKind.SWEPT_SINE)
 def identified(damping, *, noise, kind=EstimatorKind.LOCAL_POLYNOMIAL):
     # After ten blocks of 2 s the slowest mode, 20 Hz with 0.2 % damping, has died out to one part in a hundred.
     settings = settings_of(
-        drives=2, spectra=(WHITE, WHITE), levels=(1.0, 1.0), delay_blocks=10, capture_blocks=1, realisations=3,
-        duration_seconds=160.0,
+        drives=2, drive_spectra=(WHITE, WHITE), rms=(1.0, 1.0), delay_blocks=10, capture_blocks=1, realisations=3,
+        duration=160.0,
     )  # fmt: skip
     experiment = design_experiment(settings, drives=2, sample_rate=RATE)
     plant = lightly_damped(damping)
@@ -59,7 +60,7 @@ def test_h1_has_nothing_to_smooth():
 
 def played(kind, damping, *, estimator, noise=0.0, half_width=None, seconds=120.0, distort=None, **changes):
     settings = settings_of(
-        drives=2, spectra=(WHITE, WHITE), levels=(1.0, 1.0), kind=kind, duration_seconds=seconds, **changes
+        drives=2, drive_spectra=(WHITE, WHITE), rms=(1.0, 1.0), kind=kind, duration=seconds, **changes
     )
     experiment = design_experiment(settings, drives=2, sample_rate=RATE)
     plant = lightly_damped(damping)
@@ -138,8 +139,8 @@ def test_distortion_that_all_captures_share_is_not_taken_for_a_bias(kind):
 def test_the_bias_at_a_resonance_is_that_of_the_fourth_derivative():
     damping, half_width = 0.1, 6
     settings = settings_of(
-        drives=2, spectra=(WHITE, WHITE), levels=(1.0, 1.0), block_samples=8192, delay_blocks=1, realisations=4,
-        duration_seconds=240.0,
+        drives=2, drive_spectra=(WHITE, WHITE), rms=(1.0, 1.0), block_samples=8192, delay_blocks=1, realisations=4,
+        duration=240.0,
     )  # fmt: skip
     experiment = design_experiment(settings, drives=2, sample_rate=RATE)
     plant = lightly_damped(damping)

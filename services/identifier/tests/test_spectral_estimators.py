@@ -3,7 +3,8 @@ import pytest
 from known_plants import PLANT, RATE, error, lightly_damped, noise_layout, periodic_experiment, respond, true_frf
 from scipy import signal
 
-from identifier import LARGEST_CONDITION, Estimation, EstimatorKind, EstimatorOptions, SpectralSums, estimate
+from duralab_settings import EstimatorKind
+from identifier import LARGEST_CONDITION, Estimation, EstimatorOptions, SpectralSums, estimate
 from identifier.estimators.coherence import multiple_coherence, require_audible
 from identifier.estimators.condition import unit_diagonal
 from identifier.estimators.h2 import h2

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from known_plants import RATE, noise_layout, periodic_experiment, respond
 
-from identifier import Estimation, EstimatorKind, EstimatorOptions, WarningCode, estimate
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier import Estimation, EstimatorOptions, WarningCode, estimate
 from identifier.estimators.standstill import StandstillCheck
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from identifier.excitation import ExperimentSettings, design_experiment, white
 
 
 def stuck_warnings(drive, response, layout):
@@ -17,12 +18,12 @@ def stuck_warnings(drive, response, layout):
 
 
 def design(kind, *, block=1024):
-    settings = ExcitationSettings(
-        spectra=(White(2.0, 60.0),) * 2,
-        levels=(1.0, 1.0),
-        duration_seconds=40.0,
+    settings = ExperimentSettings(
+        drive_spectra=(white(2.0, 60.0),) * 2,
+        rms=(1.0, 1.0),
+        duration=40.0,
         block_samples=block,
-        fade_seconds=0.1,
+        fade=0.1,
         seed=6,
         kind=kind,
     )

@@ -5,7 +5,8 @@ import pytest
 from scipy import signal
 from short_experiments import RATE, blocks_of
 
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from duralab_settings import ExcitationKind
+from identifier.excitation import ExperimentSettings, design_experiment, white
 
 DRIVES, CUBE = 4, 0.15
 FIRST, SECOND = signal.butter(2, 30.0, fs=RATE), signal.butter(2, 40.0, fs=RATE)
@@ -28,13 +29,13 @@ def best_linear_approximation(frequency):
 def error(kind, experiments, seed):
     """Relative RMS error of the FRF after a number of experiments."""
     columns = 1 if kind is ExcitationKind.PSEUDO_RANDOM else DRIVES
-    settings = ExcitationSettings(
+    settings = ExperimentSettings(
         kind=kind,
-        spectra=(White(0.5, 50.0),) * DRIVES,
-        levels=(1.0,) * DRIVES,
-        duration_seconds=1e4,
+        drive_spectra=(white(0.5, 50.0),) * DRIVES,
+        rms=(1.0,) * DRIVES,
+        duration=1e4,
         block_samples=2048,
-        fade_seconds=0.5,
+        fade=0.5,
         seed=seed,
         capture_blocks=1,
         realisations=experiments // columns,

@@ -2,15 +2,9 @@ import numpy as np
 import pytest
 from known_plants import noise_layout
 
-from identifier import (
-    EstimatorKind,
-    EstimatorOptions,
-    element_variance,
-    estimate,
-    relative_magnitude_variance,
-    row_covariance,
-)
-from identifier.excitation import ExcitationKind, ExcitationSettings, White, design_experiment
+from duralab_settings import EstimatorKind, ExcitationKind
+from identifier import EstimatorOptions, element_variance, estimate, relative_magnitude_variance, row_covariance
+from identifier.excitation import ExperimentSettings, design_experiment, white
 from identifier.uncertainty import unexplained_shares, unexplained_verdicts
 
 RATE, BLOCK = 1000.0, 128
@@ -101,13 +95,13 @@ def test_the_covariance_of_a_row_holds_between_the_drives():
 
 @pytest.mark.parametrize("kind", [ExcitationKind.RANDOM_ORTHOGONAL, ExcitationKind.PSEUDO_RANDOM])
 def test_the_variance_holds_for_periodic_experiments(kind):
-    settings = ExcitationSettings(
+    settings = ExperimentSettings(
         kind=kind,
-        spectra=(White(lowest_frequency=10.0, highest_frequency=490.0),) * 3,
-        levels=(1.0, 2.0, 0.5),
-        duration_seconds=13.9,
+        drive_spectra=(white(lowest_frequency=10.0, highest_frequency=490.0),) * 3,
+        rms=(1.0, 2.0, 0.5),
+        duration=13.9,
         block_samples=256,
-        fade_seconds=0.0,
+        fade=0.0,
         seed=4,
         delay_blocks=1,
         capture_blocks=2,

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from known_plants import PLANT, RATE, error, noise_layout, periodic_experiment, respond, true_frf
 
-from identifier import EstimatorKind, SpectralSums, WarningCode, estimate
+from duralab_settings import EstimatorKind
+from identifier import SpectralSums, WarningCode, estimate
 from spectra import cross_spectra
 
 SQUARE = PLANT[:2]

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import InstanceOf, model_validator
 
+from duralab_settings import LimitPolicy, PlaybackSettings, StopCriteria
 from iterator.assessment import (
     IterationMetrics,
     Outcome,
     PassedBound,
     PlaybackBoundError,
     Standstill,
-    StopCriteria,
     best_at_full_level,
     comparable_history,
+    is_bounded,
     judge_end_at_levels,
     judge_response,
     level_of,
-    partial_playbacks,
     passed_bound,
-    require_levels,
     standstills,
 )
 from iterator.band import DRIVE_FADE_SECONDS, faded
 from iterator.limits import (
-    DEFAULT_LARGEST_OVERRUN,
     DriveLimits,
     DriveProjection,
-    LimitPolicy,
     UnreachableSegment,
     held_share,
     project_drive,
@@ -61,9 +59,8 @@ Play = Callable[[NDArray[np.float64]], ArrayLike]
 _MOST_HELD: Final = 0.002
 
 
-@dataclass(frozen=True)
-class CampaignSettings:
-    """How to iterate and when to end.
+class CampaignSettings(PlaybackSettings):
+    """How to iterate and when to end; its other fields are those of `PlaybackSettings`.
 
     Parameters
     ----------
@@ -71,36 +68,22 @@ class CampaignSettings:
         Kind, control band, gains and safeguards.
     stop : StopCriteria
         When to end.
-    levels : tuple of float
-        Share of the target in each of the first playbacks, see `require_levels`; empty: all are at full level.
-    limit_policy : LimitPolicy
-        What is done with a next drive that would pass a limit of the rig.
-    largest_overrun : float
-        Most that the first drive for the whole target may reach of a limit to be projected, 1 or more: a target that
-        asks for more is refused, because projection is for small overruns.
 
     Raises
     ------
     ValueError
-        The levels are not allowed, or leave no playback at full level, or the overrun is below 1.
+        A value is not allowed, or the levels leave no playback at full level.
     """
 
-    update: UpdateSettings
-    stop: StopCriteria
-    levels: tuple[float, ...] = ()
+    # A notebook asks for projection by name; a campaign file has it by default.
     limit_policy: LimitPolicy = LimitPolicy.REFUSE
-    largest_overrun: float = DEFAULT_LARGEST_OVERRUN
+    update: InstanceOf[UpdateSettings]
+    stop: InstanceOf[StopCriteria]
 
-    def __post_init__(self) -> None:
-        require_levels(self.levels)
-        if not 1.0 <= self.largest_overrun < np.inf:
-            raise ValueError(f"The largest overrun is {self.largest_overrun:g}; it must be finite and 1 or more.")
-        partial = partial_playbacks(self.levels)
-        if partial >= self.stop.largest_iterations:
-            raise ValueError(
-                f"There are {partial} playbacks at partial level and {self.stop.largest_iterations} in all; one at "
-                "full level at least must follow."
-            )
+    @model_validator(mode="after")
+    def _check_whole_playback(self) -> Self:
+        self.require_whole_playback(self.stop)
+        return self
 
 
 @dataclass(frozen=True)
@@ -248,8 +231,8 @@ def iterate(
     make_step = UPDATES[settings.update.kind] if update is None else own_update(update)
     metrics: tuple[IterationMetrics, ...] = ()
     outcome = None
-    without_squares = replace(own_settings, secant=replace(own_settings.secant, squares=False))
-    own, first_model = replace(settings, update=own_settings), model
+    without_squares = own_settings.model_copy(update={"squares": False})
+    own, first_model = settings.model_copy(update={"update": own_settings}), model
     held = False
     while outcome is None:
         number = len(metrics) + 1
@@ -308,7 +291,7 @@ def _predicted_beyond_bounds(
     friction and arcs, is in the last response as far as the step is small. The identified model, because one that an
     update has bent foresees what that update wants.
     """
-    if settings.stop.bounds.none:
+    if not is_bounded(settings.stop):
         return None
     if history.playbacks:
         last = history.playbacks[-1]
@@ -336,7 +319,7 @@ def _playable_drive(
         drive,
         last_drive=None if step.stepped_from is None else level * step.stepped_from,
         limits=limits,
-        iteration_gain=settings.update.iteration_gain,
+        iteration_gain=settings.update.gains,
     )
     return drive, None
 

@@ -58,7 +58,7 @@ def exact_model(request):
 def experiment_plan(request):
     spectrum = request.excitation.spectrum
     return identifier_pb2.ExperimentPlan(
-        duration_seconds=request.excitation.duration_seconds,
+        duration_seconds=request.excitation.duration,
         frequency_resolution=SAMPLE_RATE / max(1, request.estimator.block_samples),
         lowest_frequency=spectrum.lowest_frequency,
         highest_frequency=spectrum.highest_frequency,
@@ -77,8 +77,8 @@ def specification(id="try", *, rig="front", samples=8000, iterations=3, gain=(0.
                 lowest_frequency=1.0, highest_frequency=70.0, corner_frequency=10.0, decibels_per_octave=3.0
             ),
             rms=to_array(np.array([0.01, 0.02])),
-            duration_seconds=40.0,
-            fade_seconds=1.0,
+            duration=40.0,
+            fade=1.0,
         ),
         estimator=identifier_pb2.Estimator(kind=identifier_pb2.ESTIMATOR_KIND_H1, block_samples=BLOCK, overlap=0.5),
         update=iterator_pb2.UpdateSettings(
@@ -89,7 +89,7 @@ def specification(id="try", *, rig="front", samples=8000, iterations=3, gain=(0.
             weigh_by_coherence=True,
             lowest_coherence=0.7,
         ),
-        stop=iterator_pb2.StopCriteria(largest_iterations=iterations),
+        stop=iterator_pb2.StopCriteria(iterations=iterations),
         lowest_frequency=2.0,
         highest_frequency=60.0,
         seed=11,

@@ -3,11 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duralab_settings import UpdateKind
 from iterator import (
-    CorrectionSettings,
     IterationHistory,
     Playback,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -22,16 +21,14 @@ from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_respo
 
 # Drives have energy from 2 to 60 Hz.
 BAND = control_band(3.0, 54.0, sample_rate=SAMPLE_RATE, lower_flank=1.0, upper_flank=6.0)
-UNGUARDED = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
+UNGUARDED = {"smallest_correction": 1e-6, "largest_correction": 1e6, "weigh_by_coherence": False, "smooth_lines": False}
 
 
-GUARDED = CorrectionSettings()
+GUARDED = {}
 
 
 def settings(correction=GUARDED):
-    return UpdateSettings(
-        band=BAND, iteration_gain=np.full(2, 0.5), kind=UpdateKind.ADAPTIVE_MODELLING, correction=correction
-    )
+    return UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.5), kind=UpdateKind.ADAPTIVE_MODELLING, **correction)
 
 
 def history_of(model, truth, *, samples=6001, noise=0.0, seed=5):
@@ -48,14 +45,14 @@ def exact_model():
     return rig_model(*frequency_response(impulse_responses()), identified_band=(1.0, 70.0))
 
 
-@pytest.mark.parametrize("correction", [CorrectionSettings(), UNGUARDED])
+@pytest.mark.parametrize("correction", [{}, UNGUARDED])
 def test_an_exact_model_is_corrected_by_one(correction):
     model = exact_model()
     found = estimate_correction(history_of(model, model), model, settings(correction))
     assert np.max(np.abs(found - 1.0)) <= 1e-12
 
 
-@pytest.mark.parametrize("correction", [CorrectionSettings(), UNGUARDED])
+@pytest.mark.parametrize("correction", [{}, UNGUARDED])
 def test_one_update_repairs_a_diagonal_error_on_the_output_side(correction):
     truth = exact_model()
     error = np.array([1.4, 0.6])
@@ -80,8 +77,8 @@ def test_one_update_repairs_a_frequency_dependent_output_error_line_by_line():
         predicted=np.mean(np.abs(predicted) ** 2, axis=0),
         measured=np.mean(np.abs(measured) ** 2, axis=0),
     )
-    unsmoothed = CorrectionSettings(smooth_lines=False)
-    found = correction_from_spectra(spectra, unsmoothed)
+    unsmoothed = {"smooth_lines": False}
+    found = correction_from_spectra(spectra, settings(unsmoothed))
     np.testing.assert_allclose(found[truth.identified], error[truth.identified], rtol=1e-10)
 
 
@@ -119,7 +116,7 @@ def test_the_magnitude_of_a_correction_is_bounded_and_its_phase_kept():
     truth = exact_model()
     factor = 5.0 * np.exp(0.3j)
     wrong = replace(truth, frf=factor * truth.frf, inverse_frf=truth.inverse_frf / factor)
-    found = estimate_correction(history_of(wrong, truth), wrong, settings(CorrectionSettings(largest=1.5)))
+    found = estimate_correction(history_of(wrong, truth), wrong, settings({"largest_correction": 1.5}))
     inside = (truth.frequency > 5.0) & (truth.frequency < 50.0)
     np.testing.assert_allclose(found[inside], 1.5 * np.exp(0.3j), rtol=1e-2)
 
@@ -129,8 +126,7 @@ def test_coherence_keeps_a_correction_away_from_noise():
     noisy = history_of(model, model, noise=3.0)
     inside = (model.frequency > 3.0) & (model.frequency < 54.0)
     plain, weighed = (
-        estimate_correction(noisy, model, settings(CorrectionSettings(weigh_by_coherence=weigh)))[inside]
-        for weigh in (False, True)
+        estimate_correction(noisy, model, settings({"weigh_by_coherence": weigh}))[inside] for weigh in (False, True)
     )
     # The model is exact, so every correction but 1 is noise; H1 from noisy responses is far too small.
     assert np.sqrt(np.mean(np.abs(weighed - 1.0) ** 2)) < 0.4 * np.sqrt(np.mean(np.abs(plain - 1.0) ** 2))

@@ -6,7 +6,7 @@ import pytest
 
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
-from iterator import AcceptanceSettings, DamageBounds, LimitPolicy, SecantSettings, StopCriteria, UpdateKind
+from duralab_settings import LimitPolicy, SecantSettings, StopCriteria, UpdateKind
 from iterator.campaign import plan_campaign
 from iterator.campaign.confirmation import judge_confirmation, recorded_confirmation
 from iterator.campaign.messages import channel_metrics
@@ -88,32 +88,30 @@ MISTAKES = {
     "lower_flank": [lambda s: setattr(s, "lower_flank", -1.0)],
     "largest_overrun": [lambda s: setattr(s, "largest_overrun", 0.9)],
     "update.kind": [lambda s: setattr(s.update, "kind", 0)],
+    "update.iteration_gain.1": [lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.5, 1.2])))],
+    "update.iteration_gain.0": [lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.0, 0.5])))],
     "update.iteration_gain": [
-        lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.5, 1.2]))),
-        lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.0, 0.5]))),
         lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([0.5]))),
         lambda s: s.update.iteration_gain.CopyFrom(to_array(np.array([np.nan, 0.5]))),
     ],
     "update.prediction": [lambda s: setattr(s.update, "prediction", 9)],
-    "update.shape": [lambda s: setattr(s.update, "shape", 9)],
-    "update.secant": [secant_that_forgets_nothing_or_more],
-    "update.gain_schedule": [lambda s: s.update.gain_schedule.extend([0.5, 0.0])],
+    "update.correction": [lambda s: setattr(s.update, "correction", 9)],
+    "update.secant.forgetting": [secant_that_forgets_nothing_or_more],
+    "update.gain_schedule.1": [lambda s: s.update.gain_schedule.extend([0.5, 0.0])],
     "update.gain_curve_frequency": [lambda s: s.update.gain_curve_frequency.CopyFrom(to_array(np.array([5.0])))],
-    "update.gain_curve_share": [lambda s: with_curve(s, [5.0, 50.0], [[0.5, 0.5], [0.5, 1.5]])],
+    "update.gain_curve_share.1.1": [lambda s: with_curve(s, [5.0, 50.0], [[0.5, 0.5], [0.5, 1.5]])],
     "levels": [lambda s: s.levels.append(0.5), lambda s: s.levels.extend([0.2, 0.4, 0.6, 1.0])],
     "limit_policy": [lambda s: setattr(s, "limit_policy", 9)],
     "update.smallest_correction": [lambda s: setattr(s.update, "smallest_correction", 0.0)],
-    "stop": [
-        lambda s: setattr(s.stop, "peak_bound", 0.5),
-        lambda s: setattr(s.stop, "error_bound", np.nan),
-        lambda s: setattr(s.stop, "largest_iterations", 0),
-        lambda s: setattr(s.stop, "relative_rms_error", -0.1),
-        lambda s: setattr(s.stop, "divergence_ratio", 0.5),
-        lambda s: setattr(s.stop, "smallest_damage_ratio", 0.8),
-        lambda s: setattr(s.stop, "smallest_improvement", 1.0),
-        lambda s: setattr(s.stop, "damage_budget", -1.0),
-        lambda s: setattr(s.stop, "damage_exponent", 4.0),
-    ],
+    "stop.peak_bound": [lambda s: setattr(s.stop, "peak_bound", 0.5)],
+    "stop.error_bound": [lambda s: setattr(s.stop, "error_bound", np.nan)],
+    "stop.iterations": [lambda s: setattr(s.stop, "iterations", 0)],
+    "stop.relative_rms_error": [lambda s: setattr(s.stop, "relative_rms_error", -0.1)],
+    "stop.divergence_ratio": [lambda s: setattr(s.stop, "divergence_ratio", 0.5)],
+    "stop.damage_ratio.1": [lambda s: setattr(s.stop, "smallest_damage_ratio", 0.8)],
+    "stop.smallest_improvement": [lambda s: setattr(s.stop, "smallest_improvement", 1.0)],
+    "stop.damage_budget": [lambda s: setattr(s.stop, "damage_budget", -1.0)],
+    "stop.damage_exponent": [lambda s: setattr(s.stop, "damage_exponent", 4.0)],
 }
 
 
@@ -170,17 +168,16 @@ def test_all_settings_of_update_and_end_reach_the_core():
     spec.limit_policy = iterator_pb2.LIMIT_POLICY_PROJECT
     plan = plan_campaign(spec, description(), experiment_plan(spec))
     made = plan.settings.update
-    assert (made.kind, made.acceptance, made.gain_schedule) == (UpdateKind.SECANT, AcceptanceSettings(), (0.7, 1.0))
+    assert (made.kind, made.accept_segments, made.gain_schedule) == (UpdateKind.SECANT, True, (0.7, 1.0))
     assert made.secant == SecantSettings(forgetting=0.6, prior_strength=0.4, caution=0.2, regularisation=1e-4)
-    assert made.gain_curve is not None
-    np.testing.assert_array_equal(made.gain_curve.share, [[1.0, 0.5], [0.5, 0.5]])
+    assert (made.gain_curve_frequency, made.gain_curve_share) == ((5.0, 50.0), ((1.0, 0.5), (0.5, 0.5)))
     assert plan.settings.stop == StopCriteria(
-        3,
-        damage=DamageBounds(0.8, 1.25, exponent=8.0),
+        iterations=3,
+        damage_ratio=(0.8, 1.25),
+        damage_exponent=8,
         smallest_improvement=0.02,
         improvement_playbacks=3,
         damage_budget=5.0,
-        damage_budget_exponent=8.0,
     )
     assert (plan.settings.levels, plan.settings.limit_policy) == ((0.5, 1.0), LimitPolicy.PROJECT)
 
@@ -188,8 +185,8 @@ def test_all_settings_of_update_and_end_reach_the_core():
 def test_what_is_left_out_is_what_older_specifications_meant():
     plan = plan_campaign(specification(), description(), experiment_plan(specification()))
     update, stop = plan.settings.update, plan.settings.stop
-    assert (update.acceptance, update.gain_schedule, update.gain_curve) == (None, (1.0,), None)
-    assert stop == StopCriteria(3)
+    assert (update.accept_segments, update.gain_schedule, update.gain_curve_frequency) == (False, (), None)
+    assert stop == StopCriteria(iterations=3)
     assert (plan.settings.levels, plan.settings.limit_policy) == ((), LimitPolicy.REFUSE)
 
 

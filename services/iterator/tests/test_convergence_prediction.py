@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from iterator import ModelUncertainty, UpdateKind, UpdateSettings, control_band, predict_convergence, rig_model
+from duralab_settings import UpdateKind
+from iterator import ModelUncertainty, UpdateSettings, control_band, predict_convergence, rig_model
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses
 

@@ -6,17 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
 from iterator import (
-    AcceptanceSettings,
     CampaignSettings,
     DriveLimits,
     IterationHistory,
-    LimitPolicy,
     Playback,
-    SecantSettings,
     StepStart,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     control_band,
     predict,
@@ -36,7 +32,7 @@ BAND = control_band(1.5, 54.0, sample_rate=SAMPLE_RATE, lower_flank=0.5, upper_f
 _TARGET_FILTER = butter(4, (6.0, 20.0), "bandpass", fs=SAMPLE_RATE, output="sos")
 ARC = 2e5
 """Of the first drive in the second response, 1/m²: it adds two fifths of that response's target."""
-SETTINGS = UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=UpdateKind.SECANT, acceptance=AcceptanceSettings())
+SETTINGS = UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=UpdateKind.SECANT, accept_segments=True)
 
 
 def on_an_arc(drive):
@@ -52,12 +48,12 @@ def narrow_target(samples):
 
 
 def errors(rig, *, squares, playbacks=5):
-    settings = replace(SETTINGS, secant=SecantSettings(squares=squares))
+    settings = SETTINGS.model_copy(update={"squares": squares})
     result = run_campaign(
         rig,
         narrow_target(16001),
         model=linear_model(),
-        settings=CampaignSettings(update=settings, stop=StopCriteria(largest_iterations=playbacks)),
+        settings=CampaignSettings(update=settings, stop=StopCriteria(iterations=playbacks)),
     )
     return np.array([iteration.metrics.overall_relative_rms_error for iteration in result.iterations])
 
@@ -197,7 +193,7 @@ def knows_squares(peak):
     limits = DriveLimits(
         ("a", "b"), ("m", "m"), np.full(2, -peak), np.full(2, peak), slew_limit=np.zeros(2), sample_rate=SAMPLE_RATE
     )
-    stop = StopCriteria(largest_iterations=3)
+    stop = StopCriteria(iterations=3)
     settings = CampaignSettings(update=SETTINGS, stop=stop, limit_policy=LimitPolicy.PROJECT, largest_overrun=10.0)
     result = run_campaign(on_an_arc, narrow_target(8001), model=linear_model(), settings=settings, limits=limits)
     return [step.model.square_frf is not None for step in result.iterations]

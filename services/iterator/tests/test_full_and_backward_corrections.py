@@ -5,13 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duralab_settings import CorrectionPrediction, CorrectionShape, UpdateKind
 from iterator import (
-    CorrectionSettings,
-    CorrectionShape,
     IterationHistory,
     Playback,
-    Prediction,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -27,9 +24,13 @@ from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, n
 # Drives have energy from 2 to 60 Hz.
 BAND = control_band(3.0, 54.0, sample_rate=SAMPLE_RATE, lower_flank=1.0, upper_flank=6.0)
 ERROR = np.array([1.4, 0.6])
-UNGUARDED = CorrectionSettings(
-    smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False, shape=CorrectionShape.FULL
-)
+UNGUARDED = {
+    "smallest_correction": 1e-6,
+    "largest_correction": 1e6,
+    "weigh_by_coherence": False,
+    "smooth_lines": False,
+    "correction": CorrectionShape.FULL,
+}
 
 
 def exact_model():
@@ -37,12 +38,7 @@ def exact_model():
 
 
 def settings(**correction):
-    return UpdateSettings(
-        band=BAND,
-        iteration_gain=np.full(2, 0.5),
-        kind=UpdateKind.ADAPTIVE_MODELLING,
-        correction=CorrectionSettings(**correction),
-    )
+    return UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.5), kind=UpdateKind.ADAPTIVE_MODELLING, **correction)
 
 
 def history_of(model, truth, samples=6001):
@@ -51,17 +47,17 @@ def history_of(model, truth, samples=6001):
     return IterationHistory(target=target).after(Playback(drive=drive, response=predict(truth, drive, band=BAND)))
 
 
-@pytest.mark.parametrize("prediction", list(Prediction))
+@pytest.mark.parametrize("prediction", list(CorrectionPrediction))
 @pytest.mark.parametrize("shape", list(CorrectionShape))
 @pytest.mark.parametrize("weigh", [True, False])
 def test_an_exact_model_is_corrected_by_one(prediction, shape, weigh):
     model = exact_model()
     # The response is cut at the record's ends, so the drive that the inverse finds for it is nearly the one played.
     inside = (model.frequency > 2.5) & (model.frequency < 57.0)
-    asked = settings(prediction=prediction, shape=shape, weigh_by_coherence=weigh)
+    asked = settings(prediction=prediction, correction=shape, weigh_by_coherence=weigh)
     found = estimate_correction(history_of(model, model), model, asked)
     one = 1.0 if shape is CorrectionShape.DIAGONAL else np.eye(2)
-    tolerance = 1e-12 if prediction is Prediction.FORWARD else 1e-4
+    tolerance = 1e-12 if prediction is CorrectionPrediction.FORWARD else 1e-4
     assert np.max(np.abs(found - one)[inside]) <= tolerance
     assert np.all((found == one)[~((model.frequency > 2.0) & (model.frequency < 60.0))])
 
@@ -83,7 +79,7 @@ def exact_spectra(truth, model, *, backward=False, blocks=20):
     )
 
 
-@pytest.mark.parametrize("prediction", list(Prediction))
+@pytest.mark.parametrize("prediction", list(CorrectionPrediction))
 @pytest.mark.parametrize("side", ["drives", "responses"])
 def test_one_full_correction_repairs_a_diagonal_error_on_either_side(prediction, side):
     truth = exact_model()
@@ -91,8 +87,8 @@ def test_one_full_correction_repairs_a_diagonal_error_on_either_side(prediction,
         wrong = replace(truth, frf=truth.frf * ERROR, inverse_frf=truth.inverse_frf / ERROR[:, None])
     else:
         wrong = replace(truth, frf=truth.frf * ERROR[:, None], inverse_frf=truth.inverse_frf / ERROR)
-    backward = prediction is Prediction.BACKWARD
-    found = full_correction_from_spectra(exact_spectra(truth, wrong, backward=backward), UNGUARDED)
+    backward = prediction is CorrectionPrediction.BACKWARD
+    found = full_correction_from_spectra(exact_spectra(truth, wrong, backward=backward), settings(**UNGUARDED))
     repaired = corrected(wrong, found, prediction)
     inside = truth.identified
     for mended, true in ((repaired.inverse_frf, truth.inverse_frf), (repaired.frf, truth.frf)):
@@ -107,7 +103,7 @@ def test_backward_a_line_without_target_in_one_response_corrects_no_drive():
     quiet = history.target.copy()
     quiet[1] = control_band(3.0, 18.0, sample_rate=SAMPLE_RATE).limit_target(quiet)[1]
     history = IterationHistory(target=quiet).after(history.playbacks[0])
-    found = estimate_correction(history, model, settings(prediction=Prediction.BACKWARD))
+    found = estimate_correction(history, model, settings(prediction=CorrectionPrediction.BACKWARD))
     above = (model.frequency > 25.0) & (model.frequency < 55.0)
     assert np.all(found[above] == 1.0)
     assert np.all(found[(model.frequency > 5.0) & (model.frequency < 15.0)] != 1.0)
@@ -116,8 +112,10 @@ def test_backward_a_line_without_target_in_one_response_corrects_no_drive():
 def test_a_backward_diagonal_correction_repairs_an_error_on_the_drives_side():
     truth = exact_model()
     wrong = replace(truth, frf=truth.frf * ERROR, inverse_frf=truth.inverse_frf / ERROR[:, None])
-    asked = settings(prediction=Prediction.BACKWARD)
-    repaired = corrected(wrong, estimate_correction(history_of(wrong, truth), wrong, asked), Prediction.BACKWARD)
+    asked = settings(prediction=CorrectionPrediction.BACKWARD)
+    repaired = corrected(
+        wrong, estimate_correction(history_of(wrong, truth), wrong, asked), CorrectionPrediction.BACKWARD
+    )
     inside = (truth.frequency > 3.0) & (truth.frequency < 54.0)
     np.testing.assert_allclose(repaired.inverse_frf[inside], truth.inverse_frf[inside], rtol=1e-3)
 
@@ -126,7 +124,7 @@ def test_a_full_correction_is_bounded_in_every_direction():
     truth = exact_model()
     wrong = replace(truth, frf=truth.frf * 5.0, inverse_frf=truth.inverse_frf / 5.0)
     found = full_correction_from_spectra(
-        exact_spectra(truth, wrong), replace(UNGUARDED, largest=2.0, weigh_by_coherence=True)
+        exact_spectra(truth, wrong), settings(**{**UNGUARDED, "largest_correction": 2.0, "weigh_by_coherence": True})
     )
     assert np.max(np.abs(found[truth.identified] - 2.0 * np.eye(2))) < 1e-9
 
@@ -134,5 +132,5 @@ def test_a_full_correction_is_bounded_in_every_direction():
 def test_channels_that_are_alike_get_no_full_correction():
     spectra = exact_spectra(exact_model(), exact_model())
     alike = replace(spectra, measured=np.ones_like(spectra.measured))
-    found = full_correction_from_spectra(alike, UNGUARDED)
+    found = full_correction_from_spectra(alike, settings(**UNGUARDED))
     np.testing.assert_array_equal(found, np.broadcast_to(np.eye(2), found.shape))

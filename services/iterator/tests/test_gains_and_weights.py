@@ -1,13 +1,10 @@
 import numpy as np
 import pytest
 
+from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
-    AcceptanceSettings,
     CampaignSettings,
-    GainCurve,
     ModelUncertainty,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -27,16 +24,13 @@ def run(settings, *, h=None, model=None, playbacks=4, target=None):
         lambda drive: play(h, drive),
         noise_target(4001) if target is None else target,
         model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0)) if model is None else model,
-        settings=CampaignSettings(update=settings, stop=StopCriteria(largest_iterations=playbacks)),
+        settings=CampaignSettings(update=settings, stop=StopCriteria(iterations=playbacks)),
     )
 
 
 def test_a_schedule_sets_the_share_of_the_error_that_each_playback_corrects():
     settings = UpdateSettings(
-        band=BAND,
-        iteration_gain=np.array([1.0, 0.5]),
-        kind=UpdateKind.BASIC_TWR,
-        gain_schedule=(0.5, 0.8),
+        band=BAND, iteration_gain=np.array([1.0, 0.5]), kind=UpdateKind.BASIC_TWR, gain_schedule=(0.5, 0.8)
     )
     expected = np.ones(2)
     for iteration, share in zip(run(settings).iterations, (0.5, 0.8, 0.8, 0.8), strict=True):
@@ -45,8 +39,8 @@ def test_a_schedule_sets_the_share_of_the_error_that_each_playback_corrects():
 
 
 def test_a_curve_sets_it_for_each_frequency():
-    curve = GainCurve(np.array([20.0, 30.0]), np.array([[1.0, 1.0], [0.25, 0.5]]))
-    settings = UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=UpdateKind.BASIC_TWR, gain_curve=curve)
+    curve = {"gain_curve_frequency": (20.0, 30.0), "gain_curve_share": ((1.0, 1.0), (0.25, 0.5))}
+    settings = UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=UpdateKind.BASIC_TWR, **curve)
     result = run(settings, playbacks=1)
     error = np.fft.rfft(result.target_in_band - result.iterations[0].response_in_band)
     target = np.fft.rfft(result.target_in_band)
@@ -58,20 +52,24 @@ def test_a_curve_sets_it_for_each_frequency():
 
 
 def test_gain_is_the_product_of_channel_curve_and_schedule():
-    curve = GainCurve(np.array([0.0, 10.0]), np.array([[0.2, 1.0], [0.4, 1.0]]))
-    found = gain_at(
-        np.array([5.0, 50.0]), iteration_gain=np.array([0.5, 1.0]), curve=curve, schedule=(1.0, 0.5), playbacks=7
+    settings = UpdateSettings(
+        band=BAND,
+        iteration_gain=(0.5, 1.0),
+        gain_schedule=(1.0, 0.5),
+        gain_curve_frequency=(0.0, 10.0),
+        gain_curve_share=((0.2, 1.0), (0.4, 1.0)),
     )
+    found = gain_at(np.array([5.0, 50.0]), settings, playbacks=7)
     np.testing.assert_allclose(found, [[0.075, 0.5], [0.1, 0.5]])
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"gain_schedule": ()},
         {"gain_schedule": (0.5, 1.2)},
         {"iteration_gain": np.array([0.0, 1.0])},
-        {"gain_curve": GainCurve(np.array([1.0]), np.ones((1, 3)))},
+        {"iteration_gain": ()},
+        {"gain_curve_frequency": (1.0,), "gain_curve_share": np.ones((1, 3))},
     ],
 )
 def test_gains_outside_zero_to_one_or_for_other_channels_are_refused(wrong):
@@ -85,7 +83,7 @@ def test_gains_outside_zero_to_one_or_for_other_channels_are_refused(wrong):
 )
 def test_an_impossible_gain_curve_is_refused(frequency, share):
     with pytest.raises(ValueError, match=r"must|needs"):
-        GainCurve(np.array(frequency), np.array(share))
+        UpdateSettings(band=BAND, iteration_gain=(1.0,), gain_curve_frequency=frequency, gain_curve_share=share)
 
 
 def three_responses():
@@ -95,14 +93,14 @@ def three_responses():
 
 
 @pytest.mark.parametrize("kind", list(UpdateKind))
-@pytest.mark.parametrize("acceptance", [None, AcceptanceSettings()])
-def test_a_watched_channel_is_measured_and_asks_nothing_of_the_drives(kind, acceptance):
+@pytest.mark.parametrize("accept_segments", [False, True])
+def test_a_watched_channel_is_measured_and_asks_nothing_of_the_drives(kind, accept_segments):
     h = three_responses()
     target = np.vstack([noise_target(4001), np.random.default_rng(4).standard_normal(4001) * 1e6])
     model = rig_model(
         *frequency_response(h), identified_band=(1.0, 70.0), response_weight=np.array([1 / 900.0, 1 / 40.0, 0.0])
     )
-    settings = UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.7), kind=kind, acceptance=acceptance)
+    settings = UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.7), kind=kind, accept_segments=accept_segments)
     last = run(settings, h=h, model=model, playbacks=4, target=target).iterations[-1]
     np.testing.assert_allclose(last.metrics.relative_rms_error[:2], 0.3**4, rtol=0.05)
     assert last.metrics.relative_rms_error[2] > 0.9

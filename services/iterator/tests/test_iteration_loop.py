@@ -1,17 +1,8 @@
 import numpy as np
 import pytest
 
-from iterator import (
-    CampaignSettings,
-    Outcome,
-    StopCriteria,
-    UpdateKind,
-    UpdateSettings,
-    control_band,
-    iterate,
-    rig_model,
-    run_campaign,
-)
+from duralab_settings import StopCriteria, UpdateKind
+from iterator import CampaignSettings, Outcome, UpdateSettings, control_band, iterate, rig_model, run_campaign
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 
@@ -21,7 +12,7 @@ BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
 def settings(kind, gain, iterations, **stop):
     return CampaignSettings(
         update=UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=kind),
-        stop=StopCriteria(largest_iterations=iterations, **stop),
+        stop=StopCriteria(iterations=iterations, **stop),
     )
 
 
@@ -69,8 +60,7 @@ def test_three_responses_of_two_drives_come_down_alike_where_the_target_can_be_r
         target,
         model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0), response_weight=weight),
         settings=CampaignSettings(
-            update=UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.9), kind=kind),
-            stop=StopCriteria(largest_iterations=4),
+            update=UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.9), kind=kind), stop=StopCriteria(iterations=4)
         ),
     )
     for iteration in result.iterations:
@@ -85,7 +75,7 @@ def test_channels_with_different_gains_converge_each_at_its_own_rate():
         model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0)),
         settings=CampaignSettings(
             update=UpdateSettings(band=BAND, iteration_gain=np.array([0.8, 0.3]), kind=UpdateKind.BASIC_TWR),
-            stop=StopCriteria(largest_iterations=3),
+            stop=StopCriteria(iterations=3),
         ),
     )
     np.testing.assert_allclose(result.iterations[-1].metrics.relative_rms_error, [0.2**3, 0.7**3], rtol=0.01)

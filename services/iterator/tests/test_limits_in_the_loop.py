@@ -1,15 +1,12 @@
 import numpy as np
 import pytest
 
+from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
 from iterator import (
-    AcceptanceSettings,
     CampaignSettings,
     DriveLimitError,
     DriveLimits,
-    LimitPolicy,
     Outcome,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -41,8 +38,8 @@ def run(*, peak=np.inf, policy=LimitPolicy.PROJECT, **stop):
         return play(H, drive)
 
     settings = CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.7), kind=UpdateKind.BASIC_TWR),
-        StopCriteria(**{"largest_iterations": 6, **stop}),
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.7), kind=UpdateKind.BASIC_TWR),
+        stop=StopCriteria(**{"iterations": 6, **stop}),
         limit_policy=policy,
         largest_overrun=2.0,
     )
@@ -89,10 +86,10 @@ def test_after_a_roll_back_the_gain_that_would_fit_counts_from_the_drive_stepped
         band=BAND,
         iteration_gain=np.ones(2),
         kind=UpdateKind.BASIC_TWR,
-        acceptance=AcceptanceSettings(),
+        accept_segments=True,
         gain_schedule=(0.5, 0.25, 1.0),
     )
-    settings = CampaignSettings(update, StopCriteria(6))
+    settings = CampaignSettings(update=update, stop=StopCriteria(iterations=6))
     with pytest.raises(DriveLimitError) as refused:
         run_campaign(lambda _: next(responses), noise_target(4000), model=model, settings=settings, limits=limits)
     assert refused.value.fitting_share == pytest.approx(0.8, rel=1e-3)
@@ -107,6 +104,6 @@ def test_a_damage_budget_ends_the_iteration_before_it_is_passed():
 
 
 def test_an_iteration_that_the_rig_holds_up_ends_for_no_more_improvement():
-    result, _ = run(peak=0.5 * largest_drive(), largest_iterations=20, smallest_improvement=0.02)
+    result, _ = run(peak=0.5 * largest_drive(), iterations=20, smallest_improvement=0.02)
     assert result.outcome is Outcome.NO_IMPROVEMENT
     assert len(result.iterations) < 20

@@ -1,8 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
     UPDATES,
     AcceptanceSettings,
@@ -11,8 +10,6 @@ from iterator import (
     DriveLimits,
     NextDrive,
     Outcome,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -29,10 +26,16 @@ H = impulse_responses()
 MODEL = rig_model(*frequency_response(H), identified_band=(1.0, 70.0))
 
 
-def settings(*, kind=UpdateKind.BASIC_TWR, gain=0.5, acceptance=None, levels=(), **stop):
+def settings(*, kind=UpdateKind.BASIC_TWR, gain=0.5, accept_segments=False, acceptance=None, levels=(), **stop):
     return CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=kind, acceptance=acceptance),
-        StopCriteria(**{"largest_iterations": 5, **stop}),
+        update=UpdateSettings(
+            band=BAND,
+            iteration_gain=np.full(2, gain),
+            kind=kind,
+            accept_segments=accept_segments,
+            acceptance=acceptance or AcceptanceSettings(),
+        ),
+        stop=StopCriteria(**{"iterations": 5, **stop}),
         levels=levels,
     )
 
@@ -41,7 +44,7 @@ def plain(history, model, settings):
     """Basic TWR, written without its code."""
     last = history.playbacks[-1] if history.playbacks else None
     missing = history.target if last is None else history.target - last.response
-    step = apply_inverse(model, settings.iteration_gain[:, None] * missing, band=settings.band)
+    step = apply_inverse(model, settings.gains[:, None] * missing, band=settings.band)
     return NextDrive(drive=step if last is None else last.drive + step, model=model)
 
 
@@ -74,13 +77,18 @@ def test_a_shipped_update_given_as_an_own_one_makes_the_same_drives_also_where_a
         linear = play(H, drive)
         return linear * (1.0 + 1.8 * np.tanh(np.abs(linear) / 500.0))
 
-    wanted = settings(kind=kind, gain=0.9, acceptance=AcceptanceSettings(judged_seconds=0.5), levels=(0.5, 1.0))
+    wanted = settings(
+        kind=kind, gain=0.9, accept_segments=True, acceptance=AcceptanceSettings(judged_seconds=0.5), levels=(0.5, 1.0)
+    )
     other_kind = next(other for other in UpdateKind if other is not kind)
     shipped, own = (
         run(update, given, rig=hardening, target=target)
         for update, given in (
             (None, wanted),
-            (UPDATES[kind], replace(wanted, update=replace(wanted.update, kind=other_kind))),
+            (
+                UPDATES[kind],
+                wanted.model_copy(update={"update": wanted.update.model_copy(update={"kind": other_kind})}),
+            ),
         )
     )
     for one, other in zip(shipped.iterations, own.iterations, strict=True):
@@ -99,7 +107,7 @@ def test_an_own_update_that_steps_from_the_accepted_start_goes_back_where_the_la
         drive = start.drive_toward(history.target, band=settings.band)
         return NextDrive(drive=drive, model=model, stepped_from=start.drive)
 
-    wanted = settings(largest_iterations=3, acceptance=AcceptanceSettings())
+    wanted = settings(iterations=3, accept_segments=True)
     first, _, third = run(update, wanted, rig=lambda _: next(answers), target=target).iterations
     missing = BAND.limit_target(target) - BAND.limit_response(0.5 * target)
     step = apply_inverse(MODEL, 0.5 * missing, band=BAND)
@@ -120,15 +128,15 @@ def test_an_own_update_sees_the_controlled_responses_only():
     seen = []
 
     def update(history, model, settings):
-        seen.append((history.target.shape[0], model.frf.shape[1], settings.iteration_gain.size))
+        seen.append((history.target.shape[0], model.frf.shape[1], settings.gains.size))
         return plain(history, model, settings)
 
     h = np.concatenate([H, H[:1]])
     model = rig_model(
         *frequency_response(h), identified_band=(1.0, 70.0), response_weight=np.array([1e-3, 2.5e-2, 0.0])
     )
-    wanted = settings(largest_iterations=2)
-    wanted = replace(wanted, update=replace(wanted.update, iteration_gain=np.full(3, 0.5)))
+    wanted = settings(iterations=2)
+    wanted = wanted.model_copy(update={"update": wanted.update.model_copy(update={"iteration_gain": (0.5,) * 3})})
     run_campaign(
         lambda drive: play(h, drive),
         noise_target(3001, level=(900.0, 40.0, 1.0)),

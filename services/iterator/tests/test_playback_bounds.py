@@ -1,23 +1,18 @@
 """Nothing is played that the target, the rig or the model's own prediction speak against."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
 from iterator import (
     NO_BOUNDS,
     BoundedQuantity,
     CampaignSettings,
     DriveLimits,
     DriveOverrunError,
-    LimitPolicy,
     NextDrive,
     Outcome,
     PlaybackBoundError,
-    PlaybackBounds,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -25,6 +20,7 @@ from iterator import (
     rig_model,
     run_campaign,
 )
+from iterator.assessment import passed_bound
 from iterator.campaign import plan_campaign
 from labbus import FaultError
 
@@ -44,8 +40,8 @@ def run(rig, *, bounds=None, gain=0.7, levels=(), limits=None, overrun=1.25, mod
         return rig(drive)
 
     settings = CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=UpdateKind.BASIC_TWR),
-        StopCriteria(6, bounds=bounds or PlaybackBounds()),
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=UpdateKind.BASIC_TWR),
+        stop=StopCriteria(iterations=6, **(bounds or {})),
         levels=levels,
         limit_policy=LimitPolicy.PROJECT,
         largest_overrun=overrun,
@@ -86,9 +82,9 @@ def test_a_playback_beyond_a_bound_ends_the_campaign_and_names_response_and_valu
 @pytest.mark.parametrize(
     ("bounds", "quantity"),
     [
-        (replace(NO_BOUNDS, error_bound=2.5), BoundedQuantity.ERROR),
-        (replace(NO_BOUNDS, peak_bound=2.5), BoundedQuantity.PEAK),
-        (replace(NO_BOUNDS, damage_bound=100.0), BoundedQuantity.DAMAGE),
+        ({**NO_BOUNDS, "error_bound": 2.5}, BoundedQuantity.ERROR),
+        ({**NO_BOUNDS, "peak_bound": 2.5}, BoundedQuantity.PEAK),
+        ({**NO_BOUNDS, "damage_bound": 100.0}, BoundedQuantity.DAMAGE),
     ],
 )
 def test_each_bound_ends_a_campaign_alone(bounds, quantity):
@@ -109,7 +105,8 @@ def test_a_watched_response_passes_no_bound():
         frequency, np.concatenate([frf, frf[:, :1]], axis=1), identified_band=(1.0, 60.0), response_weight=[1, 1, 0]
     )
     settings = CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.7), kind=UpdateKind.BASIC_TWR), StopCriteria(3)
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(3, 0.7), kind=UpdateKind.BASIC_TWR),
+        stop=StopCriteria(iterations=3),
     )
     three = np.vstack([TARGET, 1e-3 * TARGET[:1]])
     result = run_campaign(lambda u: play(H, u)[[0, 1, 0]], three, model=model, settings=settings)
@@ -129,7 +126,9 @@ def test_a_drive_whose_prediction_passes_a_bound_is_not_played():
             return NextDrive(drive=apply_inverse(model, history.target, band=settings.band), model=model)
         return NextDrive(drive=4.0 * history.playbacks[-1].drive, model=model)
 
-    settings = CampaignSettings(UpdateSettings(band=BAND, iteration_gain=np.full(2, 1.0)), StopCriteria(6))
+    settings = CampaignSettings(
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(2, 1.0)), stop=StopCriteria(iterations=6)
+    )
     model = rig_model(*frequency_response(H), identified_band=(1.0, 60.0))
     with pytest.raises(PlaybackBoundError, match="Playback 2 is not played: by the model's prediction") as caught:
         run_campaign(rig, TARGET, model=model, settings=settings, update=quadrupling)
@@ -163,15 +162,15 @@ def test_a_first_drive_at_partial_level_is_refused_for_the_whole_target():
 
 @pytest.mark.parametrize("kwargs", [{"error_bound": 1.0}, {"peak_bound": 0.0}, {"damage_bound": np.nan}])
 def test_a_bound_that_the_target_itself_passes_is_refused(kwargs):
-    with pytest.raises(ValueError, match="must be above 1"):
-        PlaybackBounds(**kwargs)
+    with pytest.raises(ValueError, match=r"must be (greater than 1|a finite number)"):
+        StopCriteria(iterations=3, **kwargs)
 
 
 def test_the_bound_passed_furthest_is_named():
     judged = judge_response(TARGET, np.array([[1.5], [4.0]]) * TARGET)
-    found = PlaybackBounds(damage_bound=1e9).passed(judged, level=1.0, exponent=5.0)
+    found = passed_bound(judged, StopCriteria(iterations=3, damage_bound=1e9), level=1.0)
     assert (found.response, found.quantity) == (1, BoundedQuantity.PEAK)
-    assert PlaybackBounds().passed(judge_response(TARGET, TARGET), level=1.0, exponent=5.0) is None
+    assert passed_bound(judge_response(TARGET, TARGET), StopCriteria(iterations=3), level=1.0) is None
 
 
 def planned(*, range=1e5, watchdog=0.0, unit=""):
@@ -205,7 +204,8 @@ def test_drives_begin_and_end_at_rest_however_often_they_are_corrected():
     # A target in motion at both ends, and a rig that starts there from rest.
     target = np.random.default_rng(5).standard_normal((2, 4000)) * np.array([[900.0], [40.0]])
     settings = CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.9), kind=UpdateKind.SECANT), StopCriteria(10)
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.9), kind=UpdateKind.SECANT),
+        stop=StopCriteria(iterations=10),
     )
     model = rig_model(*frequency_response(H), identified_band=(1.0, 60.0))
     result = run_campaign(lambda u: play(H, u), target, model=model, settings=settings)

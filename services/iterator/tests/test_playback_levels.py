@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
+from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
     CampaignSettings,
     DriveLimitError,
     DriveLimits,
     RecordedPlayback,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     control_band,
     iterate,
@@ -23,7 +22,7 @@ BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
 
 def settings(*, levels=(), iterations=4, kind=UpdateKind.BASIC_TWR, gain=0.5, reach=0.0):
     update = UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=kind)
-    stop = StopCriteria(iterations, relative_rms_error=reach)
+    stop = StopCriteria(iterations=iterations, relative_rms_error=reach)
     return CampaignSettings(update=update, stop=stop, levels=levels)
 
 
@@ -87,12 +86,12 @@ def test_the_limits_hold_for_what_is_played_not_for_the_whole_target():
 @pytest.mark.parametrize(
     ("levels", "sentence"),
     [
-        ((0.5,), "last playback level is 0.5"),
-        ((0.5, 0.4, 1.0), "fall to 0.4"),
-        ((0.0, 1.0), "level is 0;"),
-        ((0.5, 1.5), "level is 1.5"),
-        ((float("nan"), 1.0), "level is nan"),
-        ((0.1, 0.2, 0.3, 0.4, 1.0), "4 playbacks at partial level and 4 in all"),
+        ((0.5,), r"levels is \[0.5\]; it must never fall and end with 1"),
+        ((0.5, 0.4, 1.0), "it must never fall"),
+        ((0.0, 1.0), "levels.0 is 0.0; it must be greater than 0"),
+        ((0.5, 1.5), "levels.1 is 1.5; it must be less than or equal to 1"),
+        ((float("nan"), 1.0), "levels.0 is nan; it must be a finite number"),
+        ((0.1, 0.2, 0.3, 0.4, 1.0), "levels has 4 playbacks below 1 and stop.iterations is 4"),
     ],
 )
 def test_levels_that_make_no_sense_are_refused(levels, sentence):

@@ -269,7 +269,7 @@ def test_a_campaign_is_taken_up_from_an_earlier_playback_with_other_settings(lab
     update, stop = spec.update, spec.stop
     update.kind = iterator_pb2.UPDATE_KIND_BASIC_TWR
     update.iteration_gain.CopyFrom(to_array(np.array([0.8, 0.8])))
-    stop.largest_iterations = 4
+    stop.iterations = 4
     lab.resume("undisturbed", new_id="other", from_iteration=1, update=update, stop=stop)
     assert lab.end_of("other").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
     steps = lab.recorder.read("other", iterator_pb2.IterationStep)
@@ -333,7 +333,7 @@ def test_of_two_resumes_at_once_exactly_one_goes_on(lab, undisturbed, new_ids):
         ("undisturbed", {"new_id": "a" * 105}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "new_id"),
         ("undisturbed", {"new_id": "old"}, query_pb2.FAULT_CODE_ALREADY_EXISTS, "new_id"),
         ("undisturbed", {"new_id": "x", "from_iteration": 9}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "from_iteration"),
-        ("undisturbed", {"new_id": "x"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "stop.largest_iterations"),
+        ("undisturbed", {"new_id": "x"}, query_pb2.FAULT_CODE_INVALID_ARGUMENT, "stop.iterations"),
     ],
 )
 def test_what_cannot_be_resumed_is_refused_with_its_field(lab, undisturbed, id, settings, code, field):

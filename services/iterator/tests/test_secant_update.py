@@ -3,17 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duralab_settings import SecantSettings, StopCriteria, UpdateKind
 from iterator import (
     NO_BOUNDS,
-    AcceptanceSettings,
     CampaignSettings,
-    CorrectionSettings,
     IterationHistory,
     ModelUncertainty,
     Playback,
-    SecantSettings,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     control_band,
     rig_model,
@@ -28,7 +24,7 @@ from spectra import line_frequencies
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 
 BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
-UNGUARDED = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
+UNGUARDED = {"smallest_correction": 1e-6, "largest_correction": 1e6, "weigh_by_coherence": False, "smooth_lines": False}
 
 
 def errors(model, *, kind, playbacks, gain=0.8, band=BAND, samples=8001, **more):
@@ -38,7 +34,7 @@ def errors(model, *, kind, playbacks, gain=0.8, band=BAND, samples=8001, **more)
         lambda drive: play(h, drive),
         noise_target(samples),
         model=model,
-        settings=CampaignSettings(update=settings, stop=StopCriteria(playbacks, bounds=NO_BOUNDS)),
+        settings=CampaignSettings(update=settings, stop=StopCriteria(iterations=playbacks, **NO_BOUNDS)),
     )
     return np.array([iteration.metrics.overall_relative_rms_error for iteration in result.iterations])
 
@@ -56,20 +52,22 @@ def swapped(frequency, frf):
 
 def test_an_error_on_the_drives_side_makes_plain_adaptive_modelling_diverge_and_the_secant_update_converge():
     model = wrong_model(swapped)
-    adaptive = errors(model, kind=UpdateKind.ADAPTIVE_MODELLING, playbacks=7, correction=UNGUARDED)
+    adaptive = errors(model, kind=UpdateKind.ADAPTIVE_MODELLING, playbacks=7, **UNGUARDED)
     secant = errors(model, kind=UpdateKind.SECANT, playbacks=7)
     assert adaptive[-1] > 1.0
     assert secant[-1] <= 1e-3
 
 
-@pytest.mark.parametrize("acceptance", [None, AcceptanceSettings()])
-def test_a_gain_error_and_a_delay_are_learned(acceptance):
+@pytest.mark.parametrize("accept_segments", [False, True])
+def test_a_gain_error_and_a_delay_are_learned(accept_segments):
     def delayed(frequency, frf):
         return 1.4 * frf * np.exp(-2j * np.pi * frequency * 2.0 / SAMPLE_RATE)[:, None, None]
 
     # Two samples are 72 degrees at 20 Hz.
     band = control_band(2.0, 20.0, sample_rate=SAMPLE_RATE)
-    found = errors(wrong_model(delayed), kind=UpdateKind.SECANT, playbacks=10, acceptance=acceptance, band=band)
+    found = errors(
+        wrong_model(delayed), kind=UpdateKind.SECANT, playbacks=10, accept_segments=accept_segments, band=band
+    )
     assert found[-1] <= 1e-4
 
 
@@ -312,7 +310,7 @@ def test_an_update_that_has_seen_the_earlier_steps_makes_the_same_bytes_as_one_t
         bent = step.model
         assert step.drive.tobytes() == secant_update.next_drive(history, model, settings).drive.tobytes()
     # Cut otherwise, or without the first playback, what was seen is of no use.
-    other = replace(settings, secant=SecantSettings(overlap=0.75))
+    other = settings.model_copy(update={"secant_overlap": 0.75})
     later = IterationHistory(target=history.target, playbacks=history.playbacks[1:])
     for told, asked in ((history, other), (later, settings)):
         assert (

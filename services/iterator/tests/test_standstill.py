@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
     CampaignSettings,
     Outcome,
     RecordedPlayback,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     control_band,
     iterate,
@@ -111,8 +110,8 @@ def test_records_of_other_instants_are_refused():
 
 def campaign(kind=UpdateKind.BASIC_TWR, weight=None, levels=(), **stop):
     settings = CampaignSettings(
-        UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.8), kind=kind),
-        StopCriteria(**{"largest_iterations": 6, **stop}),
+        update=UpdateSettings(band=BAND, iteration_gain=np.full(2, 0.8), kind=kind),
+        stop=StopCriteria(**{"iterations": 6, **stop}),
         levels=levels,
     )
     model = rig_model(*frequency_response(H), identified_band=(1.0, 70.0), response_weight=weight)
@@ -155,7 +154,7 @@ def test_a_coarse_converter_at_partial_level_is_measured_by_the_target_at_that_l
     wanted *= np.where(np.arange(4000) < 2000, 1.0, 0.18)
     step = np.sqrt(np.mean(wanted**2, axis=1, keepdims=True)) / 30.0
     result = run_campaign(
-        lambda drive: quantised(play(H, drive), step), wanted, **campaign(levels=(0.02, 1.0), largest_iterations=2)
+        lambda drive: quantised(play(H, drive), step), wanted, **campaign(levels=(0.02, 1.0), iterations=2)
     )
     quiet = result.iterations[0].response[:, 2500:3200]
     assert np.all(quiet == quiet[:, :1])
@@ -171,7 +170,7 @@ def test_a_dead_watched_response_is_told_and_ends_nothing():
         lambda drive: stuck(play(h, drive), channel=2),
         wanted,
         model=model,
-        settings=CampaignSettings(update, StopCriteria(3)),
+        settings=CampaignSettings(update=update, stop=StopCriteria(iterations=3)),
     )
     assert (result.outcome, len(result.iterations)) == (Outcome.ITERATIONS_USED, 3)
     assert [found.response for iteration in result.iterations for found in iteration.stood_still] == [2, 2, 2]

@@ -1,16 +1,8 @@
 import numpy as np
 import pytest
 
-from iterator import (
-    DamageBounds,
-    IterationMetrics,
-    Outcome,
-    StopCriteria,
-    best_iteration,
-    damage_spent,
-    judge_end,
-    judge_response,
-)
+from duralab_settings import StopCriteria
+from iterator import IterationMetrics, Outcome, best_iteration, damage_spent, judge_end, judge_response
 from iterator.assessment import best_at_full_level
 
 
@@ -44,18 +36,18 @@ def after(*errors, damage=1.0):
     ],
 )
 def test_the_iteration_ends_for_its_reason(errors, expected):
-    criteria = StopCriteria(largest_iterations=4, relative_rms_error=0.1, divergence_ratio=1.5)
+    criteria = StopCriteria(iterations=4, relative_rms_error=0.1, divergence_ratio=1.5)
     assert judge_end(after(*errors), criteria) is expected
 
 
 def test_zero_switches_reaching_and_diverging_off():
-    criteria = StopCriteria(largest_iterations=3)
+    criteria = StopCriteria(iterations=3)
     assert judge_end(after((0.5,), (0.0,)), criteria) is None
     assert judge_end(after((0.5,), (50.0,)), criteria) is None
 
 
 def test_the_asked_error_counts_only_with_the_damage_within_its_bounds():
-    criteria = StopCriteria(largest_iterations=5, relative_rms_error=0.1, damage=DamageBounds(0.8, 1.25))
+    criteria = StopCriteria(iterations=5, relative_rms_error=0.1, damage_ratio=(0.8, 1.25))
     assert judge_end(after((0.1, 0.1)), criteria) is Outcome.REACHED
     assert judge_end(after((0.1, 0.1), damage=0.79), criteria) is None
     assert judge_end(after((0.1, 0.1), damage=1.26), criteria) is None
@@ -63,12 +55,11 @@ def test_the_asked_error_counts_only_with_the_damage_within_its_bounds():
 
 
 def test_one_channel_beyond_the_damage_bounds_is_enough_and_only_the_asked_slope_counts():
-    bounds = DamageBounds(0.8, 1.25, exponent=3.0)
+    asked = StopCriteria(iterations=5, damage_ratio=(0.8, 1.25), damage_exponent=3)
     (figures,) = after((0.5, 0.5))
     figures.damage_ratio[1] = [1.2, 5.0, 50.0]
-    assert bounds.hold(figures)
-    assert not DamageBounds(0.8, 1.25, exponent=8.0).hold(figures)
-    assert judge_end((figures,), StopCriteria(largest_iterations=5, damage=bounds)) is Outcome.REACHED
+    assert judge_end((figures,), asked) is Outcome.REACHED
+    assert judge_end((figures,), asked.model_copy(update={"damage_exponent": 8})) is None
 
 
 @pytest.mark.parametrize(
@@ -82,12 +73,12 @@ def test_one_channel_beyond_the_damage_bounds_is_enough_and_only_the_asked_slope
     ],
 )
 def test_it_ends_when_the_last_playbacks_did_not_improve_the_best_by_the_asked_share(errors, expected):
-    criteria = StopCriteria(largest_iterations=10, smallest_improvement=0.05, improvement_playbacks=2)
+    criteria = StopCriteria(iterations=10, smallest_improvement=0.05, improvement_playbacks=2)
     assert judge_end(after(*((error, error) for error in errors)), criteria) is expected
 
 
 def test_the_damage_budget_leaves_room_for_the_next_playback():
-    criteria = StopCriteria(largest_iterations=10, damage_budget=3.0)
+    criteria = StopCriteria(iterations=10, damage_budget=3.0)
     assert judge_end(after((0.5,)), criteria) is None
     assert judge_end(after((0.5,), (0.4,)), criteria) is None
     assert judge_end(after((0.5,), (0.4,), (0.3,)), criteria) is Outcome.DAMAGE_BUDGET_USED
@@ -113,7 +104,7 @@ def test_a_channel_that_tells_too_little_counts_as_the_target_at_its_level():
     whole, half = judge_response(target, response), judge_response(target, response, level=0.5)
     np.testing.assert_allclose(whole.damage_ratio[:, 1], [0.0, 0.5**5, 1.5**5])
     np.testing.assert_allclose(damage_spent((whole, half), exponent=5.0), (1.0 + 0.5**5) * np.array([1.0, 1.0, 1.5**5]))
-    criteria = StopCriteria(largest_iterations=10, damage_budget=3.0)
+    criteria = StopCriteria(iterations=10, damage_budget=3.0)
     dead = judge_response(target, 0.0 * target)
     assert judge_end((dead, dead), criteria) is None
     assert judge_end((dead, dead, dead), criteria) is Outcome.DAMAGE_BUDGET_USED
@@ -121,13 +112,13 @@ def test_a_channel_that_tells_too_little_counts_as_the_target_at_its_level():
 
 @pytest.mark.parametrize("wrong", [(1.1, 1.2), (-0.1, 2.0), (0.5, 1.0), (0.5, np.inf)])
 def test_damage_bounds_that_do_not_hold_the_target_itself_are_refused(wrong):
-    with pytest.raises(ValueError, match="must be finite"):
-        DamageBounds(*wrong)
+    with pytest.raises(ValueError, match=r"must be (below 1|greater than or equal to 0|a finite number)"):
+        StopCriteria(iterations=3, damage_ratio=wrong)
 
 
 def test_a_slope_that_is_not_judged_is_refused_with_those_that_are():
-    with pytest.raises(ValueError, match="4; damage is judged at 3, 5, 8"):
-        DamageBounds(0.5, 2.0, exponent=4.0)
+    with pytest.raises(ValueError, match="damage_exponent is 4; allowed: 3, 5, 8"):
+        StopCriteria(iterations=3, damage_exponent=4)
 
 
 def test_the_best_playback_is_the_one_with_the_smallest_overall_error():
@@ -137,7 +128,7 @@ def test_the_best_playback_is_the_one_with_the_smallest_overall_error():
 
 def test_where_the_target_was_reached_the_last_playback_is_the_best_whatever_its_overall_error():
     metrics = after((0.5, 0.5), (0.01, 0.16), (0.14, 0.14))
-    assert judge_end(metrics, StopCriteria(largest_iterations=9, relative_rms_error=0.15)) is Outcome.REACHED
+    assert judge_end(metrics, StopCriteria(iterations=9, relative_rms_error=0.15)) is Outcome.REACHED
     assert best_at_full_level(metrics, ()) == 2
     assert best_at_full_level(metrics, (), outcome=Outcome.ITERATIONS_USED) == 2
     assert best_at_full_level(metrics, (), outcome=Outcome.REACHED) == 3
@@ -148,7 +139,7 @@ def test_where_the_target_was_reached_the_last_playback_is_the_best_whatever_its
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"largest_iterations": 0},
+        {"iterations": 0},
         {"relative_rms_error": -0.1},
         {"divergence_ratio": 0.9},
         {"smallest_improvement": 1.0},
@@ -158,7 +149,7 @@ def test_where_the_target_was_reached_the_last_playback_is_the_best_whatever_its
 )
 def test_impossible_criteria_are_refused(wrong):
     with pytest.raises(ValueError, match="must be"):
-        StopCriteria(**{"largest_iterations": 3, **wrong})
+        StopCriteria(**{"iterations": 3, **wrong})
 
 
 def test_metrics_of_a_scaled_response_are_analytic():

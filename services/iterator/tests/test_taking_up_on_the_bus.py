@@ -23,7 +23,7 @@ CHILD_STEPS = 3 + 3 + 3 + 2
 def recorded(phase: iterator_pb2.CampaignPhase | None) -> RecordedCampaign:
     """A campaign of three playbacks, all made; its last status where it got to write one."""
     spec = iterator_pb2.CampaignSpec(id="first")
-    spec.stop.largest_iterations = 3
+    spec.stop.iterations = 3
     return RecordedCampaign(
         spec=spec,
         model=identifier_pb2.Model(),
@@ -37,7 +37,7 @@ def test_what_broke_off_after_its_last_playback_is_concluded_without_another(pha
     request = iterator_pb2.ResumeCampaignRequest(new_id="second")
     spec, resumption = new_campaign(recorded(phase), request)
     assert (spec.id, spec.parent, spec.parent_iteration) == ("second", "first", 3)
-    assert len(resumption.iterations) == spec.stop.largest_iterations == 3
+    assert len(resumption.iterations) == spec.stop.iterations == 3
 
 
 def test_what_is_finished_needs_more_playbacks_to_be_taken_up():

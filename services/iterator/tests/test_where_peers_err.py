@@ -5,15 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
     NO_BOUNDS,
-    AcceptanceSettings,
     CampaignSettings,
-    CorrectionSettings,
     IterationHistory,
     Playback,
-    StopCriteria,
-    UpdateKind,
     UpdateSettings,
     apply_inverse,
     control_band,
@@ -27,7 +24,7 @@ from iterator import (
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 
 BAND = control_band(2.0, 60.0, sample_rate=SAMPLE_RATE)
-UNGUARDED = CorrectionSettings(smallest=1e-6, largest=1e6, weigh_by_coherence=False, smooth_lines=False)
+UNGUARDED = {"smallest_correction": 1e-6, "largest_correction": 1e6, "weigh_by_coherence": False, "smooth_lines": False}
 
 
 def exact_model():
@@ -44,7 +41,7 @@ def campaign(model, update, *, playbacks=6, samples=6001):
         lambda drive: play(h, drive),
         noise_target(samples),
         model=model,
-        settings=CampaignSettings(update=update, stop=StopCriteria(largest_iterations=playbacks, bounds=NO_BOUNDS)),
+        settings=CampaignSettings(update=update, stop=StopCriteria(iterations=playbacks, **NO_BOUNDS)),
     )
 
 
@@ -84,9 +81,9 @@ def test_corrections_on_lines_that_are_not_coherent_do_not_pile_up():
     target = BAND.limit_target(noise_target(6001))
     drive = apply_inverse(exact_model(), target, band=BAND)
     found = {}
-    for name, correction in (("guarded", CorrectionSettings()), ("plain", UNGUARDED)):
+    for name, correction in (("guarded", {}), ("plain", UNGUARDED)):
         model = exact_model()
-        update = settings(UpdateKind.ADAPTIVE_MODELLING, correction=correction)
+        update = settings(UpdateKind.ADAPTIVE_MODELLING, **correction)
         for _ in range(8):
             noise = BAND.limit_response(generator.standard_normal(target.shape)) * [[900.0], [40.0]]
             history = IterationHistory(target=target).after(Playback(drive=drive, response=noise))
@@ -104,8 +101,8 @@ def test_a_step_that_made_it_worse_is_not_the_start_of_the_next_one():
     # Too small by more than half in one channel: each step there overshoots by more than it corrects.
     wrong = replace(model, frf=model.frf * [[1.0], [0.35]], inverse_frf=model.inverse_frf / [1.0, 0.35])
     errors = {}
-    for name, acceptance in (("last", None), ("best", AcceptanceSettings())):
-        result = campaign(wrong, settings(UpdateKind.BASIC_TWR, acceptance=acceptance), playbacks=7)
+    for name, accept_segments in (("last", False), ("best", True)):
+        result = campaign(wrong, settings(UpdateKind.BASIC_TWR, accept_segments=accept_segments), playbacks=7)
         errors[name] = [iteration.metrics.overall_relative_rms_error for iteration in result.iterations]
     assert errors["last"][-1] > 4.0 * errors["last"][0]
     assert errors["best"][-1] < 0.2 * errors["best"][0]
@@ -126,11 +123,11 @@ def test_the_gain_of_a_response_belongs_to_its_error_and_not_to_a_drive():
     h = impulse_responses()
     # Each drive moves mainly the other response.
     h = h[:, ::-1]
-    update = replace(settings(UpdateKind.BASIC_TWR), iteration_gain=np.array([0.9, 0.3]))
+    update = settings(UpdateKind.BASIC_TWR).model_copy(update={"iteration_gain": (0.9, 0.3)})
     result = run_campaign(
         lambda drive: play(np.ascontiguousarray(h), drive),
         noise_target(6001),
         model=rig_model(*frequency_response(h), identified_band=(1.0, 70.0)),
-        settings=CampaignSettings(update=update, stop=StopCriteria(largest_iterations=1)),
+        settings=CampaignSettings(update=update, stop=StopCriteria(iterations=1)),
     )
     np.testing.assert_allclose(result.iterations[0].metrics.relative_rms_error, [0.1, 0.7], rtol=0.02)

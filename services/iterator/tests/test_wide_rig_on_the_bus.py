@@ -40,7 +40,7 @@ def ended(lab, spec):
 )
 def test_a_watched_response_without_a_target_is_measured_and_changes_nothing(lab, kind):
     spec = specification(f"watched-{kind}", iterations=6)
-    spec.update.kind, spec.update.shape = kind, iterator_pb2.CORRECTION_SHAPE_FULL
+    spec.update.kind, spec.update.correction = kind, iterator_pb2.CORRECTION_SHAPE_FULL
     spec.stop.relative_rms_error, spec.stop.divergence_ratio = 0.1, 1.5
     final = ended(lab, spec)
     assert (final.phase, final.outcome) == (FINISHED, iterator_pb2.OUTCOME_REACHED), final.fault.message
@@ -212,7 +212,7 @@ def drop_channel(spec):
 
 
 def with_weight(*weight):
-    return lambda spec: spec.update.response_weight.CopyFrom(to_array(np.array(weight)))
+    return lambda spec: spec.update.weights.CopyFrom(to_array(np.array(weight)))
 
 
 def with_gain(*gain):
@@ -225,13 +225,13 @@ def with_gain(*gain):
         (poison, "target.samples", "nan"),
         (lambda spec: setattr(spec.target, "sample_rate", 512.0), "target.sample_rate", "512 Hz"),
         (drop_channel, "target.channels", "2 channels are left_vertical, right_vertical"),
-        (with_gain(0.5, 1.2, 0.5), "update.iteration_gain", "1.2"),
-        (with_gain(0.0, 0.5, 0.5), "update.iteration_gain", "above 0"),
+        (with_gain(0.5, 1.2, 0.5), "update.iteration_gain.1", "1.2"),
+        (with_gain(0.0, 0.5, 0.5), "update.iteration_gain.0", "greater than 0"),
         (with_weight(1.0, 1.0, 1.0), "target.samples", "or the weight 0 to watch it only"),
-        (with_weight(1.0, 0.0, 0.0), "update.response_weight", "1 responses have a weight above 0, for 2 drives"),
-        (with_weight(1.0, -1.0, 1.0), "update.response_weight", "0 or more"),
-        (with_weight(1.0, 1.0), "update.response_weight", "shape"),
-        (lambda spec: setattr(spec, "confirmations", 101), "confirmations", "100 is the most"),
+        (with_weight(1.0, 0.0, 0.0), "update.weights", "1 responses have a weight above 0, for 2 drives"),
+        (with_weight(1.0, -1.0, 1.0), "update.weights.1", "greater than or equal to 0"),
+        (with_weight(1.0, 1.0), "update.weights", "has 2 weights and 3 iteration gains"),
+        (lambda spec: setattr(spec, "confirmations", 101), "confirmations", "less than or equal to 100"),
     ],
 )
 def test_bad_input_is_refused_at_the_start_with_its_field(lab, change, field, sentence):

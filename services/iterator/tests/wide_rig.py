@@ -46,7 +46,7 @@ def specification(id, *, target=None, weight=(1.0, 1.0, 0.0), **settings):
         target = np.vstack([noise_target(8000), np.zeros(8000)])
     spec.target.CopyFrom(to_record(RESPONSES, SAMPLE_RATE, target))
     if weight is not None:
-        spec.update.response_weight.CopyFrom(to_array(np.array(weight)))
+        spec.update.weights.CopyFrom(to_array(np.array(weight)))
     return spec
 
 

@@ -41,6 +41,7 @@ def resume(
 
     output = Output(as_json)
     plan = load_settings(settings) if settings is not None else None
+    output.say(*(plan.remarks if plan is not None else ()))
     with ExitStack() as stack:
         path = recording_file(campaign)
         if path is None:

@@ -49,6 +49,7 @@ def run(
     if view and endpoint is not None:
         raise InputError("--view belongs to the lab: start the lab at --connect with `duralab up --view`.")
     plan = load_campaign(campaign)
+    output.say(*plan.remarks)
     if real_time:
         plan = plan.model_copy(update={"real_time": True})
     folder = out or Path("out") / plan.name

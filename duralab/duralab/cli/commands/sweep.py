@@ -67,6 +67,7 @@ def sweep(
         _conclude(output, read_results(report_of))
         return
     plan = load_sweep(str(source))
+    output.say(*plan.remarks)
     folder = out or default_folder(plan)
     output.say(f"Sweep {plan.name} of campaign {plan.campaign}, into {folder}.")
     try:

@@ -213,7 +213,7 @@ def resume_campaign(
         try:
             status = resumed(name)
         except LabError as error:
-            if error.field != "stop.largest_iterations":
+            if error.field != "stop.iterations":
                 raise
             raise _no_playback_left(error, id) from error
     specification = _as_resumed(parent, name, request, own_settings=settings is None)

@@ -11,10 +11,10 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from duralab_proto.keys import MAIN_INSTANCE
+from duralab_settings import explain_validation
 from labbus.bus import Bus
 from labbus.process.service import Build, ServiceConfig
 from labbus.yaml_config import ConfigError
-from strict_yaml import explain_validation
 
 GROUP: Final = "duralab.services"
 """Entry points under which the installed services name what they are made of."""

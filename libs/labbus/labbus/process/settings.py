@@ -9,8 +9,8 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError, create_model
 
+from duralab_settings import explain_validation
 from labbus.yaml_config import ConfigError, read_mapping
-from strict_yaml import explain_validation
 
 ENVIRONMENT_PREFIX: Final = "DURALAB__"
 """Begins every variable of a configuration: `DURALAB__BUS__LAB` is `lab` in `bus`. Lists and mappings are JSON."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from duralab_proto.access import Holder, HolderNameError
+from duralab_settings import read_regular, require_regular
 from labbus.faults import BusError
 from labbus.session.config import TlsConfig
-from strict_yaml import read_regular, require_regular
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate

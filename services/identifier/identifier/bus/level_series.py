@@ -4,7 +4,7 @@ import numpy as np
 
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import identifier_pb2
-from identifier.setting_error import SettingError
+from duralab_settings import SettingsError
 
 FEWEST_LEVELS, MOST_LEVELS = 2, 8
 """Levels of one series."""
@@ -25,16 +25,16 @@ def level_series(request: identifier_pb2.LevelsRequest) -> tuple[identifier_pb2.
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the factors are not allowed or the experiment has no levels.
     """
     try:
         factors = from_array(request.factors, field="factors", shape=(None,), dtype=np.float64)
     except ArrayError as error:
-        raise SettingError(str(error), field=error.field) from error
+        raise SettingsError(str(error), field=error.field) from error
     ordered = np.sort(factors)
     if not FEWEST_LEVELS <= factors.size <= MOST_LEVELS or ordered[0] <= 0.0 or np.any(np.diff(ordered) == 0.0):
-        raise SettingError(
+        raise SettingsError(
             f"The factors are {factors.tolist()}; give {FEWEST_LEVELS} to {MOST_LEVELS} different ones greater than 0.",
             field="factors",
         )
@@ -47,7 +47,7 @@ def level_series(request: identifier_pb2.LevelsRequest) -> tuple[identifier_pb2.
         try:
             levels = from_array(getattr(one.excitation, name), field=f"excitation.{name}", dtype=np.float64)
         except ArrayError as error:
-            raise SettingError(str(error), field=error.field) from error
+            raise SettingsError(str(error), field=error.field) from error
         getattr(one.excitation, name).CopyFrom(to_array(levels * factor))
         series.append(one)
     return tuple(series)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import array_pb2, identifier_pb2
+from duralab_settings import SettingsError
 from identifier.modelling import IdentifiedModel
-from identifier.setting_error import SettingError
 from identifier.uncertainty import (
     CREST_FACTOR,
     ValidBand,
@@ -40,7 +40,7 @@ def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> i
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the drive does not fit the model.
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
@@ -80,7 +80,7 @@ def converge(
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where gains or band are not allowed, one of the models is not valid in the whole band, or the two do not belong
         together.
     """
@@ -92,7 +92,7 @@ def converge(
         # Outside its own band a model is 0, and a rig that does not answer would seem never to converge.
         _band(rig, request.lowest_frequency, request.highest_frequency, whose=f"that of rig model {rig.id[:12]}")
     if int(lines.sum()) > LARGEST_CONVERGENCE_LINES:
-        raise SettingError(
+        raise SettingsError(
             f"The band holds {int(lines.sum())} lines; at most {LARGEST_CONVERGENCE_LINES} are judged: narrow it.",
             field="highest_frequency",
         )
@@ -108,7 +108,7 @@ def converge(
             rig=None if rig is None else rig.frf[lines],
         )
     except ValueError as error:
-        raise SettingError(str(error), field="iteration_gain") from error
+        raise SettingsError(str(error), field="iteration_gain") from error
     return identifier_pb2.Convergence(
         frequency=to_array(found.frequency),
         spectral_radius=to_array(found.spectral_radius),
@@ -168,7 +168,7 @@ def advise(
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where target, band or crest factor do not fit.
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
@@ -240,7 +240,7 @@ def _check_pair(first: IdentifiedModel, second: IdentifiedModel, *, field: str) 
         and np.array_equal(first.frequency, second.frequency)
     )
     if not same:
-        raise SettingError(
+        raise SettingsError(
             f"Model {second.id[:12]} of rig {second.rig!r} has other channels or lines than model {first.id[:12]} of "
             f"rig {first.rig!r}; compare models of one rig with blocks of one length.",
             field=field,
@@ -249,7 +249,7 @@ def _check_pair(first: IdentifiedModel, second: IdentifiedModel, *, field: str) 
 
 def _band(model: IdentifiedModel, lowest: float, highest: float, *, whose: str = "the model's") -> ValidBand:
     if not model.band.lowest <= lowest < highest <= model.band.highest:
-        raise SettingError(
+        raise SettingsError(
             f"The band is {lowest:g} to {highest:g} Hz; it must rise and lie within {whose}, "
             f"{model.band.lowest:g} to {model.band.highest:g} Hz.",
             field="lowest_frequency",
@@ -258,7 +258,7 @@ def _band(model: IdentifiedModel, lowest: float, highest: float, *, whose: str =
         lowest=lowest, highest=highest, sample_rate=model.sample_rate, block_samples=model.band.block_samples
     )
     if not band.lines.any():
-        raise SettingError(
+        raise SettingsError(
             f"No line of the model lies from {lowest:g} to {highest:g} Hz; take a wider band.",
             field="highest_frequency",
         )
@@ -271,10 +271,10 @@ def _record(
     try:
         given, rate, samples = from_record(message, field=field)
     except ArrayError as error:
-        raise SettingError(str(error), field=error.field) from error
+        raise SettingsError(str(error), field=error.field) from error
     names, wanted = [channel.name for channel in given], [channel.name for channel in channels]
     if names != wanted or rate != sample_rate or samples.shape[1] == 0:
-        raise SettingError(
+        raise SettingsError(
             f"The {field} has {samples.shape[1]} samples of {', '.join(names)} at {rate:g} Hz; the model needs "
             f"{', '.join(wanted)} at {sample_rate:g} Hz.",
             field=field,
@@ -286,4 +286,4 @@ def _array(message: array_pb2.Array, *, field: str, shape: tuple[int | None, ...
     try:
         return from_array(message, field=field, shape=shape, dtype=np.float64)
     except ArrayError as error:
-        raise SettingError(str(error), field=error.field) from error
+        raise SettingsError(str(error), field=error.field) from error

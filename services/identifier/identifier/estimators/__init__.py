@@ -6,14 +6,13 @@
 from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import LARGEST_CONDITION
 from identifier.estimators.estimation import Estimation, EstimatorOptions, estimate
-from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning, WarningCode
+from identifier.estimators.frf_estimate import FrfEstimate, ModelWarning, WarningCode
 from identifier.estimators.spectral import estimate_from_spectra
 
 __all__ = [
     "LARGEST_CONDITION",
     "AveragedSpectra",
     "Estimation",
-    "EstimatorKind",
     "EstimatorOptions",
     "FrfEstimate",
     "ModelWarning",

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_settings import EstimatorKind
 from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import drive_condition, unit_diagonal
-from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning, WarningCode
+from identifier.estimators.frf_estimate import FrfEstimate, ModelWarning, WarningCode
 from identifier.estimators.local_polynomial import local_polynomial_model
 from identifier.estimators.local_rational import local_rational_model
 from identifier.estimators.local_regression import LocalModel, LocalSums

@@ -6,25 +6,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-
-class EstimatorKind(Enum):
-    """How an FRF matrix is estimated from drives and responses."""
-
-    H1 = "h1"
-    """``S_yu S_uu^-1``: right where the noise is on the responses."""
-    H2 = "h2"
-    """``S_yy S_uy^-1``: right where the noise is on the drives; as many responses as drives."""
-    HV = "hv"
-    """Total least squares per response: noise on both, in proportion to each channel's power."""
-    LOCAL_POLYNOMIAL = "local_polynomial"
-    """FRF and transient as polynomials over neighbouring lines: no leakage, no window."""
-    LOCAL_RATIONAL = "local_rational"
-    """The same with a common denominator per response: follows sharp resonances."""
-
-    @property
-    def is_local(self) -> bool:
-        """Whether it is a regression over neighbouring lines; the others average spectra."""
-        return self in (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
+from duralab_settings import EstimatorKind
 
 
 class WarningCode(Enum):

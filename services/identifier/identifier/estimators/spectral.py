@@ -5,10 +5,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import EstimatorKind
 from identifier.estimators.averaged_spectra import AveragedSpectra
 from identifier.estimators.coherence import multiple_coherence, require_audible
 from identifier.estimators.condition import drive_condition, unit_diagonal
-from identifier.estimators.frf_estimate import EstimatorKind, FrfEstimate, ModelWarning, WarningCode
+from identifier.estimators.frf_estimate import FrfEstimate, ModelWarning, WarningCode
 from identifier.estimators.h1 import h1
 from identifier.estimators.h2 import h2
 from identifier.estimators.hv import hv

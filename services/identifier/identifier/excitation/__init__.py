@@ -11,23 +11,17 @@ from identifier.excitation.hadamard import hadamard_matrix, nearest_hadamard_ord
 from identifier.excitation.levels import check_levels
 from identifier.excitation.orthogonal import PhaseSet, dft_matrix, draw_phases
 from identifier.excitation.plan import ExperimentPlan, plan_experiment, shortest_delay_seconds
-from identifier.excitation.power_spectrum import PowerSpectrum, TabulatedSpectrum, White, WhitePink
+from identifier.excitation.power_spectrum import power_density, white
 from identifier.excitation.pure_random import pure_random
 from identifier.excitation.schedule import AVERAGES_PER_DRIVE, averages_of, schedule_experiment
-from identifier.excitation.settings import ExcitationKind, ExcitationSettings, LevelKind
+from identifier.excitation.settings import ExperimentSettings
 
 __all__ = [
     "AVERAGES_PER_DRIVE",
-    "ExcitationKind",
-    "ExcitationSettings",
     "Experiment",
     "ExperimentPlan",
-    "LevelKind",
+    "ExperimentSettings",
     "PhaseSet",
-    "PowerSpectrum",
-    "TabulatedSpectrum",
-    "White",
-    "WhitePink",
     "averages_of",
     "check_levels",
     "crest_factors",
@@ -39,8 +33,10 @@ __all__ = [
     "minimise_crest_factor",
     "nearest_hadamard_order",
     "plan_experiment",
+    "power_density",
     "pure_random",
     "schedule_experiment",
     "shortest_delay_seconds",
     "sign_matrix",
+    "white",
 ]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import PowerSpectrum
 from identifier.excitation.fades import linear_fades
-from identifier.excitation.power_spectrum import PowerSpectrum
 from identifier.excitation.pure_random import shaped_noise
 from identifier.excitation.random_streams import Purpose, random_stream
 

@@ -7,6 +7,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import ExcitationKind
 from identifier.excitation.burst_random import burst_random
 from identifier.excitation.crest_factor import minimise_crest_factor
 from identifier.excitation.fades import linear_fades
@@ -15,7 +16,7 @@ from identifier.excitation.multisine import block_of, line_amplitudes
 from identifier.excitation.orthogonal import draw_phases
 from identifier.excitation.pure_random import pure_random
 from identifier.excitation.schedule import burst_samples, schedule_experiment
-from identifier.excitation.settings import ExcitationKind, ExcitationSettings
+from identifier.excitation.settings import ExperimentSettings
 from identifier.excitation.swept_sine import swept_sine
 from identifier.layout import Capture, Layout
 
@@ -36,7 +37,7 @@ class Experiment:
     layout: Layout
 
 
-def design_experiment(settings: ExcitationSettings, *, drives: int, sample_rate: float) -> Experiment:
+def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> Experiment:
     """Make the drive of an experiment.
 
     Parameters
@@ -55,7 +56,7 @@ def design_experiment(settings: ExcitationSettings, *, drives: int, sample_rate:
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the settings do not fit the rig.
     """
     layout = schedule_experiment(settings, drives=drives, sample_rate=sample_rate)
@@ -77,7 +78,7 @@ def design_experiment(settings: ExcitationSettings, *, drives: int, sample_rate:
     return Experiment(drive=drive, layout=layout)
 
 
-def _bursts(settings: ExcitationSettings, layout: Layout) -> NDArray[np.float64]:
+def _bursts(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]:
     length, fade = burst_samples(settings), settings.fade_samples(layout.sample_rate)
     if settings.kind is ExcitationKind.BURST_RANDOM:
         return burst_random(
@@ -100,7 +101,7 @@ def _bursts(settings: ExcitationSettings, layout: Layout) -> NDArray[np.float64]
     )
 
 
-def _multisines(settings: ExcitationSettings, layout: Layout) -> NDArray[np.float64]:
+def _multisines(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]:
     """Lay the blocks of all experiments one after the other, each fading into the next during the delay of that."""
     block, fade = layout.block_samples, layout.fade_samples
     drive = np.zeros((len(settings.spectra), layout.samples))
@@ -113,7 +114,7 @@ def _multisines(settings: ExcitationSettings, layout: Layout) -> NDArray[np.floa
     return drive
 
 
-def _periods(settings: ExcitationSettings, layout: Layout) -> Iterator[tuple[Capture, NDArray[np.float64]]]:
+def _periods(settings: ExperimentSettings, layout: Layout) -> Iterator[tuple[Capture, NDArray[np.float64]]]:
     """Each capture with its period, shape (drives, block_samples); one realisation in memory at a time."""
     amplitude = line_amplitudes(settings.spectra, frequency=layout.frequency, excited=layout.excited)
     for realisation, captures in groupby(layout.captures, key=lambda capture: capture.realisation):

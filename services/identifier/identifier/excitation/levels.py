@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_proto.v1 import array_pb2
-from identifier.excitation.settings import LevelKind
+from duralab_settings import LevelKind, SettingsError
 from identifier.layout import Layout
-from identifier.setting_error import SettingError
 
 
 def scale_to_levels(
@@ -64,7 +63,7 @@ def check_levels(
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where drives pass their limits; names every such drive with its peak, the limit and the level that would fit.
     """
     article, name = ("an", "RMS") if level_kind is LevelKind.RMS else ("a", "peak")
@@ -86,7 +85,7 @@ def check_levels(
                 + (f"({article} {name} of {fitting:g} {channel.unit} fits)" if fitting > 0.0 else f"(no {name} fits)")
             )
     if offences:
-        raise SettingError(
+        raise SettingsError(
             f"The excitation is too large: {'; '.join(offences)}.", field=f"excitation.{level_kind.value}"
         )
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from identifier.excitation.power_spectrum import PowerSpectrum, in_band
+from duralab_settings import PowerSpectrum
+from identifier.excitation.power_spectrum import in_band, power_density
 from identifier.excitation.random_streams import Purpose, random_stream
 
 
@@ -77,7 +78,7 @@ def line_amplitudes(
     numpy.ndarray
         Shape (drives, lines); 0 where not excited, half the sum of squares is 1.
     """
-    power = np.stack([spectrum.density(frequency) for spectrum in spectra]) * excited
+    power = np.stack([power_density(spectrum, frequency) for spectrum in spectra]) * excited
     return np.sqrt(2.0 * power / power.sum(axis=1, keepdims=True))
 
 

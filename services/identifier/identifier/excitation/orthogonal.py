@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import ExcitationKind
 from identifier.excitation.hadamard import nearest_hadamard_order, sign_matrix
 from identifier.excitation.random_streams import Purpose, random_stream
-from identifier.excitation.settings import ExcitationKind
 
 
 @dataclass(frozen=True)

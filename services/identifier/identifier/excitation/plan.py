@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from identifier.excitation.schedule import averages_of, schedule_experiment
-from identifier.excitation.settings import ExcitationSettings
+from identifier.excitation.settings import ExperimentSettings
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ExperimentPlan:
     lines: int
 
 
-def plan_experiment(settings: ExcitationSettings, *, drives: int, sample_rate: float) -> ExperimentPlan:
+def plan_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> ExperimentPlan:
     """Say what an experiment takes and gives, without making its drive.
 
     Parameters
@@ -65,7 +65,7 @@ def plan_experiment(settings: ExcitationSettings, *, drives: int, sample_rate: f
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the settings do not fit the rig.
     """
     layout = schedule_experiment(settings, drives=drives, sample_rate=sample_rate)

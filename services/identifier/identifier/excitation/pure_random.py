@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from duralab_settings import PowerSpectrum
 from identifier.excitation.fades import linear_fades
-from identifier.excitation.power_spectrum import PowerSpectrum
+from identifier.excitation.power_spectrum import power_density
 from identifier.excitation.random_streams import random_stream
 from spectra import line_frequencies, require_sample_rate
 
@@ -94,7 +95,7 @@ def shaped_noise(
     ValueError
         Where no line lies in the band.
     """
-    density = spectrum.density(line_frequencies(samples, sample_rate))
+    density = power_density(spectrum, line_frequencies(samples, sample_rate))
     if not density.any():
         raise ValueError(
             f"A record of {samples / sample_rate:g} s has no line from {spectrum.lowest_frequency:g} to "

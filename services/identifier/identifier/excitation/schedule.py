@@ -5,21 +5,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import ExcitationKind, SettingsError
 from identifier.excitation.hadamard import nearest_hadamard_order
 from identifier.excitation.multisine import choose_lines
 from identifier.excitation.orthogonal import experiments_of
-from identifier.excitation.settings import ExcitationKind, ExcitationSettings
+from identifier.excitation.power_spectrum import power_density
+from identifier.excitation.settings import ExperimentSettings
 from identifier.layout import Capture, Layout, Window
-from identifier.setting_error import SettingError
 from spectra import count_blocks, hann_periodic, hop_samples, independent_averages, line_frequencies
 
 AVERAGES_PER_DRIVE = 2
 """Independent averages of random drives needed for each; with as many as drives S_uu is singular by chance alone."""
 
-_DURATION, _FADE = "excitation.duration_seconds", "excitation.fade_seconds"
+_DURATION, _FADE = "excitation.duration", "excitation.fade"
 
 
-def schedule_experiment(settings: ExcitationSettings, *, drives: int, sample_rate: float) -> Layout:
+def schedule_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> Layout:
     """Lay an experiment out in time and frequency.
 
     Parameters
@@ -38,7 +39,7 @@ def schedule_experiment(settings: ExcitationSettings, *, drives: int, sample_rat
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where levels, band, lines, fades or duration do not fit the rig or would not identify it.
     """
     _check_drives(settings, drives)
@@ -91,7 +92,7 @@ def averages_of(layout: Layout) -> tuple[int, float]:
     return sum(counts), sum(independent_averages(window, hop, count) for count in counts)
 
 
-def burst_samples(settings: ExcitationSettings) -> int:
+def burst_samples(settings: ExperimentSettings) -> int:
     """Count the samples of a burst or sweep, its fades included.
 
     Parameters
@@ -107,19 +108,19 @@ def burst_samples(settings: ExcitationSettings) -> int:
     return round(settings.burst_share * settings.block_samples)
 
 
-def _check_drives(settings: ExcitationSettings, drives: int) -> None:
+def _check_drives(settings: ExperimentSettings, drives: int) -> None:
     if len(settings.levels) != drives:
         name = settings.level_kind.value
-        raise SettingError(
+        raise SettingsError(
             f"{len(settings.levels)} values of {name} were given; the rig has {drives} drives and needs one for each.",
             field=f"excitation.{name}",
         )
 
 
-def _lines(settings: ExcitationSettings, sample_rate: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _lines(settings: ExperimentSettings, sample_rate: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     spectrum, block = settings.spectra[0], settings.block_samples
     if spectrum.highest_frequency >= sample_rate / 2.0:
-        raise SettingError(
+        raise SettingsError(
             f"The band ends at {spectrum.highest_frequency:g} Hz; the rig samples at {sample_rate:g} Hz, so it must "
             f"end below {sample_rate / 2.0:g} Hz.",
             field="excitation.spectrum.highest_frequency",
@@ -133,22 +134,22 @@ def _lines(settings: ExcitationSettings, sample_rate: float) -> tuple[NDArray[np
         seed=settings.seed,
     )
     if not excited.any():
-        raise SettingError(
+        raise SettingsError(
             f"Blocks of {block} samples have a line every {sample_rate / block:.4g} Hz and none to excite from "
             f"{spectrum.lowest_frequency:g} to {spectrum.highest_frequency:g} Hz; take longer blocks or a wider band.",
             field="estimator.block_samples",
         )
     if settings.detection_share > 0.0 and not np.any(detection[1::2] if settings.odd_lines else detection):
-        raise SettingError(
+        raise SettingsError(
             f"A detection share of {settings.detection_share:g} leaves out none of {int(excited.sum())} lines; "
             "take a larger share, longer blocks or a wider band.",
             field="excitation.detection_share",
         )
     for index, shape in enumerate(settings.spectra):
-        density = shape.density(frequency[excited])
+        density = power_density(shape, frequency[excited])
         wrong = np.flatnonzero(~((density > 0.0) & (density < np.inf)))
         if wrong.size:
-            raise SettingError(
+            raise SettingsError(
                 f"The PSD of drive {index} is {density[wrong[0]]} at {frequency[excited][wrong[0]]:.4g} Hz, inside its "
                 "band; it must be greater than 0 there, or the band must end before.",
                 field="excitation.drive_spectra",
@@ -156,12 +157,12 @@ def _lines(settings: ExcitationSettings, sample_rate: float) -> tuple[NDArray[np
     return excited, detection
 
 
-def _pure_random(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+def _pure_random(settings: ExperimentSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
     block, samples, fade = settings.block_samples, settings.samples(sample_rate), settings.fade_samples(sample_rate)
     used = samples - 2 * fade
     blocks = count_blocks(used, block, settings.overlap)
     if blocks == 0:
-        raise SettingError(
+        raise SettingsError(
             f"A block of {block} samples lasts {block / sample_rate:g} s; between the fades the excitation lasts only "
             f"{used / sample_rate:g} s, so take shorter blocks or a longer excitation.",
             field="estimator.block_samples",
@@ -173,19 +174,19 @@ def _pure_random(settings: ExcitationSettings, drives: int, sample_rate: float) 
         long_record = 10**9
         enough = math.ceil(needed * long_record / independent_averages(window, hop, long_record))
         least = ((enough - 1) * hop + block + 2 * fade) / sample_rate
-        raise SettingError(
-            f"An excitation of {settings.duration_seconds:g} s gives {averages:.3g} independent averages; {needed} are "
+        raise SettingsError(
+            f"An excitation of {settings.duration:g} s gives {averages:.3g} independent averages; {needed} are "
             f"needed for {drives} drives, so take {math.ceil(least)} s or more, or shorter blocks.",
             field=_DURATION,
         )
     return (Capture(start=fade, periods=used // block, realisation=0, experiment=0),), samples, fade
 
 
-def _bursts(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+def _bursts(settings: ExperimentSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
     block, length, fade = settings.block_samples, burst_samples(settings), settings.fade_samples(sample_rate)
     if 2 * fade >= length:
-        raise SettingError(
-            f"The fade lasts {settings.fade_seconds:g} s and each burst {length / sample_rate:g} s; take a fade "
+        raise SettingsError(
+            f"The fade lasts {settings.fade:g} s and each burst {length / sample_rate:g} s; take a fade "
             "shorter than half a burst.",
             field=_FADE,
         )
@@ -193,8 +194,8 @@ def _bursts(settings: ExcitationSettings, drives: int, sample_rate: float) -> tu
     columns = nearest_hadamard_order(drives) if sweeps else 1
     needed = columns if sweeps else AVERAGES_PER_DRIVE * drives
     if blocks < needed:
-        raise SettingError(
-            f"An excitation of {settings.duration_seconds:g} s holds {blocks} blocks of {block} samples; {needed} are "
+        raise SettingsError(
+            f"An excitation of {settings.duration:g} s holds {blocks} blocks of {block} samples; {needed} are "
             f"needed for {drives} drives, so take {math.ceil(needed * block / sample_rate)} s or more, or shorter "
             "blocks.",
             field=_DURATION,
@@ -213,12 +214,12 @@ def _bursts(settings: ExcitationSettings, drives: int, sample_rate: float) -> tu
     return captures, blocks * block, 0
 
 
-def _multisine(settings: ExcitationSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
+def _multisine(settings: ExperimentSettings, drives: int, sample_rate: float) -> tuple[tuple[Capture, ...], int, int]:
     block, fade = settings.block_samples, settings.fade_samples(sample_rate)
     delay, used = settings.delay_blocks * block, settings.capture_blocks * block
     if fade > delay:
-        raise SettingError(
-            f"The fade lasts {settings.fade_seconds:g} s and the delay before each capture {delay / sample_rate:g} s; "
+        raise SettingsError(
+            f"The fade lasts {settings.fade:g} s and the delay before each capture {delay / sample_rate:g} s; "
             "take a shorter fade or more delay blocks.",
             field=_FADE,
         )
@@ -230,10 +231,10 @@ def _multisine(settings: ExcitationSettings, drives: int, sample_rate: float) ->
     wanted = max(fitting, 0) if settings.realisations is None else settings.realisations
     if wanted > fitting or wanted < least:
         asked = max(wanted, least)
-        raise SettingError(
+        raise SettingsError(
             f"{asked} realisations of {realisation / block:g} blocks last "
             f"{(asked * realisation + fade) / sample_rate:g} s, fade included, of which the excitation's "
-            f"{settings.duration_seconds:g} s hold {max(fitting, 0)}; {least} or more are needed for {drives} "
+            f"{settings.duration:g} s hold {max(fitting, 0)}; {least} or more are needed for {drives} "
             "drives, so take a longer excitation, shorter blocks or fewer of them.",
             field=_DURATION if wanted > fitting or settings.realisations is None else "excitation.realisations",
         )

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import PowerSpectrum
 from identifier.excitation.fades import linear_fades
 from identifier.excitation.hadamard import sign_matrix
-from identifier.excitation.power_spectrum import PowerSpectrum
+from identifier.excitation.power_spectrum import power_density
 
 _STEPS = 4096
 """Frequencies at which the time of passing is computed; between them it is nearly straight."""
@@ -65,7 +66,7 @@ def _phase(spectrum: PowerSpectrum, *, samples: int, held: int, sample_rate: flo
     (stationary phase), so the time of passing a frequency is the integral of the PSD up to it.
     """
     frequency = np.linspace(spectrum.lowest_frequency, spectrum.highest_frequency, _STEPS)
-    density = spectrum.density(frequency)
+    density = power_density(spectrum, frequency)
     passed = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2.0)])
     now = np.interp(np.arange(-held, samples + held), passed * ((samples - 1) / passed[-1]), frequency)
     return 2.0 * np.pi / sample_rate * np.concatenate([[0.0], np.cumsum((now[1:] + now[:-1]) / 2.0)])

@@ -2,10 +2,9 @@
 
 from identifier.experiment.estimate import estimate_experiment
 from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, make_experiment, with_names
-from identifier.experiment.settings import EstimatorSettings, IdentificationSettings
+from identifier.experiment.settings import IdentificationSettings
 
 __all__ = [
-    "EstimatorSettings",
     "IdentificationSettings",
     "RigUnderTest",
     "check_against_rig",

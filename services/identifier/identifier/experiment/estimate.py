@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identifier.estimators import FrfEstimate, estimate
-from identifier.experiment.settings import EstimatorSettings
+from duralab_settings import EstimatorSettings
+from identifier.estimators import EstimatorOptions, FrfEstimate, estimate
 from identifier.layout import Layout
 from spectra import as_record
 
@@ -46,7 +46,7 @@ def estimate_experiment(
         played - of_drives[:, None],
         measured - of_responses[:, None],
         layout,
-        settings.options,
+        EstimatorOptions(order=settings.local_order, half_width=settings.local_half_width),
         taken_off=(of_drives, of_responses),
     )
 

@@ -7,18 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from duralab_proto.v1 import array_pb2, rig_pb2
-from identifier.estimators import Estimation, EstimatorKind
-from identifier.excitation import (
-    ExcitationKind,
-    ExcitationSettings,
-    Experiment,
-    LevelKind,
-    check_levels,
-    design_experiment,
-    schedule_experiment,
-)
+from duralab_settings import EstimatorKind, ExcitationKind, LevelKind, SettingsError
+from identifier.estimators import Estimation, EstimatorOptions
+from identifier.excitation import Experiment, ExperimentSettings, check_levels, design_experiment, schedule_experiment
 from identifier.experiment.settings import IdentificationSettings
-from identifier.setting_error import SettingError
 from spectra import count_blocks
 
 LARGEST_AVERAGED_SAMPLES = 2**28
@@ -124,42 +116,41 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the number of levels, the duration, the blocks or the estimator do not fit the rig. What follows from the
         excitation alone (lines, averages, realisations) `schedule_experiment` refuses.
     """
     excitation = settings.excitation
     if len(excitation.levels) != len(rig.drives):
         name = "RMS" if excitation.level_kind is LevelKind.RMS else "peak"
-        raise SettingError(
+        raise SettingsError(
             f"{len(excitation.levels)} {name} values were given; rig {rig.name!r} has {len(rig.drives)} drives "
             f"({_names(rig.drives)}) and needs one for each.",
             field=f"excitation.{excitation.level_kind.value}",
         )
-    if excitation.duration_seconds > rig.longest_drive_seconds:
-        raise SettingError(
-            f"The excitation lasts {excitation.duration_seconds:g} s; rig {rig.name!r} plays at most "
+    if excitation.duration > rig.longest_drive_seconds:
+        raise SettingsError(
+            f"The excitation lasts {excitation.duration:g} s; rig {rig.name!r} plays at most "
             f"{rig.longest_drive_seconds:g} s.",
-            field="excitation.duration_seconds",
+            field="excitation.duration",
         )
     _check_blocks(excitation, rig.sample_rate)
     if settings.estimator.kind is EstimatorKind.H2 and len(rig.responses) != len(rig.drives):
-        raise SettingError(
+        raise SettingsError(
             f"Rig {rig.name!r} has {len(rig.responses)} responses and {len(rig.drives)} drives; H2 needs as many of "
             "both: take H1 or Hv.",
             field="estimator.kind",
         )
     layout = schedule_experiment(excitation, drives=len(rig.drives), sample_rate=rig.sample_rate)
     estimator = settings.estimator
+    options = EstimatorOptions(order=estimator.local_order, half_width=estimator.local_half_width)
     try:
-        Estimation(
-            estimator.kind, layout, drives=len(rig.drives), responses=len(rig.responses), options=estimator.options
-        )
+        Estimation(estimator.kind, layout, drives=len(rig.drives), responses=len(rig.responses), options=options)
     except ValueError as error:
-        raise SettingError(str(error), field="estimator.local_half_width") from error
+        raise SettingsError(str(error), field="estimator.local_half_width") from error
 
 
-def make_experiment(settings: ExcitationSettings, rig: RigUnderTest) -> Experiment:
+def make_experiment(settings: ExperimentSettings, rig: RigUnderTest) -> Experiment:
     """Make the drive of an experiment and check it against the rig's limits.
 
     Parameters
@@ -176,7 +167,7 @@ def make_experiment(settings: ExcitationSettings, rig: RigUnderTest) -> Experime
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where a drive would pass a limit.
     """
     experiment = design_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
@@ -190,12 +181,12 @@ def make_experiment(settings: ExcitationSettings, rig: RigUnderTest) -> Experime
     return experiment
 
 
-def _check_blocks(excitation: ExcitationSettings, sample_rate: float) -> None:
+def _check_blocks(excitation: ExperimentSettings, sample_rate: float) -> None:
     """Refuse blocks longer than the record before their lines are counted, and more blocks than can be averaged."""
     block = excitation.block_samples
     used = excitation.samples(sample_rate) - 2 * excitation.fade_samples(sample_rate)
     if block > used:
-        raise SettingError(
+        raise SettingsError(
             f"A block of {block} samples lasts {block / sample_rate:g} s; between the fades the excitation lasts only "
             f"{used / sample_rate:g} s, so take shorter blocks or a longer excitation.",
             field="estimator.block_samples",
@@ -204,7 +195,7 @@ def _check_blocks(excitation: ExcitationSettings, sample_rate: float) -> None:
         return
     blocks = count_blocks(used, block, excitation.overlap)
     if blocks * block > LARGEST_AVERAGED_SAMPLES:
-        raise SettingError(
+        raise SettingsError(
             f"An overlap of {excitation.overlap:g} cuts the record into {blocks} blocks of {block} samples; at most "
             f"{LARGEST_AVERAGED_SAMPLES // block} such blocks are averaged, so take a smaller overlap.",
             field="estimator.overlap",

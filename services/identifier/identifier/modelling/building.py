@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
-from identifier.excitation import ExcitationSettings, plan_experiment
+from identifier.excitation import ExperimentSettings, plan_experiment
 from identifier.experiment import RigUnderTest, with_names
 from identifier.layout import Layout
 from identifier.modelling.line_filling import fill_lines, valid_band
@@ -36,7 +36,7 @@ _WARNING_CODES: Final = {
 }
 
 
-def plan_message(settings: ExcitationSettings, *, rig: RigUnderTest, band: ValidBand) -> identifier_pb2.ExperimentPlan:
+def plan_message(settings: ExperimentSettings, *, rig: RigUnderTest, band: ValidBand) -> identifier_pb2.ExperimentPlan:
     """Say what an experiment takes and gives.
 
     Parameters
@@ -73,7 +73,7 @@ def plan_message(settings: ExcitationSettings, *, rig: RigUnderTest, band: Valid
 def model_of(
     request: identifier_pb2.IdentifyRequest,
     *,
-    settings: ExcitationSettings,
+    settings: ExperimentSettings,
     rig: RigUnderTest,
     layout: Layout,
     estimate: FrfEstimate,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identifier.setting_error import SettingError
+from duralab_settings import SettingsError
 from identifier.uncertainty.valid_band import ValidBand
 from spectra import as_record, dynamic_part, pseudo_inverse
 
@@ -81,7 +81,7 @@ def advise_levels(
 
     Raises
     ------
-    SettingError
+    SettingsError
         Where the target has other channels than the model or does not move in the band, or the crest factor is below 1.
     ValueError
         Where a drive has no room.
@@ -89,11 +89,11 @@ def advise_levels(
     record = as_record(target, name="target")
     responses, drives = frf.shape[1], frf.shape[2]
     if record.shape[0] != responses:
-        raise SettingError(
+        raise SettingsError(
             f"The target has {record.shape[0]} channels; the model has {responses} responses.", field="target"
         )
     if not 1.0 <= crest_factor < np.inf:
-        raise SettingError(
+        raise SettingsError(
             f"The crest factor is {crest_factor}; it must be 1 or more and finite.", field="crest_factor"
         )
     if room.shape != (drives,) or not np.all(room > 0.0):
@@ -107,7 +107,7 @@ def advise_levels(
     # A level by itself leaves its rounding.
     still = np.flatnonzero(target_rms <= _ROUNDING * np.max(np.abs(record), axis=1))
     if still.size:
-        raise SettingError(
+        raise SettingsError(
             f"The target of response {still[0]} does not move from {band.lowest:g} to "
             f"{band.highest:g} Hz; every response needs a target there.",
             field="target",

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from short_experiments import MULTISINES, PINK, RATE, WHITE, blocks_of, settings_of
 
-from identifier.excitation import ExcitationKind, crest_factors, design_experiment
+from duralab_settings import ExcitationKind
+from identifier.excitation import crest_factors, design_experiment
 
 
 def worst(drives, **changes):
@@ -17,17 +18,17 @@ def test_a_sine_has_the_root_of_two_and_a_square_wave_one():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_flat_multisine_comes_below_one_and_a_half(seed):
-    assert worst(1, spectra=(WHITE,), minimise_crest_factor=True, seed=seed) < 1.5
+    assert worst(1, drive_spectra=(WHITE,), minimise_crest_factor=True, seed=seed) < 1.5
 
 
 def test_an_odd_multisine_comes_below_one_point_seven():
-    assert worst(1, spectra=(WHITE,), minimise_crest_factor=True, odd_lines=True, detection_share=0.25) < 1.7
+    assert worst(1, drive_spectra=(WHITE,), minimise_crest_factor=True, odd_lines=True, detection_share=0.25) < 1.7
 
 
 @pytest.mark.parametrize("spectrum", [WHITE, PINK], ids=["white", "white_pink"])
 @pytest.mark.parametrize("kind", MULTISINES, ids=lambda kind: kind.value)
 def test_the_worst_drive_of_a_set_of_six_gains_at_least_a_quarter(kind, spectrum):
-    asked = {"kind": kind, "spectra": (spectrum,) * 6, "duration_seconds": 70.0}
+    asked = {"kind": kind, "drive_spectra": (spectrum,) * 6, "duration": 70.0}
     assert worst(6, **asked, minimise_crest_factor=True) < 0.75 * worst(6, **asked)
 
 

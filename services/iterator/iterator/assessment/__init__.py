@@ -6,7 +6,8 @@ from iterator.assessment.playback_bounds import (
     BoundedQuantity,
     PassedBound,
     PlaybackBoundError,
-    PlaybackBounds,
+    is_bounded,
+    passed_bound,
 )
 from iterator.assessment.playback_levels import (
     best_at_full_level,
@@ -14,38 +15,32 @@ from iterator.assessment.playback_levels import (
     judge_end_at_levels,
     level_of,
     partial_playbacks,
-    require_levels,
 )
 from iterator.assessment.repeatability import Repeatability, judge_repeatability
 from iterator.assessment.spectrum_overlay import SpectrumOverlay, overlay_spectra
 from iterator.assessment.standstill import Standstill, standstills
 from iterator.assessment.stop_criteria import (
-    DamageBounds,
     Outcome,
-    StopCriteria,
     damage_spent,
     judge_end,
-    passed_bound,
     would_overspend,
 )
 
 __all__ = [
     "NO_BOUNDS",
     "BoundedQuantity",
-    "DamageBounds",
     "IterationMetrics",
     "Outcome",
     "PassedBound",
     "PlaybackBoundError",
-    "PlaybackBounds",
     "Repeatability",
     "SpectrumOverlay",
     "Standstill",
-    "StopCriteria",
     "best_at_full_level",
     "best_iteration",
     "comparable_history",
     "damage_spent",
+    "is_bounded",
     "judge_end",
     "judge_end_at_levels",
     "judge_repeatability",
@@ -54,7 +49,6 @@ __all__ = [
     "overlay_spectra",
     "partial_playbacks",
     "passed_bound",
-    "require_levels",
     "standstills",
     "would_overspend",
 ]

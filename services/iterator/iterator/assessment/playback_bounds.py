@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
+from duralab_settings import StopCriteria
 from iterator.assessment.metrics import IterationMetrics
 from loads import DAMAGE_EXPONENTS
 
@@ -78,71 +81,58 @@ class PlaybackBoundError(ValueError):
         )
 
 
-@dataclass(frozen=True)
-class PlaybackBounds:
-    """What no playback may pass in any controlled response, relative to the whole target whatever its level.
+def is_bounded(criteria: StopCriteria) -> bool:
+    """Return whether any quantity of a playback is bounded.
 
     Parameters
     ----------
-    error_bound : float
-        Relative RMS error, above 1; a rig at rest has 1. Infinite: no bound.
-    peak_bound : float
-        Largest magnitude over the target's, above 1. Infinite: no bound.
-    damage_bound : float
-        Pseudo-damage over the target's, above 1. Infinite: no bound.
+    criteria : StopCriteria
+        Its bounds count.
 
-    Raises
-    ------
-    ValueError
-        A value is outside its range.
+    Returns
+    -------
+    bool
+        False where every bound is None.
     """
-
-    error_bound: float = 3.0
-    peak_bound: float = 3.0
-    damage_bound: float = 250.0
-
-    def __post_init__(self) -> None:
-        for quantity in BoundedQuantity:
-            value = getattr(self, quantity.value)
-            if not value > 1.0:
-                raise ValueError(
-                    f"The {quantity.value} is {value:g}; it must be above 1, which is the target itself, or infinite "
-                    "for no bound."
-                )
-
-    @property
-    def none(self) -> bool:
-        """Whether nothing is bounded."""
-        return bool(np.isinf([self.error_bound, self.peak_bound, self.damage_bound]).all())
-
-    def passed(self, metrics: IterationMetrics, *, level: float, exponent: float) -> PassedBound | None:
-        """Return the bound that a playback passes furthest, relative to it, or None.
-
-        Parameters
-        ----------
-        metrics : IterationMetrics
-            Of the playback, measured or predicted.
-        level : float
-            Share of the target that it plays for, above 0 to 1.
-        exponent : float
-            Slope of the S-N line that damage is judged at, one of `DAMAGE_EXPONENTS`.
-        """
-        column = DAMAGE_EXPONENTS.index(exponent)
-        figures = {
-            BoundedQuantity.ERROR: level * metrics.relative_rms_error,
-            BoundedQuantity.PEAK: level * metrics.peak_ratio,
-            BoundedQuantity.DAMAGE: level**exponent * metrics.damage_ratio[:, column],
-        }
-        controlled = np.ones(len(metrics.peak_ratio), dtype=bool) if metrics.controlled is None else metrics.controlled
-        worst: PassedBound | None = None
-        for quantity, values in figures.items():
-            bound = getattr(self, quantity.value)
-            row = int(np.argmax(np.where(controlled, values, -np.inf)))
-            found = PassedBound(response=row, quantity=quantity, value=float(values[row]), bound=bound)
-            if found.value > bound and (worst is None or found.value / bound > worst.value / worst.bound):
-                worst = found
-        return worst
+    return any(getattr(criteria, quantity.value) is not None for quantity in BoundedQuantity)
 
 
-NO_BOUNDS: Final = PlaybackBounds(error_bound=np.inf, peak_bound=np.inf, damage_bound=np.inf)
-"""For studies of what diverges, on rigs that nothing can damage."""
+def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: float) -> PassedBound | None:
+    """Return the bound that a playback passes furthest, relative to the bound, or None.
+
+    Parameters
+    ----------
+    metrics : IterationMetrics
+        Of the playback, measured or predicted.
+    criteria : StopCriteria
+        Its bounds and its damage exponent count, relative to the whole target whatever the level.
+    level : float
+        Share of the target that it plays for, above 0 to 1.
+
+    Returns
+    -------
+    PassedBound or None
+        None if the playback passes no bound.
+    """
+    exponent = float(criteria.damage_exponent)
+    column = DAMAGE_EXPONENTS.index(exponent)
+    figures = {
+        BoundedQuantity.ERROR: level * metrics.relative_rms_error,
+        BoundedQuantity.PEAK: level * metrics.peak_ratio,
+        BoundedQuantity.DAMAGE: level**exponent * metrics.damage_ratio[:, column],
+    }
+    controlled = np.ones(len(metrics.peak_ratio), dtype=bool) if metrics.controlled is None else metrics.controlled
+    worst: PassedBound | None = None
+    for quantity, values in figures.items():
+        bound = getattr(criteria, quantity.value)
+        if bound is None:
+            continue
+        row = int(np.argmax(np.where(controlled, values, -np.inf)))
+        found = PassedBound(response=row, quantity=quantity, value=float(values[row]), bound=bound)
+        if found.value > bound and (worst is None or found.value / bound > worst.value / worst.bound):
+            worst = found
+    return worst
+
+
+NO_BOUNDS: Final[Mapping[str, None]] = MappingProxyType(dict.fromkeys(quantity.value for quantity in BoundedQuantity))
+"""Keyword arguments of `StopCriteria` for studies of what diverges, on rigs that nothing can damage."""

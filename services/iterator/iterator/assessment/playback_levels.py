@@ -7,37 +7,16 @@ same at every level, so update, acceptance and errors need not know of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
+from duralab_settings import StopCriteria
 from iterator.assessment.metrics import IterationMetrics, best_iteration
-from iterator.assessment.stop_criteria import Outcome, StopCriteria, judge_end
+from iterator.assessment.stop_criteria import Outcome, judge_end
 from iterator.model import IterationHistory
 
-
-def require_levels(levels: Sequence[float]) -> None:
-    """Check the levels of the first playbacks.
-
-    Parameters
-    ----------
-    levels : sequence of float
-        Share of the target, one for each of the first playbacks; empty where all are at full level.
-
-    Raises
-    ------
-    ValueError
-        A level outside (0, 1], one below the level before, or a last one that is not 1.
-    """
-    wrong = [level for level in levels if not 0.0 < level <= 1.0]
-    if wrong:
-        raise ValueError(f"A playback level is {wrong[0]:g}; each must be above 0 and at most 1.")
-    falls = [after for before, after in pairwise(levels) if after < before]
-    if falls:
-        raise ValueError(f"The playback levels fall to {falls[0]:g}; they must never fall.")
-    if levels and levels[-1] != 1.0:
-        raise ValueError(f"The last playback level is {levels[-1]:g}; it must be 1, the whole target.")
+_NOT_AT_A_PART: Final = {"relative_rms_error": 0.0, "damage_ratio": None, "smallest_improvement": 0.0}
 
 
 def partial_playbacks(levels: Sequence[float]) -> int:
@@ -46,7 +25,7 @@ def partial_playbacks(levels: Sequence[float]) -> int:
     Parameters
     ----------
     levels : sequence of float
-        Share of the target in each of the first playbacks, see `require_levels`.
+        Share of the target in each of the first playbacks, see `PlaybackSettings`.
 
     Returns
     -------
@@ -149,7 +128,7 @@ def judge_end_at_levels(
     partial = partial_playbacks(levels)
     if len(metrics) <= partial:
         # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
-        ended = judge_end(metrics, replace(criteria, relative_rms_error=0.0, damage=None, smallest_improvement=0.0))
+        ended = judge_end(metrics, criteria.model_copy(update=_NOT_AT_A_PART))
         return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
-    left = replace(criteria, largest_iterations=criteria.largest_iterations - partial)
+    left = criteria.model_copy(update={"iterations": criteria.iterations - partial})
     return judge_end(metrics[partial:], left, earlier=metrics[:partial])

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import StopCriteria
 from iterator.assessment.metrics import IterationMetrics
-from iterator.assessment.playback_bounds import PassedBound, PlaybackBounds
 from loads import DAMAGE_EXPONENTS
 
 
@@ -23,134 +22,6 @@ class Outcome(enum.Enum):
     DAMAGE_BUDGET_USED = "one more playback would put more damage into the specimen than was allowed"
     RESPONSE_STOOD_STILL = "a controlled response stood still while its target moved"
     BOUND_PASSED = "a playback passed a bound of error, peak or damage"
-
-
-@dataclass(frozen=True)
-class DamageBounds:
-    """Between which a channel's damage ratio is as asked.
-
-    Parameters
-    ----------
-    smallest, largest : float
-        Bounds of response over target, `0 <= smallest < 1 < largest`.
-    exponent : float
-        Slope of the S-N line it is judged at, one of `DAMAGE_EXPONENTS`.
-
-    Raises
-    ------
-    ValueError
-        A value is outside its range.
-    """
-
-    smallest: float
-    largest: float
-    exponent: float = 5.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.smallest < 1.0 < self.largest < np.inf):
-            raise ValueError(
-                f"The damage ratio's bounds are {self.smallest:g} and {self.largest:g}; they must be finite, the "
-                "smaller 0 or more and below 1, the larger above 1."
-            )
-        _column(self.exponent)
-
-    def hold(self, metrics: IterationMetrics) -> bool:
-        """Whether the damage ratio of every controlled channel is within them."""
-        ratio = metrics.judged(metrics.damage_ratio)[:, _column(self.exponent)]
-        return bool(np.all((ratio >= self.smallest) & (ratio <= self.largest)))
-
-
-@dataclass(frozen=True)
-class StopCriteria:
-    """When to end.
-
-    Parameters
-    ----------
-    largest_iterations : int
-        Playbacks of the target, 1 or more.
-    relative_rms_error : float
-        Reached when every channel's is at most this; 0 does not ask for it.
-    divergence_ratio : float
-        Diverged when a channel's error exceeds this multiple of its best so far, above 1; 0 never.
-    damage : DamageBounds, optional
-        Reached only when every channel's damage ratio is within them, in the same playback as the error asked for.
-        Where neither is given, all playbacks are used.
-    smallest_improvement : float
-        No more improvement when the best overall error of the last `improvement_playbacks` is not this share below
-        the best before them, 0 to below 1; 0 never.
-    improvement_playbacks : int
-        See there, 1 or more.
-    damage_budget : float
-        Damage that all playbacks together may put into the specimen at any response, in multiples of the target's,
-        greater than 0; 0 is no limit. A playback counts as the target at its level at least, whatever was measured.
-        What the identification puts in is not counted: it is not known here.
-    damage_budget_exponent : float
-        Slope of the S-N line it is counted at, one of `DAMAGE_EXPONENTS`; that of the bounds, too.
-    bounds : PlaybackBounds
-        What no playback may pass, measured or predicted; `NO_BOUNDS` for none.
-
-    Raises
-    ------
-    ValueError
-        A value is outside its range.
-    """
-
-    largest_iterations: int
-    relative_rms_error: float = 0.0
-    divergence_ratio: float = 0.0
-    damage: DamageBounds | None = None
-    smallest_improvement: float = 0.0
-    improvement_playbacks: int = 2
-    damage_budget: float = 0.0
-    damage_budget_exponent: float = 5.0
-    bounds: PlaybackBounds = field(default_factory=PlaybackBounds)
-
-    def __post_init__(self) -> None:
-        if self.largest_iterations < 1:
-            raise ValueError(f"The largest number of playbacks is {self.largest_iterations}; it must be 1 or more.")
-        if not (0.0 <= self.relative_rms_error < np.inf):
-            raise ValueError(
-                f"The relative RMS error to reach is {self.relative_rms_error:g}; it must be finite and 0 or more."
-            )
-        if self.divergence_ratio != 0.0 and not (1.0 < self.divergence_ratio < np.inf):
-            raise ValueError(
-                f"The divergence ratio is {self.divergence_ratio:g}; it must be above 1, or 0 to never end so."
-            )
-        if not 0.0 <= self.smallest_improvement < 1.0:
-            raise ValueError(
-                f"The smallest improvement is {self.smallest_improvement:g}; it must be below 1, and above 0 or 0 to "
-                "never end so."
-            )
-        if self.improvement_playbacks < 1:
-            raise ValueError(
-                f"Improvement is looked for over {self.improvement_playbacks} playbacks; it must be 1 or more."
-            )
-        if not (0.0 <= self.damage_budget < np.inf):
-            raise ValueError(
-                f"The damage budget is {self.damage_budget:g} of the target's; it must be finite, and above 0 or 0 for "
-                "no limit."
-            )
-        _column(self.damage_budget_exponent)
-
-
-def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: float) -> PassedBound | None:
-    """Return the bound that a playback passes furthest, or None.
-
-    Parameters
-    ----------
-    metrics : IterationMetrics
-        Of the playback, measured or predicted.
-    criteria : StopCriteria
-        Its bounds and exponent count.
-    level : float
-        Share of the target that it plays for, above 0 to 1.
-
-    Returns
-    -------
-    PassedBound or None
-        None if the playback passes no bound.
-    """
-    return criteria.bounds.passed(metrics, level=level, exponent=criteria.damage_budget_exponent)
 
 
 def judge_end(
@@ -185,7 +56,7 @@ def judge_end(
         return Outcome.DAMAGE_BUDGET_USED
     if criteria.smallest_improvement > 0.0 and not _improves(metrics, criteria):
         return Outcome.NO_IMPROVEMENT
-    if len(metrics) >= criteria.largest_iterations:
+    if len(metrics) >= criteria.iterations:
         return Outcome.ITERATIONS_USED
     return None
 
@@ -228,7 +99,7 @@ def would_overspend(metrics: tuple[IterationMetrics, ...], criteria: StopCriteri
     bool
         At any controlled response.
     """
-    exponent = criteria.damage_budget_exponent
+    exponent = criteria.damage_exponent
     last = metrics[-1]
     next_one = np.maximum(1.0, last.specimen_damage[:, _column(exponent)])
     spent = damage_spent(metrics, exponent=exponent) + next_one
@@ -236,11 +107,15 @@ def would_overspend(metrics: tuple[IterationMetrics, ...], criteria: StopCriteri
 
 
 def _reached(last: IterationMetrics, criteria: StopCriteria) -> bool:
-    if criteria.relative_rms_error == 0.0 and criteria.damage is None:
+    if criteria.relative_rms_error == 0.0 and criteria.damage_ratio is None:
         return False
     if criteria.relative_rms_error > 0.0 and np.any(last.judged(last.relative_rms_error) > criteria.relative_rms_error):
         return False
-    return criteria.damage is None or criteria.damage.hold(last)
+    if criteria.damage_ratio is None:
+        return True
+    smallest, largest = criteria.damage_ratio
+    ratio = last.judged(last.damage_ratio)[:, _column(criteria.damage_exponent)]
+    return bool(np.all((ratio >= smallest) & (ratio <= largest)))
 
 
 def _improves(metrics: tuple[IterationMetrics, ...], criteria: StopCriteria) -> bool:

@@ -87,7 +87,7 @@ class Campaign:
         self._estimate = ProgressEstimate(
             identification_seconds=plan.experiment.duration_seconds,
             playback_seconds=plan.target_in_band.shape[1] / plan.description.sample_rate,
-            iterations=plan.settings.stop.largest_iterations + plan.spec.confirmations,
+            iterations=plan.settings.stop.iterations + plan.spec.confirmations,
         )
         self._metrics: list[IterationMetrics] = []
 
@@ -314,7 +314,7 @@ class Campaign:
         return whole
 
     def _iteration_name(self) -> str:
-        return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.largest_iterations}"
+        return f"iteration {len(self._metrics) + 1} of {self._plan.settings.stop.iterations}"
 
     @contextmanager
     def _doing(

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
+from duralab_settings import StopCriteria
 from iterator.assessment import (
     IterationMetrics,
     Outcome,
     Standstill,
-    StopCriteria,
     judge_repeatability,
     judge_response,
     standstills,

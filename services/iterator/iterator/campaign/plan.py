@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from google.protobuf.message import Message
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
+from duralab_settings import Acceptance, PlaybackSettings, ResolvedUpdate, SettingsError, StopCriteria, UpdateKind
+from duralab_settings.messages import from_message
 from iterator.band import ControlBand, OutsideBand, control_band, energy_outside_band
-from iterator.campaign.settings_from_messages import (
-    checked_limit_policy,
-    checked_stop,
-    checked_update,
-    checked_weight,
-    invalid,
-)
 from iterator.campaign.static_part import static_remarks
 from iterator.campaign.target_reach import require_reach, tiny_target_remarks
 from iterator.iteration_loop import CampaignSettings
-from iterator.limits import DEFAULT_LARGEST_OVERRUN, DriveLimits
-from iterator.model import FEWEST_LINES
-from iterator.updates import FEWEST_BLOCKS, UpdateKind, UpdateSettings
+from iterator.limits import DriveLimits
+from iterator.model import FEWEST_LINES, checked_response_weight
+from iterator.updates import FEWEST_BLOCKS, UpdateSettings
 from labbus import FaultError
 from spectra import count_blocks, rms
 
@@ -36,8 +33,8 @@ _LARGEST_TARGET: Final = 1e12
 _TOLD_SHARE: Final = 0.01
 # Zeros behind a record that is shorter than they are: 134 MB a channel.
 _MOST_RINGING: Final = 2**24
-# More say no more of a rig than these, and a slip of the finger shall not wear a specimen out.
-_MOST_CONFIRMATIONS: Final = 100
+
+_S = TypeVar("_S", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -121,9 +118,12 @@ def plan_campaign(
     target = _checked_target(spec, description)
     _check_experiment(spec, experiment)
     band = _checked_band(spec, description, experiment, samples=target.shape[1])
-    update = checked_update(spec.update, band, responses=len(description.responses))
-    weight = checked_weight(spec.update, responses=len(description.responses), drives=len(description.drives))
-    stop = checked_stop(spec.stop)
+    resolved = _settings(spec.update, ResolvedUpdate, field="update")
+    weight = _checked_weight(resolved, description)
+    update = UpdateSettings.model_construct(band=band, **dict(resolved))
+    settings = CampaignSettings.model_construct(update=update, **_checked_playbacks(spec))
+    if spec.HasField("accept"):
+        _settings(spec.accept, Acceptance, field="accept")
     _check_target_length(spec, update, samples=target.shape[1])
     target_in_band = band.limit_target(target)
     silent = rms(target_in_band) <= _ROUNDING * np.max(np.abs(target), axis=1)
@@ -138,23 +138,7 @@ def plan_campaign(
             field="target.samples",
         )
     require_reach(target_in_band, spec.target_steps, description=description, controlled=weight > 0.0)
-    if spec.confirmations > _MOST_CONFIRMATIONS:
-        raise invalid(
-            f"The best drive is to be played {spec.confirmations} times again; {_MOST_CONFIRMATIONS} is the most.",
-            field="confirmations",
-        )
     outside = energy_outside_band(target, band)
-    policy = checked_limit_policy(spec.limit_policy)
-    try:
-        settings = CampaignSettings(
-            update=update,
-            stop=stop,
-            levels=tuple(spec.levels),
-            limit_policy=policy,
-            largest_overrun=spec.largest_overrun or DEFAULT_LARGEST_OVERRUN,
-        )
-    except ValueError as error:
-        raise invalid(str(error), field="largest_overrun" if "overrun" in str(error) else "levels") from error
     return CampaignPlan(
         spec=spec,
         description=description,
@@ -170,6 +154,45 @@ def plan_campaign(
             *tiny_target_remarks(target_in_band, description=description, controlled=weight > 0.0),
         ),
     )
+
+
+def invalid(message: str, *, field: str) -> FaultError:
+    """Return the fault for a value of a specification that is not allowed."""
+    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, message, field=field)
+
+
+def _settings(message: Message, model: type[_S], *, field: str = "") -> _S:
+    try:
+        return from_message(message, model, field=field)
+    except SettingsError as error:
+        raise invalid(str(error), field=error.field) from error
+
+
+def _checked_playbacks(spec: iterator_pb2.CampaignSpec) -> dict[str, Any]:
+    """Return how playbacks are made and when they end."""
+    playbacks, stop = _settings(spec, PlaybackSettings), _settings(spec.stop, StopCriteria, field="stop")
+    try:
+        playbacks.require_whole_playback(stop)
+    except ValueError as error:
+        raise invalid(f"{error}.", field="levels") from error
+    return {**dict(playbacks), "stop": stop}
+
+
+def _checked_weight(update: ResolvedUpdate, description: rig_pb2.RigDescription) -> NDArray[np.float64]:
+    """Return how much each response counts; 0 for a response that is watched."""
+    responses, drives = len(description.responses), len(description.drives)
+    if len(update.iteration_gain) != responses:
+        raise invalid(
+            f"The update has {len(update.iteration_gain)} iteration gains; each of the {responses} responses needs "
+            "one.",
+            field="update.iteration_gain",
+        )
+    if update.weights is None:
+        return np.ones(responses)
+    try:
+        return checked_response_weight(np.array(update.weights), responses=responses, drives=drives)
+    except ValueError as error:
+        raise invalid(str(error), field="update.weights") from error
 
 
 def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_pb2.RigDescription) -> tuple[str, ...]:
@@ -303,11 +326,11 @@ def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
 def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings, *, samples: int) -> None:
     block = spec.estimator.block_samples
     if update.kind is UpdateKind.ADAPTIVE_MODELLING:
-        blocks = count_blocks(samples, block, update.correction.overlap)
+        blocks = count_blocks(samples, block, update.correction_overlap)
         if blocks < FEWEST_BLOCKS:
             raise invalid(
                 f"The target has {samples} samples; Adaptive Modelling averages over blocks of {block} and needs at "
-                f"least {FEWEST_BLOCKS} with {update.correction.overlap:.0%} overlap: take a longer target, "
+                f"least {FEWEST_BLOCKS} with {update.correction_overlap:.0%} overlap: take a longer target, "
                 "shorter blocks or basic TWR.",
                 field="target.samples",
             )

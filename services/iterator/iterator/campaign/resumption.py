@@ -193,11 +193,11 @@ def new_campaign(
     spec.scenario = request.scenario or spec.scenario
     # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
     finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
-    if kept + (finished and spec.confirmations == 0) > spec.stop.largest_iterations:
+    if kept + (finished and spec.confirmations == 0) > spec.stop.iterations:
         raise _invalid(
-            f"stop.largest_iterations is {spec.stop.largest_iterations} and counts the {kept} playbacks that are taken "
+            f"stop.iterations is {spec.stop.iterations} and counts the {kept} playbacks that are taken "
             f"over from {parent!r}; give more, or an earlier from_iteration.",
-            "stop.largest_iterations",
+            "stop.iterations",
         )
     taken = tuple(recorded.iterations[:kept])
     return spec, Resumption(model=recorded.model, iterations=taken, copies=(recorded.model, *taken))

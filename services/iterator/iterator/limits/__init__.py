@@ -1,11 +1,9 @@
 """Limits of a rig's drives: a drive beyond one is refused or projected, and where that costs the target."""
 
 from iterator.limits.drive_limits import (
-    DEFAULT_LARGEST_OVERRUN,
     DriveLimitError,
     DriveLimits,
     DriveOverrunError,
-    LimitPolicy,
     LimitQuantity,
     LimitViolation,
     held_share,
@@ -16,13 +14,11 @@ from iterator.limits.drive_projection import DriveProjection, LimitPassing, proj
 from iterator.limits.unreachable_segments import UnreachableSegment, unreachable_segments
 
 __all__ = [
-    "DEFAULT_LARGEST_OVERRUN",
     "DriveLimitError",
     "DriveLimits",
     "DriveOverrunError",
     "DriveProjection",
     "LimitPassing",
-    "LimitPolicy",
     "LimitQuantity",
     "LimitViolation",
     "UnreachableSegment",

@@ -10,8 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-DEFAULT_LARGEST_OVERRUN: Final = 1.25
-"""Of a limit, the most that a first drive may reach to be projected: a quarter beyond it is a crest, not the drive."""
 # Of the range between the limits: a drive that is carried to a limit within a band stays just short of it.
 _HELD_WITHIN: Final = 0.01
 
@@ -21,13 +19,6 @@ class LimitQuantity(enum.Enum):
 
     PEAK = "peak"
     SLEW = "slew"
-
-
-class LimitPolicy(enum.Enum):
-    """What is done with a next drive that would pass a limit."""
-
-    REFUSE = "refuse it, and say which gain would fit"
-    PROJECT = "play a near drive that the rig can, and say where it differs"
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,10 @@ from iterator.updates.adaptive_modelling import FEWEST_BLOCKS, corrected, estima
 from iterator.updates.basic_twr import StepStart, step_start
 from iterator.updates.by_kind import UPDATES
 from iterator.updates.convergence_prediction import ConvergencePrediction, predict_convergence
-from iterator.updates.gains import GainCurve, require_shares
 from iterator.updates.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
 from iterator.updates.settings import (
-    CorrectionSettings,
-    CorrectionShape,
     NextDrive,
-    Prediction,
-    SecantSettings,
     Update,
-    UpdateKind,
     UpdateSettings,
     own_update,
 )
@@ -25,15 +19,9 @@ __all__ = [
     "AcceptanceSettings",
     "AcceptedIterate",
     "ConvergencePrediction",
-    "CorrectionSettings",
-    "CorrectionShape",
-    "GainCurve",
     "NextDrive",
-    "Prediction",
-    "SecantSettings",
     "StepStart",
     "Update",
-    "UpdateKind",
     "UpdateSettings",
     "accept_segments",
     "controlled_model",
@@ -43,7 +31,6 @@ __all__ = [
     "estimate_correction",
     "own_update",
     "predict_convergence",
-    "require_shares",
     "step_start",
     "whole_model",
 ]

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_settings import CorrectionPrediction, CorrectionShape
 from iterator.model import IterationHistory, RigModel, apply_inverse, driven_lines, predict
 from iterator.updates import basic_twr
 from iterator.updates.model_correction import (
@@ -16,7 +17,7 @@ from iterator.updates.model_correction import (
     correction_from_spectra,
     full_correction_from_spectra,
 )
-from iterator.updates.settings import CorrectionSettings, CorrectionShape, NextDrive, Prediction, UpdateSettings
+from iterator.updates.settings import NextDrive, UpdateSettings
 from spectra import CrossSpectra, auto_spectra, count_blocks, paired_spectra
 
 FEWEST_BLOCKS: Final = 2
@@ -52,7 +53,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     if not history.playbacks:
         return basic_twr.next_drive(history, model, settings)
     correction = estimate_correction(history, model, settings)
-    return basic_twr.next_drive(history, corrected(model, correction, settings.correction.prediction), settings)
+    return basic_twr.next_drive(history, corrected(model, correction, settings.prediction), settings)
 
 
 def estimate_correction(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NDArray[np.complex128]:
@@ -81,15 +82,15 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
     ValueError
         The playback is too short to average over.
     """
-    last, correction = history.playbacks[-1], settings.correction
+    last, overlap = history.playbacks[-1], settings.correction_overlap
     samples, block = last.response.shape[1], model.block_samples
-    if count_blocks(samples, block, correction.overlap) < FEWEST_BLOCKS:
+    if count_blocks(samples, block, overlap) < FEWEST_BLOCKS:
         raise ValueError(
             f"The target has {samples} samples; Adaptive Modelling averages over blocks of {block} and "
-            f"needs at least {FEWEST_BLOCKS} of them with {correction.overlap:.0%} overlap: take a longer target, "
+            f"needs at least {FEWEST_BLOCKS} of them with {overlap:.0%} overlap: take a longer target, "
             "shorter blocks or basic TWR."
         )
-    forward = correction.prediction is Prediction.FORWARD
+    forward = settings.prediction is CorrectionPrediction.FORWARD
     if forward:
         wanted, observed = predict(model, last.drive, band=settings.band), last.response
     else:
@@ -98,25 +99,23 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
     trusted: NDArray[np.bool_] = np.zeros((model.frequency.size, wanted.shape[0]), dtype=bool)
     trusted[lines] = True
     for record, of_pairs in ((wanted, True), (observed, True), (history.target, forward)):
-        density = auto_spectra(
-            record, block_samples=block, overlap=correction.overlap, sample_rate=settings.band.sample_rate
-        )
-        energy = _has_energy(density, lines=lines, settings=correction)
+        density = auto_spectra(record, block_samples=block, overlap=overlap, sample_rate=settings.band.sample_rate)
+        energy = density > settings.energy_floor * density[lines].max(axis=0)
         # Backward a pair is one of drives: the target's energy tells of no single one of them.
-        paired = of_pairs and correction.shape is CorrectionShape.DIAGONAL
+        paired = of_pairs and settings.correction is CorrectionShape.DIAGONAL
         trusted = trusted & (energy if paired else np.all(energy, axis=1, keepdims=True))
-    if correction.shape is CorrectionShape.FULL:
-        full = full_correction_from_spectra(_full_spectra(wanted, observed, model=model, settings=settings), correction)
+    if settings.correction is CorrectionShape.FULL:
+        full = full_correction_from_spectra(_full_spectra(wanted, observed, model=model, settings=settings), settings)
         return np.where(np.all(trusted, axis=1)[:, None, None], full, np.eye(wanted.shape[0]))
     return np.where(
         trusted,
-        correction_from_spectra(_paired_spectra(wanted, observed, model=model, settings=settings), correction),
+        correction_from_spectra(_paired_spectra(wanted, observed, model=model, settings=settings), settings),
         1.0,
     )
 
 
 def corrected(
-    model: RigModel, correction: NDArray[np.complex128], prediction: Prediction = Prediction.FORWARD
+    model: RigModel, correction: NDArray[np.complex128], prediction: CorrectionPrediction = CorrectionPrediction.FORWARD
 ) -> RigModel:
     """Return the model with `Ĥ† ← Ĥ† C` (Eq. 13) and, for the next prediction, `Ĥ ← C⁻¹ Ĥ`; backward from the left.
 
@@ -126,7 +125,7 @@ def corrected(
         Before the correction.
     correction : ndarray, shape (lines, n) or (lines, n, n)
         `C` or its diagonal, singular nowhere.
-    prediction : Prediction
+    prediction : CorrectionPrediction
         Backward: `Ĥ† ← C Ĥ†` and `Ĥ ← Ĥ C⁻¹`.
 
     Returns
@@ -134,7 +133,7 @@ def corrected(
     RigModel
         With the same identified lines.
     """
-    forward = prediction is Prediction.FORWARD
+    forward = prediction is CorrectionPrediction.FORWARD
     if correction.ndim == 2:
         of_frf = correction[:, :, None] if forward else correction[:, None, :]
         of_inverse = correction[:, None, :] if forward else correction[:, :, None]
@@ -149,7 +148,7 @@ def corrected(
 def _paired_spectra(
     wanted: NDArray[np.float64], observed: NDArray[np.float64], *, model: RigModel, settings: UpdateSettings
 ) -> PredictionSpectra:
-    block, overlap, rate = model.block_samples, settings.correction.overlap, settings.band.sample_rate
+    block, overlap, rate = model.block_samples, settings.correction_overlap, settings.band.sample_rate
     return PredictionSpectra(
         predicted_with_measured=paired_spectra(
             wanted, observed, block_samples=block, overlap=overlap, sample_rate=rate
@@ -166,15 +165,9 @@ def _full_spectra(
         wanted.shape[0],
         observed.shape[0],
         block_samples=model.block_samples,
-        overlap=settings.correction.overlap,
+        overlap=settings.correction_overlap,
         sample_rate=settings.band.sample_rate,
     )
     averages.add(wanted, observed)
     found = averages.estimate()
     return FullPredictionSpectra(predicted_with_measured=found.s_ab, measured=found.s_bb, predicted=found.auto_a)
-
-
-def _has_energy(
-    density: NDArray[np.float64], *, lines: NDArray[np.intp], settings: CorrectionSettings
-) -> NDArray[np.bool_]:
-    return density > settings.energy_floor * density[lines].max(axis=0)

@@ -123,7 +123,7 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
         Gain, target and model differ in their number of responses.
     """
     weighted = weighed_by_gain(history, model, settings)
-    if settings.acceptance is None:
+    if not settings.accept_segments:
         last = history.playbacks[-1]
         return StepStart(weighted, last.drive, last.response, None)
     best = accept_segments(
@@ -158,18 +158,12 @@ def weighed_by_gain(history: IterationHistory, model: RigModel, settings: Update
         Gain, target and model differ in their number of responses.
     """
     responses = model.frf.shape[1]
-    if history.target.shape[0] != responses or settings.iteration_gain.size != responses:
+    if history.target.shape[0] != responses or settings.gains.size != responses:
         raise ValueError(
             f"The model has {responses} responses, the target {history.target.shape[0]} and the iteration gain "
-            f"{settings.iteration_gain.size}; all must be equal."
+            f"{settings.gains.size}; all must be equal."
         )
-    gain = gain_at(
-        model.frequency,
-        iteration_gain=settings.iteration_gain,
-        curve=settings.gain_curve,
-        schedule=settings.gain_schedule,
-        playbacks=len(history.playbacks),
-    )
+    gain = gain_at(model.frequency, settings, playbacks=len(history.playbacks))
     return replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from duralab_settings import UpdateKind
 from iterator.updates import adaptive_modelling, basic_twr, secant_update
-from iterator.updates.settings import Update, UpdateKind
+from iterator.updates.settings import Update
 
 UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
     {

@@ -71,13 +71,7 @@ def predict_convergence(model: RigModel, settings: UpdateSettings, *, playbacks:
     """
     lines = driven_lines(model, settings.band)
     frequency = model.frequency[lines]
-    gain = gain_at(
-        frequency,
-        iteration_gain=settings.iteration_gain,
-        curve=settings.gain_curve,
-        schedule=settings.gain_schedule,
-        playbacks=playbacks,
-    )
+    gain = gain_at(frequency, settings, playbacks=playbacks)
     inverse = model.inverse_frf[lines] * gain[:, None, :]
     left = np.eye(inverse.shape[1]) - np.matmul(inverse, model.frf[lines])
     radius = np.abs(np.linalg.eigvals(left)).max(axis=1)

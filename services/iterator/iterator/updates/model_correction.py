@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from iterator.updates.settings import CorrectionSettings
+from iterator.updates.settings import UpdateSettings
 from spectra import smooth_lines
 
 LARGEST_CONDITION: Final = 1e8
@@ -51,7 +51,7 @@ class FullPredictionSpectra:
     predicted: NDArray[np.float64]
 
 
-def correction_from_spectra(spectra: PredictionSpectra, settings: CorrectionSettings) -> NDArray[np.complex128]:
+def correction_from_spectra(spectra: PredictionSpectra, settings: UpdateSettings) -> NDArray[np.complex128]:
     """Correction of each channel with its safeguards: `c = 1 + w (S_ŷy / S_yy - 1)`, its magnitude bounded.
 
     What the rig adds to the response by itself, unforeseen by the model, counts as noise in `S_yy` and biases the
@@ -62,7 +62,7 @@ def correction_from_spectra(spectra: PredictionSpectra, settings: CorrectionSett
     ----------
     spectra : PredictionSpectra
         Averaged over blocks.
-    settings : CorrectionSettings
+    settings : UpdateSettings
         Smoothing over lines, bounds, and the weight `w = max(0, (γ² - γ₀²) / (1 - γ₀²))`, `γ₀²` the lowest coherence
         and `γ² = |S_ŷy|² / (S_ŷŷ S_yy)`.
 
@@ -82,16 +82,14 @@ def correction_from_spectra(spectra: PredictionSpectra, settings: CorrectionSett
     return _bounded(ratio, settings)
 
 
-def full_correction_from_spectra(
-    spectra: FullPredictionSpectra, settings: CorrectionSettings
-) -> NDArray[np.complex128]:
+def full_correction_from_spectra(spectra: FullPredictionSpectra, settings: UpdateSettings) -> NDArray[np.complex128]:
     """Full correction `C = S_ŷy S_yy⁻¹` (Eq. 12) with its safeguards.
 
     Parameters
     ----------
     spectra : FullPredictionSpectra
         Averaged over more blocks than there are channels.
-    settings : CorrectionSettings
+    settings : UpdateSettings
         Smoothing over lines; each row of `C - I` is weighed by its multiple coherence; the singular values of `C`,
         with channels scaled to equal energy, are bounded.
 
@@ -118,20 +116,22 @@ def full_correction_from_spectra(
         coherence = np.clip(explained * level**2 / predicted[lines_kept], 0.0, 1.0)
         ratio = np.eye(n) + _weight(coherence, settings)[:, :, None] * (ratio - np.eye(n))
     left, singular, right = np.linalg.svd(ratio)
-    beyond = np.any((singular < settings.smallest) | (singular > settings.largest), axis=1)
-    bounded = np.clip(singular[beyond], settings.smallest, settings.largest)
+    beyond = np.any((singular < settings.smallest_correction) | (singular > settings.largest_correction), axis=1)
+    bounded = np.clip(singular[beyond], settings.smallest_correction, settings.largest_correction)
     ratio[beyond] = np.matmul(left[beyond] * bounded[:, None, :], right[beyond])
     result[lines_kept] = ratio * level[:, :, None] / level[:, None, :]
     return result
 
 
-def _weight(coherence: NDArray[np.float64], settings: CorrectionSettings) -> NDArray[np.float64]:
+def _weight(coherence: NDArray[np.float64], settings: UpdateSettings) -> NDArray[np.float64]:
     return np.maximum(coherence - settings.lowest_coherence, 0.0) / (1.0 - settings.lowest_coherence)
 
 
-def _bounded(correction: NDArray[np.complex128], settings: CorrectionSettings) -> NDArray[np.complex128]:
+def _bounded(correction: NDArray[np.complex128], settings: UpdateSettings) -> NDArray[np.complex128]:
     magnitude = np.abs(correction)
     # A correction of exactly 0 has no phase to keep: it asks for the smallest one.
     direction = np.divide(correction, magnitude, out=np.ones_like(correction), where=magnitude > 0.0)
-    inside = (magnitude >= settings.smallest) & (magnitude <= settings.largest)
-    return np.where(inside, correction, np.clip(magnitude, settings.smallest, settings.largest) * direction)
+    inside = (magnitude >= settings.smallest_correction) & (magnitude <= settings.largest_correction)
+    return np.where(
+        inside, correction, np.clip(magnitude, settings.smallest_correction, settings.largest_correction) * direction
+    )

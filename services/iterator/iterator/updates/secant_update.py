@@ -86,11 +86,11 @@ def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSet
     lines = driven_lines(model, settings.band)
     blocks = StepBlocks(
         block_samples=model.block_samples,
-        overlap=secant.overlap,
+        overlap=settings.secant_overlap,
         sample_rate=settings.band.sample_rate,
         first=int(lines[0]),
         last=int(lines[-1]),
-        squares=secant.squares,
+        squares=settings.squares,
     )
     steps = seen_steps(history, blocks, before=model.seen_steps)
     identified = model.frf if model.identified_frf is None else model.identified_frf

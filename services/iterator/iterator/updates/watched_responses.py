@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iterator.model import ModelUncertainty, RigModel
-from iterator.updates.gains import GainCurve
 from iterator.updates.settings import UpdateSettings
 
 
@@ -116,15 +116,21 @@ def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_])
     ValueError
         The settings are for another number of responses.
     """
-    if settings.iteration_gain.size != controlled.size:
+    if settings.gains.size != controlled.size:
         raise ValueError(
-            f"There are {settings.iteration_gain.size} iteration gains for {controlled.size} responses; give one each."
+            f"There are {settings.gains.size} iteration gains for {controlled.size} responses; give one each."
         )
     if controlled.all():
         return settings
-    curve = settings.gain_curve
-    return replace(
-        settings,
-        iteration_gain=settings.iteration_gain[controlled],
-        gain_curve=None if curve is None else GainCurve(frequency=curve.frequency, share=curve.share[:, controlled]),
+
+    def kept(values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(compress(values, controlled))
+
+    share = settings.gain_curve_share
+    return settings.model_copy(
+        update={
+            "iteration_gain": kept(settings.iteration_gain),
+            "gain_curve_share": None if share is None else tuple(kept(row) for row in share),
+            "weights": None,
+        }
     )

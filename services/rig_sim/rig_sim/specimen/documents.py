@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from strict_yaml import YamlError, parse_yaml, read_yaml_text
+from duralab_settings import YamlError, parse_yaml, read_yaml_text
 
 _VARIANT_OF = "variant_of"
 _BESIDE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.yaml")

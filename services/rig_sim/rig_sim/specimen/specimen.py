@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from duralab_gateway.motion import Approach
+from duralab_settings import explain_validation
 from rig_sim.compile.runge_kutta import Method
 from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
 from rig_sim.elements.rubber import RubberLaw
@@ -27,7 +28,6 @@ from rig_sim.specimen.documents import SpecimenError, read_document
 from rig_sim.specimen.quantities import UNIT_OF, Quantity
 from rig_sim.specimen.responses import KINDS, SPINDLE, ResponseChannel
 from rig_sim.specimen.watchdogs import WatchdogLimits
-from strict_yaml import explain_validation
 
 SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, Final, get_args, get_origin
 
@@ -42,6 +42,8 @@ def explain_validation(
     hidden: Collection[str] = (),
     is_part: bool = False,
     joint: str = ": ",
+    prefix: str = "",
+    older: Callable[[Sequence[str]], Mapping[str, str]] | None = None,
 ) -> Explanation:
     """Explain a validation error in one sentence.
 
@@ -58,7 +60,11 @@ def explain_validation(
     is_part : bool
         Whether keys of the part itself may be missing.
     joint : str
-        Text between the path and the message of a validator.
+        Text between the path and the message of a validator. An error with a `field` names that key of its section.
+    prefix : str
+        Path of the document itself; empty where it is the whole.
+    older : callable, optional
+        Returns the earlier names of a section's keys with those of today, for the key that was probably meant.
 
     Returns
     -------
@@ -70,14 +76,46 @@ def explain_validation(
         findings = [finding for finding in findings if finding["type"] not in _MISSING or len(finding["loc"]) > 1]
     for finding in findings:
         finding["loc"] = (*place, *(part for part in finding["loc"] if part not in hidden))
-    findings = _without_echoes(findings, model)
-    sentence = "; ".join(_in_words(finding, model, joint) for finding in findings[:_MOST_FINDINGS])
+    names = _Names(model, prefix, older)
+    findings = _without_echoes(findings, names)
+    sentence = "; ".join(_in_words(finding, names, joint) for finding in findings[:_MOST_FINDINGS])
     if (more := len(findings) - _MOST_FINDINGS) > 0:
         sentence += f"; {more} more are wrong"
-    return Explanation(f"{sentence}{'' if sentence.endswith('?') else '.'}", _path(findings[0]["loc"]))
+    location = findings[0]["loc"]
+    if key := getattr(findings[0].get("ctx", {}).get("error"), "field", None):
+        location = (*location, key)
+    return Explanation(f"{sentence}{'' if sentence.endswith('?') else '.'}", names.path(location))
 
 
-def _without_echoes(findings: list[ErrorDetails], model: type[Any] | None) -> list[ErrorDetails]:
+@dataclasses.dataclass(frozen=True)
+class _Names:
+    """Names of the keys of a document."""
+
+    model: type[Any] | None
+    prefix: str
+    older: Callable[[Sequence[str]], Mapping[str, str]] | None
+
+    def path(self, location: Sequence[int | str]) -> str:
+        """Return the dotted path of a place."""
+        parts = [_cut(str(part)) for part in location]
+        return ".".join([self.prefix, *parts] if self.prefix else parts)
+
+    def meant(self, location: Sequence[int | str]) -> str | None:
+        """Return the key that an unknown one is most like, by its name of today or an earlier one."""
+        *place, key = location
+        older = self.older([str(part) for part in place]) if self.older is not None else {}
+        close = get_close_matches(_cut(str(key)), [*_keys_at(self.model, place), *older], n=1)
+        return older.get(close[0], close[0]) if close else None
+
+    def description(self, location: Sequence[int | str]) -> str:
+        """Return the description of a key; of a value in a list or in a mapping by name, that of the whole."""
+        for depth in range(len(location), 0, -1):
+            if found := _keys_at(self.model, location[: depth - 1]).get(str(location[depth - 1]), ""):
+                return found
+        return ""
+
+
+def _without_echoes(findings: list[ErrorDetails], names: _Names) -> list[ErrorDetails]:
     """Leave out what follows from another finding.
 
     That is a missing key which an unknown one misspells, and what is said of a whole with a wrong part: a list without
@@ -85,10 +123,9 @@ def _without_echoes(findings: list[ErrorDetails], model: type[Any] | None) -> li
     """
     around = {finding["loc"][:depth] for finding in findings for depth in range(len(finding["loc"]))}
     meant = {
-        (*finding["loc"][:-1], close[0])
+        (*finding["loc"][:-1], close)
         for finding in findings[:_MOST_COMPARED]
-        if finding["type"] in _UNKNOWN
-        and (close := get_close_matches(_cut(str(finding["loc"][-1])), _keys_at(model, finding["loc"][:-1]), n=1))
+        if finding["type"] in _UNKNOWN and (close := names.meant(finding["loc"])) is not None
     }
     return [
         finding
@@ -97,12 +134,12 @@ def _without_echoes(findings: list[ErrorDetails], model: type[Any] | None) -> li
     ]
 
 
-def _in_words(finding: ErrorDetails, model: type[Any] | None, joint: str) -> str:
+def _in_words(finding: ErrorDetails, names: _Names, joint: str) -> str:
     context, location, kind = finding.get("ctx", {}), finding["loc"], finding["type"]
-    path = _path(location)
+    path = names.path(location)
     if kind in _UNKNOWN:
-        return _unknown_key(location, _keys_at(model, location[:-1]))
-    description = _keys_at(model, location[:-1]).get(str(location[-1]), "") if location else ""
+        return _unknown_key(location, names)
+    description = names.description(location)
     hint = f" ({description.rstrip('.')})" if description else ""
     if kind in _MISSING:
         return f"{path} is missing{hint}"
@@ -124,17 +161,13 @@ def _in_words(finding: ErrorDetails, model: type[Any] | None, joint: str) -> str
     return f"{path or 'the document'} is {value}; {wanted}{hint}"
 
 
-def _unknown_key(location: Sequence[int | str], allowed: Collection[str]) -> str:
-    key = str(location[-1])
-    place = f" in {_path(location[:-1])}" if location[:-1] else ""
+def _unknown_key(location: Sequence[int | str], names: _Names) -> str:
+    key, allowed, parent = str(location[-1]), _keys_at(names.model, location[:-1]), names.path(location[:-1])
+    place = f" in {parent}" if parent else ""
     known = f"; allowed: {', '.join(allowed)}" if allowed else ""
-    close = get_close_matches(_cut(key), allowed, n=1)
-    guess = f"; did you mean {close[0]!r}?" if close else ""
+    close = names.meant(location)
+    guess = f"; did you mean {close!r}?" if close else ""
     return f"unknown key {_cut(repr(key))}{place}{known}{guess}"
-
-
-def _path(location: Sequence[int | str]) -> str:
-    return ".".join(_cut(str(part)) for part in location)
 
 
 def _cut(text: str) -> str:

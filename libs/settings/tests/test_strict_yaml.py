@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from strict_yaml import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
+from duralab_settings import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
 
 
 def test_what_is_yaml_is_what_it_says():

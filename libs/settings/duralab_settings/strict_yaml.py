@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import yaml
 
-from strict_yaml.regular_files import read_regular
+from duralab_settings.regular_files import read_regular
 
 LARGEST_TEXT: Final = 2**20
 """Bytes of a file, and characters of a text. The largest shipped file has 8 thousand."""

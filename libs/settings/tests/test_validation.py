@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, TypeAdapter, ValidationError, field_validator
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from strict_yaml import explain_validation
+from duralab_settings import explain_validation
 
 
 class Colour(StrEnum):

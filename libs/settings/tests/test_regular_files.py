@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from strict_yaml import open_regular, read_regular, require_regular
+from duralab_settings import open_regular, read_regular, require_regular
 
 
 def test_a_regular_file_is_read_also_over_a_link(tmp_path):

@@ -1,0 +1,94 @@
+"""Settings of an identification and an iteration: one frozen model each, for YAML, messages and code.
+
+A section as a user writes it (`ExcitationSettings`, `UpdateSection`) names channels; `resolved` gives it one value for
+each channel of a rig, which is what a message holds. The other sections are the same in both. The converter to messages
+has its own face, `duralab_settings.messages`, so that a core that takes settings knows no message. Strict YAML is here,
+too, for rigs, campaigns, sweeps and configurations alike.
+"""
+
+from duralab_settings.estimator import BlockSettings, EstimatorKind, EstimatorSettings
+from duralab_settings.excitation import (
+    DriveSpectrum,
+    ExcitationKind,
+    ExcitationSettings,
+    LevelKind,
+    PowerSpectrum,
+    ResolvedExcitation,
+    Spectrum,
+    TabulatedSpectrum,
+    WhitePinkSpectrum,
+)
+from duralab_settings.iteration import (
+    Acceptance,
+    ControlBandSettings,
+    CorrectionPrediction,
+    CorrectionShape,
+    DamageExponent,
+    GainPoint,
+    LimitPolicy,
+    PlaybackSettings,
+    ResolvedUpdate,
+    ResponseGroup,
+    SecantSettings,
+    StopCriteria,
+    UpdateKind,
+    UpdateSection,
+)
+from duralab_settings.old_keys import new_key, remarks_on, with_new_keys
+from duralab_settings.regular_files import open_regular, read_regular, require_regular
+from duralab_settings.section import Section
+from duralab_settings.strict_yaml import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
+from duralab_settings.validation import Explanation, explain_validation
+from duralab_settings.values import Gain, MisfitError, NotNegative, Positive, Range, Seed, SettingsError, per_channel
+from duralab_settings.wording import explained
+
+__all__ = [
+    "LARGEST_TEXT",
+    "Acceptance",
+    "BlockSettings",
+    "ControlBandSettings",
+    "CorrectionPrediction",
+    "CorrectionShape",
+    "DamageExponent",
+    "DriveSpectrum",
+    "EstimatorKind",
+    "EstimatorSettings",
+    "ExcitationKind",
+    "ExcitationSettings",
+    "Explanation",
+    "Gain",
+    "GainPoint",
+    "LevelKind",
+    "LimitPolicy",
+    "MisfitError",
+    "NotNegative",
+    "PlaybackSettings",
+    "Positive",
+    "PowerSpectrum",
+    "Range",
+    "ResolvedExcitation",
+    "ResolvedUpdate",
+    "ResponseGroup",
+    "SecantSettings",
+    "Section",
+    "Seed",
+    "SettingsError",
+    "Spectrum",
+    "StopCriteria",
+    "TabulatedSpectrum",
+    "UpdateKind",
+    "UpdateSection",
+    "WhitePinkSpectrum",
+    "YamlError",
+    "explain_validation",
+    "explained",
+    "new_key",
+    "open_regular",
+    "parse_yaml",
+    "per_channel",
+    "read_regular",
+    "read_yaml_text",
+    "remarks_on",
+    "require_regular",
+    "with_new_keys",
+]

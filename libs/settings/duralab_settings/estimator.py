@@ -1,0 +1,50 @@
+"""How a rig's frequency response is estimated from an experiment: the message `duralab.v1.Estimator`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from pydantic import Field
+
+from duralab_settings.section import Section
+
+
+class EstimatorKind(StrEnum):
+    """How the frequency response is estimated."""
+
+    H1 = "h1"
+    """Noise on the responses averages out."""
+    H2 = "h2"
+    """Noise on the drives averages out; as many responses as drives only."""
+    HV = "hv"
+    """Total least squares of each response: noise on both."""
+    LOCAL_POLYNOMIAL = "local_polynomial"
+    """FRF and transient as polynomials over neighbouring lines: no leakage."""
+    LOCAL_RATIONAL = "local_rational"
+    """The same with a common denominator, for sharp resonances."""
+
+    @property
+    def is_local(self) -> bool:
+        """Whether it is a regression over neighbouring lines; the others average spectra."""
+        return self in (EstimatorKind.LOCAL_POLYNOMIAL, EstimatorKind.LOCAL_RATIONAL)
+
+
+class BlockSettings(Section):
+    """The blocks that a record is cut into; an excitation is made for them."""
+
+    block_samples: int = Field(ge=256, le=2**20, multiple_of=2, description="Samples in a block, even.")
+    overlap: float = Field(
+        default=0.5, ge=0, lt=1, description="Overlap of neighbouring blocks, as a share of one; of pure random only."
+    )
+
+
+class EstimatorSettings(BlockSettings):
+    """How the rig's frequency response is estimated from the experiment."""
+
+    kind: EstimatorKind = Field(
+        default=EstimatorKind.H1, strict=False, description="The estimator; local ones are free of leakage."
+    )
+    local_order: int | None = Field(default=None, ge=1, le=6, description="Local methods: order of the polynomials.")
+    local_half_width: int | None = Field(
+        default=None, ge=1, le=1000, description="Local methods: lines on either side of each that are fitted."
+    )
