@@ -1,0 +1,133 @@
+"""Print what each package of the product holds: files, lines, folders, and imports that run up or in circles.
+
+`python scripts/house.py` ends with 1 where an import runs up or in a circle, where a folder holds more than 25 modules
+side by side, or where the product has more than 60,000 lines of Python. Layers are those of the contracts in
+`pyproject.toml`; `lint-imports` checks these too, and this table shows how much there is of everything.
+"""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from collections import defaultdict
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import grimp
+
+ROOT = Path(__file__).resolve().parents[1]
+LARGEST_FOLDER = 25
+LARGEST_PRODUCT = 60_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one package holds."""
+
+    package: str
+    files: int
+    lines: int
+    folders: int
+    largest_folder: int
+    up: tuple[str, ...]
+    circles: tuple[str, ...]
+
+
+def product_packages() -> dict[str, Path]:
+    """Return the folder of each package that a wheel holds, generated modules left out."""
+    packages: dict[str, Path] = {}
+    for manifest in sorted([*ROOT.glob("*/pyproject.toml"), *ROOT.glob("*/*/pyproject.toml")]):
+        wheel = tomllib.loads(manifest.read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
+        packages |= {name: manifest.parent / name for name in wheel["packages"]}
+    return packages
+
+
+def arrows(graph: grimp.ImportGraph, folder: str) -> dict[str, set[str]]:
+    """Return, for each module or folder directly in a folder, which of its siblings it imports."""
+    found: dict[str, set[str]] = {child: set() for child in graph.find_children(folder)}
+    for child in found:
+        inside = {child, *graph.find_descendants(child)}
+        for module in inside:
+            for imported in graph.find_modules_directly_imported_by(module):
+                if imported.startswith(f"{folder}.") and imported not in inside:
+                    found[child].add(".".join(imported.split(".")[: folder.count(".") + 2]))
+    return found
+
+
+def circles(found: dict[str, set[str]]) -> tuple[str, ...]:
+    """Return one circle of imports among siblings as text, or nothing."""
+    try:
+        TopologicalSorter(found).prepare()
+    except CycleError as error:
+        return (" -> ".join(error.args[1]),)
+    return ()
+
+
+def upward(found: dict[str, set[str]], layers: list[str], folder: str) -> tuple[str, ...]:
+    """Return the imports among siblings that run against the layers of a contract, the top layer first."""
+    height = {f"{folder}.{name.strip('( )')}": -row for row, layer in enumerate(layers) for name in layer.split("|")}
+    height = {name.replace(" ", ""): row for name, row in height.items()}
+    return tuple(
+        f"{importer} -> {imported}"
+        for importer, others in sorted(found.items())
+        for imported in sorted(others)
+        if importer in height and imported in height and height[imported] > height[importer]
+    )
+
+
+def rows() -> list[Row]:
+    """Return what each package holds, by name."""
+    packages = product_packages()
+    graph = grimp.build_graph(*packages, cache_dir=None)
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = {
+        folder: contract["layers"]
+        for contract in contracts
+        if contract["type"] == "layers"
+        for folder in contract["containers"]
+    }
+    result: list[Row] = []
+    for package, path in packages.items():
+        files = [file for file in path.rglob("*.py") if not file.stem.endswith("_pb2")]
+        side_by_side: defaultdict[Path, int] = defaultdict(int)
+        for file in files:
+            side_by_side[file.parent] += file.name != "__init__.py"
+        up: list[str] = []
+        turning: list[str] = []
+        for folder in [package, *graph.find_descendants(package)]:
+            found = arrows(graph, folder)
+            turning += circles(found)
+            up += upward(found, layers.get(folder, []), folder)
+        lines = sum(file.read_text(encoding="utf-8").count("\n") for file in files)
+        largest = max(side_by_side.values())
+        result.append(Row(package, len(files), lines, len(side_by_side) - 1, largest, tuple(up), tuple(turning)))
+    return result
+
+
+def main() -> int:
+    """Print the table, then what breaks a rule; return the exit code."""
+    found = rows()
+    print(f"{'package':20}{'files':>7}{'lines':>8}{'folders':>9}{'largest folder':>16}{'up':>5}{'circles':>9}")
+    for row in found:
+        print(
+            f"{row.package:20}{row.files:7}{row.lines:8}{row.folders:9}{row.largest_folder:16}{len(row.up):5}"
+            f"{len(row.circles):9}"
+        )
+    files, lines = sum(row.files for row in found), sum(row.lines for row in found)
+    print(f"{'all':20}{files:7}{lines:8}")
+    broken = [f"The import {arrow} runs up." for row in found for arrow in row.up]
+    broken += [f"The imports {circle} run in a circle." for row in found for circle in row.circles]
+    broken += [
+        f"A folder of {row.package} has {row.largest_folder} modules side by side; {LARGEST_FOLDER} are allowed."
+        for row in found
+        if row.largest_folder > LARGEST_FOLDER
+    ]
+    if lines > LARGEST_PRODUCT:
+        broken.append(f"The product has {lines} lines of Python; {LARGEST_PRODUCT} are allowed.")
+    print(*broken, sep="\n")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
