@@ -1,8 +1,8 @@
 """Print what each package of the product holds: files, lines, folders, and imports that run up or in circles.
 
-`python scripts/house.py` ends with 1 where an import runs up or in a circle, where a folder holds more than 25 modules
-side by side, or where the product has more than 60,000 lines of Python. Layers are those of the contracts in
-`pyproject.toml`; `lint-imports` checks these too, and this table shows how much there is of everything.
+`python scripts/house.py` ends with 1 where an import runs up or in a circle, or where a folder holds more than 25
+modules side by side. Layers are those of the contracts in `pyproject.toml`; `lint-imports` checks these too, and this
+table shows how much there is of everything. The goal for the lines of the product is printed, met or not.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import grimp
 
 ROOT = Path(__file__).resolve().parents[1]
 LARGEST_FOLDER = 25
-LARGEST_PRODUCT = 60_000
+GOAL_LINES = 60_000
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ def product_packages() -> dict[str, Path]:
 def arrows(graph: grimp.ImportGraph, folder: str) -> dict[str, set[str]]:
     """Return, for each module or folder directly in a folder, which of its siblings it imports."""
     found: dict[str, set[str]] = {child: set() for child in graph.find_children(folder)}
-    for child in found:
+    for child, imports in found.items():
         inside = {child, *graph.find_descendants(child)}
         for module in inside:
             for imported in graph.find_modules_directly_imported_by(module):
                 if imported.startswith(f"{folder}.") and imported not in inside:
-                    found[child].add(".".join(imported.split(".")[: folder.count(".") + 2]))
+                    imports.add(".".join(imported.split(".")[: folder.count(".") + 2]))
     return found
 
 
@@ -80,7 +80,9 @@ def rows() -> list[Row]:
     """Return what each package holds, by name."""
     packages = product_packages()
     graph = grimp.build_graph(*packages, cache_dir=None)
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     layers = {
         folder: contract["layers"]
         for contract in contracts
@@ -108,14 +110,15 @@ def rows() -> list[Row]:
 def main() -> int:
     """Print the table, then what breaks a rule; return the exit code."""
     found = rows()
-    print(f"{'package':20}{'files':>7}{'lines':>8}{'folders':>9}{'largest folder':>16}{'up':>5}{'circles':>9}")
-    for row in found:
-        print(
-            f"{row.package:20}{row.files:7}{row.lines:8}{row.folders:9}{row.largest_folder:16}{len(row.up):5}"
-            f"{len(row.circles):9}"
-        )
+    said = [f"{'package':20}{'files':>7}{'lines':>8}{'folders':>9}{'largest folder':>16}{'up':>5}{'circles':>9}"]
+    said += [
+        f"{row.package:20}{row.files:7}{row.lines:8}{row.folders:9}{row.largest_folder:16}{len(row.up):5}"
+        f"{len(row.circles):9}"
+        for row in found
+    ]
     files, lines = sum(row.files for row in found), sum(row.lines for row in found)
-    print(f"{'all':20}{files:7}{lines:8}")
+    verdict = "met" if lines <= GOAL_LINES else f"missed by {lines - GOAL_LINES}"
+    said += [f"{'all':20}{files:7}{lines:8}", f"The goal is {GOAL_LINES} lines or less: {verdict}."]
     broken = [f"The import {arrow} runs up." for row in found for arrow in row.up]
     broken += [f"The imports {circle} run in a circle." for row in found for circle in row.circles]
     broken += [
@@ -123,9 +126,7 @@ def main() -> int:
         for row in found
         if row.largest_folder > LARGEST_FOLDER
     ]
-    if lines > LARGEST_PRODUCT:
-        broken.append(f"The product has {lines} lines of Python; {LARGEST_PRODUCT} are allowed.")
-    print(*broken, sep="\n")
+    sys.stdout.write("\n".join([*said, *broken]) + "\n")
     return 1 if broken else 0
 
 
