@@ -1,4 +1,4 @@
-"""What the guide to the formats says of them; its script and commands are run by tests/long/test_documented_guides.py."""
+"""What the guide to the formats says of them; tests of the documented guides run its script and commands."""
 
 import re
 from pathlib import Path

@@ -40,10 +40,7 @@ class Core:
 
 
 CORES = {
-    **{
-        name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",))
-        for name in ("spectra", "roads", "loads")
-    },
+    **{name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",)) for name in ("spectra", "roads", "loads")},
     "duralab_recordings": Core(
         "duralab_recordings",
         "libs/recordings/duralab_recordings",
