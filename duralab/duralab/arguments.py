@@ -71,27 +71,7 @@ def _ignore(progress: object) -> None:
 
 
 def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
-    """Return real numbers as float64.
-
-    Parameters
-    ----------
-    values : array_like
-        Integers or floating-point numbers, of any shape.
-    what : str
-        Whose they are, the begin of a sentence.
-    field : str
-        Path of the value, for the error.
-
-    Returns
-    -------
-    np.ndarray
-        The same shape, contiguous; no copy where it is so already.
-
-    Raises
-    ------
-    InputError
-        They are complex, truth values, text or objects, masked or with a unit, or rows of several lengths.
-    """
+    """Return real numbers as float64."""
     try:
         given = np.asarray(values)
     except ValueError as error:

@@ -7,20 +7,7 @@ from importlib import import_module
 
 
 def lazy_face(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str], object]:
-    """Return the `__getattr__` of a package that imports the module of a name on request.
-
-    Parameters
-    ----------
-    package : str
-        `__name__` of the package.
-    modules : mapping of str to sequence of str
-        Exported names of each module; modules by their name in the package.
-
-    Returns
-    -------
-    callable
-        Raises AttributeError for a name that no module exports.
-    """
+    """Return the `__getattr__` of a package that imports the module of a name on request."""
     module_of = {name: module for module, names in modules.items() for name in names}
 
     def attribute(name: str) -> object:

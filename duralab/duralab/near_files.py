@@ -15,20 +15,7 @@ _MOST_ENTRIES: Final = 5_000
 
 
 def did_you_mean(path: str | Path, *, names: Iterable[str] = ()) -> str:
-    """Return the end of a sentence about a file that does not exist: the nearest one in its folder, or a full stop.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file. Its folder may be mistyped as well.
-    names : iterable of str
-        Names that are allowed in place of a path, e.g. those of the shipped campaigns.
-
-    Returns
-    -------
-    str
-        "; did you mean 'road.csv'?" or ".".
-    """
+    """Return the end of a sentence about a file that does not exist: the nearest one in its folder, or a full stop."""
     path = Path(path)
     near = _nearest(path)
     offered = [*names, *([] if near is None else [str(near)])]

@@ -7,13 +7,7 @@ OLDEST = (3, 11)
 
 
 def python_fault(version: tuple[int, ...]) -> str | None:
-    """Return what is wrong with a Python in one sentence; None where nothing is.
-
-    Parameters
-    ----------
-    version : tuple of int
-        As `sys.version_info[:3]`.
-    """
+    """Return what is wrong with a Python in one sentence; None where nothing is."""
     if version >= OLDEST:
         return None
     found, oldest = ".".join(str(part) for part in version), ".".join(str(part) for part in OLDEST)

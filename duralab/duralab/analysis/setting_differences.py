@@ -30,12 +30,8 @@ _LONGEST_ARRAY: Final = 12
 class SettingDifference:
     """A setting that is not the same in all recordings.
 
-    Parameters
-    ----------
-    setting : str
-        Where it stands, e.g. "update.iteration_gain"; "target" is the samples that were to be reproduced.
-    values : tuple of str
-        One for each recording, in words; a dash where it has none.
+    `setting`: Where it stands, e.g. "update.iteration_gain"; "target" is the samples that were to be reproduced.
+    `values`: One for each recording, in words; a dash where it has none.
     """
 
     setting: str
@@ -43,13 +39,7 @@ class SettingDifference:
 
 
 def differing_settings(recordings: Sequence[Recording]) -> tuple[SettingDifference, ...]:
-    """Return what is not the same in all recordings, in the order of the contract.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Two or more.
-    """
+    """Return what is not the same in all recordings, in the order of the contract."""
     settings = [_settings(recording) for recording in recordings]
     named = dict.fromkeys(name for found in settings for name in found)
     rows = [SettingDifference(name, tuple(found.get(name, NOT_SET) for found in settings)) for name in named]

@@ -27,20 +27,11 @@ _SHORTEST_BLOCK: Final = 16
 class ChannelSummary:
     """What one channel holds, in its unit.
 
-    Parameters
-    ----------
-    name, unit : str
-        Of the channel.
-    not_finite : int
-        Number of samples that are nan or infinite; the other figures leave them out.
-    minimum, maximum, mean, rms : float
-        Over all finite samples; nan where there is none.
-    band : tuple of float or None
-        Frequencies in Hz below and above which 0.5 % of the energy lies each, the mean left out; None where the channel
-        is constant, not finite, or shorter than 16 samples.
-    psd : np.ndarray, shape (columns) or (0)
-        Largest power spectral density of each frequency band, one-sided, in the unit squared per Hz; empty where `band`
-        is None.
+    `name`, `unit`: Of the channel. `not_finite`: Number of samples that are nan or infinite; the other figures leave
+    them out. `minimum`, `maximum`, `mean`, `rms`: Over all finite samples; nan where there is none. `band`: Frequencies
+    in Hz below and above which 0.5 % of the energy lies each, the mean left out; None where the channel is constant,
+    not finite, or shorter than 16 samples. `psd`, shape (columns) or (0): Largest power spectral density of each
+    frequency band, one-sided, in the unit squared per Hz; empty where `band` is None.
     """
 
     name: str
@@ -58,20 +49,9 @@ class ChannelSummary:
 class SignalSummary:
     """What signals hold.
 
-    Parameters
-    ----------
-    sample_rate : float
-        In Hz.
-    samples : int
-        Of each channel.
-    duration : float
-        In s.
-    resolution : float
-        Distance of two lines of the density, in Hz; nan where the signals are too short for one.
-    psd_edges : np.ndarray, shape (columns + 1) or (0)
-        Edges of the frequency bands of `ChannelSummary.psd`, in Hz.
-    channels : tuple of ChannelSummary
-        In the order of the signals.
+    `sample_rate`: In Hz. `samples`: Of each channel. `duration`: In s. `resolution`: Distance of two lines of the
+    density, in Hz; nan where the signals are too short for one. `psd_edges`, shape (columns + 1) or (0): Edges of the
+    frequency bands of `ChannelSummary.psd`, in Hz. `channels`: In the order of the signals.
     """
 
     sample_rate: float
@@ -85,15 +65,8 @@ class SignalSummary:
 def summarize(signals: Signals) -> SignalSummary:
     """Return what signals hold.
 
-    Parameters
-    ----------
-    signals : Signals
-        Of any length; samples that are not finite are counted.
-
-    Returns
-    -------
-    SignalSummary
-        Densities by Welch's method: periodic Hann window, half overlapping, the mean over the record left out.
+    `signals`: Of any length; samples that are not finite are counted.
+    Returns: Densities by Welch's method: periodic Hann window, half overlapping, the mean over the record left out.
     """
     count = signals.samples.shape[1]
     block, edges, lines = 0, np.empty(0), np.empty(0)

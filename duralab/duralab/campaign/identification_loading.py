@@ -21,21 +21,10 @@ class IdentificationSettings(Section):
 def load_identification(source: str | Path) -> IdentificationSettings:
     """Read and check the settings of an identification.
 
-    Parameters
-    ----------
-    source : str or Path
-        A campaign file or the name of a shipped campaign, of which seed, excitation and estimator count; or a YAML file
-        with these keys only.
-
-    Returns
-    -------
-    IdentificationSettings
-        The checked settings.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    `source`: A campaign file or the name of a shipped campaign, of which seed, excitation and estimator count; or a
+    YAML file with these keys only.
+    Returns: The checked settings.
+    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
     if not path.exists() and str(source) in shipped_campaigns():

@@ -67,24 +67,10 @@ def load_campaign(source: str | Path) -> Campaign:
 def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
     """Check the text of a campaign file; see `load_campaign`.
 
-    Parameters
-    ----------
-    text : str
-        YAML text of the file.
-    name : str
-        Name of the file, for an error.
-    folder : Path
-        Folder of the file, where relative paths start.
-
-    Returns
-    -------
-    Campaign
-        The checked campaign.
-
-    Raises
-    ------
-    InputError
-        It is not YAML, or a key or value in it is not allowed.
+    `text`: YAML text of the file. `name`: Name of the file, for an error. `folder`: Folder of the file, where relative
+    paths start.
+    Returns: The checked campaign.
+    Raises `InputError`: It is not YAML, or a key or value in it is not allowed.
     """
     content, remarks = today(
         parse_mapping(text, name=name, what="a campaign file", keys=Campaign.model_fields), name=name
@@ -99,20 +85,9 @@ def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
 def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[EditStep, ...]:
     """Check steps of a target editor that a script gives as they would stand under `target.edit` of a campaign file.
 
-    Parameters
-    ----------
-    steps : iterable of EditStep or Mapping[str, Any] or str
-        Steps as models, mappings or names of steps without settings.
-
-    Returns
-    -------
-    tuple of EditStep
-        The steps as models, in order.
-
-    Raises
-    ------
-    InputError
-        A key or value is not allowed.
+    `steps`: Steps as models, mappings or names of steps without settings.
+    Returns: The steps as models, in order.
+    Raises `InputError`: A key or value is not allowed.
     """
     try:
         return TypeAdapter(tuple[EditStep, ...]).validate_python(tuple(steps))
@@ -153,20 +128,9 @@ class ImportSettings(Section):
 def load_import_settings(path: Path) -> ImportSettings:
     """Read and check the settings of an import.
 
-    Parameters
-    ----------
-    path : Path
-        The YAML file.
-
-    Returns
-    -------
-    ImportSettings
-        The checked settings.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no YAML, or a key or value in it is not allowed.
+    `path`: The YAML file.
+    Returns: The checked settings.
+    Raises `InputError`: The file cannot be read, is no YAML, or a key or value in it is not allowed.
     """
     text = read_text(path, what="a file of settings")
     content = parse_mapping(text, name=str(path), what="it", keys=ImportSettings.model_fields)
@@ -177,20 +141,7 @@ def load_import_settings(path: Path) -> ImportSettings:
 
 
 def read_text(path: Path, *, what: str) -> str:
-    """Return the text of a file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    what : str
-        What it should be, e.g. "a campaign".
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is no regular file, is larger than a YAML file may be, or is no text in UTF-8.
-    """
+    """Return the text of a file."""
     try:
         return read_yaml_text(path)
     except UnicodeDecodeError as error:
@@ -202,24 +153,7 @@ def read_text(path: Path, *, what: str) -> str:
 
 
 def parse_mapping(text: str, *, name: str, what: str, keys: Iterable[str]) -> dict[Any, Any]:
-    """Return the mapping that a YAML text holds.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    name : str
-        Of the file, for an error.
-    what : str
-        What it should be, e.g. "a campaign file".
-    keys : iterable of str
-        What it may hold, for an error.
-
-    Raises
-    ------
-    InputError
-        It is no YAML, holds a key twice, or no mapping.
-    """
+    """Return the mapping that a YAML text holds."""
     try:
         content = parse_yaml(text)
     except YamlError as error:

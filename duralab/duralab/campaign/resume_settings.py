@@ -24,14 +24,8 @@ _SECTIONS: Final = {"update": UpdateSection, "stop": StopCriteria}
 class PartialSettings:
     """Keys of `update` and `stop` that take the place of those of a recorded campaign.
 
-    Parameters
-    ----------
-    name : str
-        Of the file they were read from.
-    sections : dict
-        One or both sections; each holds only the keys that change.
-    remarks : tuple of str
-        What to change in the file: keys that have another name now.
+    `name`: Of the file they were read from. `sections`: One or both sections; each holds only the keys that change.
+    `remarks`: What to change in the file: keys that have another name now.
     """
 
     name: str
@@ -42,21 +36,10 @@ class PartialSettings:
 def load_settings(source: str | Path) -> Campaign | PartialSettings:
     """Read the settings for a resumed campaign.
 
-    Parameters
-    ----------
-    source : str or Path
-        A YAML file with `update`, `stop` or both, each with the keys that change; or a whole campaign, as for
-        `load_campaign`.
-
-    Returns
-    -------
-    Campaign or PartialSettings
-        Whose `update` and `stop` count.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    `source`: A YAML file with `update`, `stop` or both, each with the keys that change; or a whole campaign, as for
+    `load_campaign`.
+    Returns: Whose `update` and `stop` count.
+    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
     """
     if not isinstance(source, str | os.PathLike) or not Path(source).is_file():
         return load_campaign(source)
@@ -94,22 +77,10 @@ def _require_known(section: str, keys: object, *, name: str) -> None:
 def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> Campaign:
     """Return the campaign file of a recorded campaign with other keys in `update` and `stop`.
 
-    Parameters
-    ----------
-    settings : PartialSettings
-        The keys that change.
-    parent : CampaignSpec
-        As recorded, with its campaign file.
-
-    Returns
-    -------
-    Campaign
-        Its `text` is the new file, without the comments of the old one.
-
-    Raises
-    ------
-    InputError
-        The recording holds no campaign file of this version, or a value is not allowed beside those that stay.
+    `settings`: The keys that change. `parent`: As recorded, with its campaign file.
+    Returns: Its `text` is the new file, without the comments of the old one.
+    Raises `InputError`: The recording holds no campaign file of this version, or a value is not allowed beside those
+    that stay.
     """
     recorded = _recorded_campaign(settings, parent)
     content, _ = today(dict(parse_yaml(recorded.text)), name=settings.name)

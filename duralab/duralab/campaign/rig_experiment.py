@@ -51,20 +51,7 @@ def _has_range(channel: Channel) -> bool:
 
 
 def with_experiment(text: str, rig: Rig) -> str:
-    """Return the text of a campaign file whose experiment fits a rig: its band, its levels, its length and its blocks.
-
-    Parameters
-    ----------
-    text : str
-        Of a shipped campaign.
-    rig : Rig
-        The rig to identify.
-
-    Raises
-    ------
-    InputError
-        A drive has no limits around 0 from which a level follows, or the rig plays no experiment of this length.
-    """
+    """Return the text of a campaign file whose experiment fits a rig: its band, levels, length and blocks."""
     block = max(_SMALLEST_BLOCK, 2 ** math.ceil(math.log2(_BLOCK_SECONDS * rig.sample_rate)))
     seconds = block / rig.sample_rate
     highest = min(_HIGHEST, _USABLE_BAND * rig.sample_rate)
@@ -116,22 +103,7 @@ def _length(rig: Rig, block_seconds: float) -> tuple[int, float]:
 
 
 def level_of(channel: Channel, rig: Rig, *, highest: float, corner: float) -> float:
-    """Return an RMS of a drive that stays well within its limits, in its unit.
-
-    Parameters
-    ----------
-    channel : Channel
-        The drive.
-    rig : Rig
-        Whose drive it is.
-    highest, corner : float
-        Of the experiment's spectrum, in Hz.
-
-    Raises
-    ------
-    InputError
-        Neither a range around 0 nor a rate limit is described.
-    """
+    """Return an RMS of a drive that stays well within its limits, in its unit."""
     allowed = []
     if _has_range(channel) and channel.minimum < 0.0 < channel.maximum:
         allowed.append(_RANGE_SHARE * min(-channel.minimum, channel.maximum))

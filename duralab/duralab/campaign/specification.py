@@ -30,17 +30,9 @@ GAUSSIAN_CREST = 3.0
 def check_against_rig(campaign: Campaign, rig: Rig) -> None:
     """Check everything of a campaign that depends on the rig, before anything is played.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    rig : Rig
-        The rig that is to play it.
-
-    Raises
-    ------
-    InputError
-        A band above half the sample rate, an unknown channel, a level beyond a limit, or a drive that is too long.
+    `campaign`: The campaign. `rig`: The rig that is to play it.
+    Raises `InputError`: A band above half the sample rate, an unknown channel, a level beyond a limit, or a drive that
+    is too long.
     """
     excitation, nyquist = campaign.excitation, rig.sample_rate / 2
     if excitation.highest_frequency >= nyquist:
@@ -99,15 +91,8 @@ def _names(channels: tuple[Channel, ...]) -> list[str]:
 def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
     """Put what a result is judged by into the words of the contract.
 
-    Parameters
-    ----------
-    accept : Acceptance
-        What the user wrote.
-
-    Returns
-    -------
-    Acceptance
-        A limit that is not judged is left out.
+    `accept`: What the user wrote.
+    Returns: A limit that is not judged is left out.
     """
     message = iterator_pb2.Acceptance()
     fill_message(message, accept)
@@ -117,24 +102,9 @@ def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
 def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
     """Put the excitation into the words of the contract.
 
-    Parameters
-    ----------
-    excitation : ExcitationSettings
-        What the user wrote.
-    rig : Rig
-        The rig that is identified.
-    seed : int
-        Of what is random in it.
-
-    Returns
-    -------
-    Excitation
-        The settings as the identifier takes them.
-
-    Raises
-    ------
-    InputError
-        A level or a spectrum is that of an unknown drive, or a level is missing.
+    `excitation`: What the user wrote. `rig`: The rig that is identified. `seed`: Of what is random in it.
+    Returns: The settings as the identifier takes them.
+    Raises `InputError`: A level or a spectrum is that of an unknown drive, or a level is missing.
     """
     message = identifier_pb2.Excitation()
     with _fitting():
@@ -145,15 +115,8 @@ def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -
 def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
     """Put the estimator into the words of the contract.
 
-    Parameters
-    ----------
-    estimator : EstimatorSettings
-        Settings of the estimator.
-
-    Returns
-    -------
-    Estimator
-        The settings as the identifier takes them.
+    `estimator`: Settings of the estimator.
+    Returns: The settings as the identifier takes them.
     """
     message = identifier_pb2.Estimator()
     fill_message(message, estimator)
@@ -163,17 +126,8 @@ def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
 def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSettings:
     """Put the update into the words of the contract.
 
-    Parameters
-    ----------
-    update : UpdateSection
-        Settings of the update.
-    rig : Rig
-        The rig, whose responses have the gains and weights.
-
-    Returns
-    -------
-    UpdateSettings
-        The settings as the iterator takes them.
+    `update`: Settings of the update. `rig`: The rig, whose responses have the gains and weights.
+    Returns: The settings as the iterator takes them.
     """
     message = iterator_pb2.UpdateSettings()
     with _fitting():
@@ -184,15 +138,8 @@ def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSet
 def stop_message(stop: StopCriteria) -> iterator_pb2.StopCriteria:
     """Put the stop criteria into the words of the contract.
 
-    Parameters
-    ----------
-    stop : StopCriteria
-        Stop criteria of a campaign file.
-
-    Returns
-    -------
-    StopCriteria
-        The criteria as the iterator takes them.
+    `stop`: Stop criteria of a campaign file.
+    Returns: The criteria as the iterator takes them.
     """
     message = iterator_pb2.StopCriteria()
     fill_message(message, stop)
@@ -204,23 +151,10 @@ def build_specification(
 ) -> iterator_pb2.CampaignSpec:
     """Put a campaign into the words of the contract.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What the user wrote.
-    id : str
-        Name of the campaign in the lab.
-    rig : Rig
-        The rig that reproduces the target.
-    target : Signals
-        All responses of the rig, in its order and at its sample rate.
-    source : str
-        Where the target comes from, in words.
-
-    Returns
-    -------
-    CampaignSpec
-        The campaign as the iterator takes it.
+    `campaign`: What the user wrote. `id`: Name of the campaign in the lab. `rig`: The rig that reproduces the target.
+    `target`: All responses of the rig, in its order and at its sample rate. `source`: Where the target comes from, in
+    words.
+    Returns: The campaign as the iterator takes it.
     """
     specification = iterator_pb2.CampaignSpec(
         id=id,

@@ -28,20 +28,9 @@ _TARGET = re.compile(r"(?ms)^target:\n.*?(?=^# |\Z)")
 def shipped_text(template: str) -> str:
     """Return the text of a shipped campaign.
 
-    Parameters
-    ----------
-    template : str
-        Name of the shipped campaign.
-
-    Returns
-    -------
-    str
-        YAML text with its comments.
-
-    Raises
-    ------
-    InputError
-        There is none of this name.
+    `template`: Name of the shipped campaign.
+    Returns: YAML text with its comments.
+    Raises `InputError`: There is none of this name.
     """
     if template not in (known := shipped_campaigns()):
         raise InputError(f"--from is {template!r}; shipped campaigns are {', '.join(known)}.", field="from")
@@ -51,15 +40,8 @@ def shipped_text(template: str) -> str:
 def campaign_name(path: Path) -> str:
     """Return the name of a campaign in this file: the file's, in the letters that a name may have.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the campaign file.
-
-    Returns
-    -------
-    str
-        Name of the campaign.
+    `path`: Path of the campaign file.
+    Returns: Name of the campaign.
     """
     letters = re.sub(r"[^a-z0-9_-]+", "-", path.stem.lower()).strip("-_")
     return letters[:60] or "campaign"
@@ -68,15 +50,8 @@ def campaign_name(path: Path) -> str:
 def template_for(rig: str) -> str:
     """Return the shipped campaign for a rig, or the default one where none is shipped for it.
 
-    Parameters
-    ----------
-    rig : str
-        Name of the rig.
-
-    Returns
-    -------
-    str
-        Name of the shipped campaign.
+    `rig`: Name of the rig.
+    Returns: Name of the shipped campaign.
     """
     fitting = [name for name in shipped_campaigns() if parse_campaign(shipped_text(name), name=name).rig == rig]
     return next((name for name in (DEFAULT_TEMPLATE, *fitting) if name in fitting), DEFAULT_TEMPLATE)
@@ -85,27 +60,13 @@ def template_for(rig: str) -> str:
 def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: str | None = None) -> str:
     """Return the text of a campaign file, checked.
 
-    Parameters
-    ----------
-    template : str
-        The shipped campaign to begin with.
-    path : Path
-        Of the file, which names the campaign.
-    rig : Rig, optional
-        The rig; that of the shipped campaign where not given. For another rig, the experiment is made for its drives
-        and its sample rate, and without `target` the file names a target that is still to be put beside it.
-    target : str, optional
-        Section `target`, from `measured_target`.
-
-    Returns
-    -------
-    str
-        YAML text that `parse_campaign` accepts, with its comments.
-
-    Raises
-    ------
-    InputError
-        There is no such shipped campaign, or the rig does not describe the limits that an experiment needs.
+    `template`: The shipped campaign to begin with. `path`: Of the file, which names the campaign. `rig`: The rig; that
+    of the shipped campaign where not given. For another rig, the experiment is made for its drives and its sample rate,
+    and without `target` the file names a target that is still to be put beside it. `target`: Section `target`, from
+    `measured_target`.
+    Returns: YAML text that `parse_campaign` accepts, with its comments.
+    Raises `InputError`: There is no such shipped campaign, or the rig does not describe the limits that an experiment
+    needs.
     """
     text = shipped_text(template)
     heading = (
@@ -129,21 +90,9 @@ def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: 
 def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -> tuple[str, list[str]]:
     """Return the section `target` for a measured file, and the responses that have no channel of their name in it.
 
-    Parameters
-    ----------
-    signals : Signals
-        What the file holds.
-    source : Path
-        The file.
-    folder : Path
-        Of the campaign file, where relative paths start.
-    rig : Rig
-        Whose responses are wanted.
-
-    Returns
-    -------
-    tuple[str, list of str]
-        YAML text of the section, and the names of those responses.
+    `signals`: What the file holds. `source`: The file. `folder`: Of the campaign file, where relative paths start.
+    `rig`: Whose responses are wanted.
+    Returns: YAML text of the section, and the names of those responses.
     """
     given = {channel.name: channel.unit for channel in signals.channels}
     missing = [channel.name for channel in rig.responses if channel.name not in given]

@@ -53,16 +53,9 @@ class Criterion(StrEnum):
 class Limits:
     """What a result is judged by; a limit that is None is not judged.
 
-    Parameters
-    ----------
-    relative_rms_error : float or None
-        Largest relative RMS error of a controlled channel.
-    peak_ratio, damage_ratio : tuple of float or None
-        Smallest and largest, response over target.
-    damage_exponent : int
-        Slope of the S-N line that damage is judged at: 3, 5 or 8.
-    energy_outside_band : float or None
-        Largest share of the target's energy outside the control band, 0 to 1.
+    `relative_rms_error`: Largest relative RMS error of a controlled channel. `peak_ratio`, `damage_ratio`: Smallest and
+    largest, response over target. `damage_exponent`: Slope of the S-N line that damage is judged at: 3, 5 or 8.
+    `energy_outside_band`: Largest share of the target's energy outside the control band, 0 to 1.
     """
 
     relative_rms_error: float | None = 0.15
@@ -99,16 +92,7 @@ class Limits:
 class Finding:
     """One figure of one controlled channel of the best playback, beside its limits.
 
-    Parameters
-    ----------
-    criterion : Criterion
-        Which figure.
-    channel : str
-        Name of the response.
-    value : float
-        The figure.
-    smallest, largest : float
-        Limits.
+    `criterion`: Which figure. `channel`: Name of the response. `value`: The figure. `smallest`, `largest`: Limits.
     """
 
     criterion: Criterion
@@ -185,21 +169,7 @@ class Verdict:
 
 
 def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -> tuple[Limits, str]:
-    """Return what a campaign is judged by, and where that comes from if not from its specification.
-
-    Parameters
-    ----------
-    specification : CampaignSpec
-        Holds `accept`, but not in recordings of format version 1: there the campaign file's text may have it.
-    table : IterationTable
-        Its figures; without the energy outside the band the recording is from before there was a section `accept`, and
-        the error at which it was to end was what it was judged by.
-
-    Returns
-    -------
-    Limits, str
-        The limits, and a sentence on their origin; empty where they are those of the specification.
-    """
+    """Return what a campaign is judged by, and where that comes from if not from its specification."""
     defaults = "it is judged by the defaults of this version of Duralab"
     if specification.HasField("accept"):
         try:
@@ -267,21 +237,10 @@ def judge(
 ) -> Verdict:
     """Judge a campaign by its best playback.
 
-    Parameters
-    ----------
-    table : IterationTable
-        The figures of its playbacks; `table.best` is the one judged.
-    specification : CampaignSpec
-        What was asked for; see `limits_of`.
-    status : CampaignStatus or None
-        How it ended; None where it did not.
-    open_end : str
-        Why its recording may go on elsewhere, in words; empty where it does not.
-
-    Returns
-    -------
-    Verdict
-        Judgement, its sentence and the figures beside their limits.
+    `table`: The figures of its playbacks; `table.best` is the one judged. `specification`: What was asked for; see
+    `limits_of`. `status`: How it ended; None where it did not. `open_end`: Why its recording may go on elsewhere, in
+    words; empty where it does not.
+    Returns: Judgement, its sentence and the figures beside their limits.
     """
     limits, note = limits_of(specification, table)
     verdict = _judged(table, limits, status=status, open_end=open_end)
@@ -405,15 +364,8 @@ def _not_judged(table: IterationTable, limits: Limits) -> str:
 def compare_with_first(table: IterationTable) -> str:
     """Return in words how the best playback compares with the first, channel by channel.
 
-    Parameters
-    ----------
-    table : IterationTable
-        Figures of one playback or more.
-
-    Returns
-    -------
-    str
-        One or more sentences.
+    `table`: Figures of one playback or more.
+    Returns: One or more sentences.
     """
     if len(table) < 2:
         return "There was one playback only, so nothing to compare it with."
@@ -432,15 +384,8 @@ def compare_with_first(table: IterationTable) -> str:
 def repeatability_in_words(status: iterator_pb2.CampaignStatus) -> str:
     """Return in one sentence how the error compares with what the rig repeats; nothing where no drive was repeated.
 
-    Parameters
-    ----------
-    status : CampaignStatus
-        Status of an ended campaign.
-
-    Returns
-    -------
-    str
-        One sentence, or an empty string.
+    `status`: Status of an ended campaign.
+    Returns: One sentence, or an empty string.
     """
     watched = {channel.channel for channel in status.iterations[-1].channels if channel.watched}
     told = [channel for channel in status.repeatability.channels if channel.channel not in watched]
@@ -469,19 +414,9 @@ def judged_rows(
 
     The heading of each column is its name and what is allowed, or its unit.
 
-    Parameters
-    ----------
-    table : IterationTable
-        One playback or more.
-    verdict : Verdict
-        On the best of them.
-    slope : int
-        Of the S-N line that the damage spent is counted at.
-
-    Returns
-    -------
-    tuple[list[tuple[str, str]], list[list of str]]
-        Headings of the columns, each with its limits or unit, and a row of cells for each channel.
+    `table`: One playback or more. `verdict`: On the best of them. `slope`: Of the S-N line that the damage spent is
+    counted at.
+    Returns: Headings of the columns, each with its limits or unit, and a row of cells for each channel.
     """
     limits, spent = verdict.limits, table.damage_spent(slope).sum(axis=0)
     judged = [criterion for criterion in Criterion if limits.bounds(criterion) is not None]

@@ -84,24 +84,7 @@ def judged_table(result: CampaignResult) -> Table:
 
 
 def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
-    """Return one kind of figure for the terminal: a row for each channel, a column for each playback.
-
-    Parameters
-    ----------
-    title : str
-        What the figures are.
-    result : CampaignResult
-        Whose figures.
-    values : np.ndarray, shape (playbacks, channels)
-        The figures; those of the error are green where they are accepted.
-    overall : np.ndarray, shape (playbacks), optional
-        The figure over all channels; marks `values` as the error.
-
-    Returns
-    -------
-    Table
-        Ready to print.
-    """
+    """Return one kind of figure for the terminal: a row for each channel, a column for each playback."""
     iterations = result.iterations
     limit = result.verdict.limits.relative_rms_error if overall is not None else None
     shown = shown_playbacks(len(iterations), best=iterations.best)

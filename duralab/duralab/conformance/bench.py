@@ -138,13 +138,7 @@ class Bench:
 
 
 def check_numbering(items: Iterable[StreamItem], what: str) -> None:
-    """Check that a stream has one epoch and that nothing of it is missing, doubled or out of order.
-
-    Raises
-    ------
-    BreachError
-        Where it has not.
-    """
+    """Check that a stream has one epoch and that nothing of it is missing, doubled or out of order."""
     expected: tuple[int, int] | None = None
     for item in items:
         if expected is not None and (item.epoch, item.seq) != expected:

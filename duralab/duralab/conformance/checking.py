@@ -31,21 +31,9 @@ def check_rig(bus: Bus, rig: str, *, seconds: float = MOVE_SECONDS, tell: Tell |
     It moves the rig twice, each time by at most 5 % of its limits, stops it once and resets it. A rig that is not idle
     is left alone.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the rig is.
-    rig : str
-        Its name.
-    seconds : float
-        Length of the drives that move it.
-    tell : callable, optional
-        Called with each finding as soon as it is there.
-
-    Returns
-    -------
-    list of Finding
-        One for each check, in the order in which they were made.
+    `bus`: Where the rig is. `rig`: Its name. `seconds`: Length of the drives that move it. `tell`: Called with each
+    finding as soon as it is there.
+    Returns: One for each check, in the order in which they were made.
     """
     with closing(Bench(bus, rig, seconds=seconds)) as bench:
         run = _Run(tell or (lambda _finding: None))

@@ -12,20 +12,7 @@ _FREQUENCY = 1.0
 
 
 def gentle_drive(description: rig_pb2.RigDescription, seconds: float) -> np.ndarray:
-    """Return a smooth drive that begins and ends at zero, on all channels together.
-
-    Parameters
-    ----------
-    description : rig_pb2.RigDescription
-        Of the rig; its figures are sane.
-    seconds : float
-        Its length.
-
-    Returns
-    -------
-    np.ndarray, shape (drives, samples)
-        Within 5 % of every limit, each row in its channel's unit.
-    """
+    """Return a smooth drive that begins and ends at zero, on all channels together."""
     rate = description.sample_rate
     time = np.arange(round(seconds * rate)) / rate
     envelope = np.sin(np.pi * time / seconds) ** 2

@@ -19,14 +19,8 @@ class Outcome(StrEnum):
 class Finding:
     """One line of a conformance check.
 
-    Parameters
-    ----------
-    check : str
-        What was tried, in words.
-    outcome : Outcome
-        How it ended.
-    sentence : str
-        Why it failed or was not tried; empty where it passed.
+    `check`: What was tried, in words. `outcome`: How it ended. `sentence`: Why it failed or was not tried; empty where
+    it passed.
     """
 
     check: str
@@ -51,14 +45,7 @@ def expect(condition: bool, sentence: str) -> None:
 def all_passed(findings: Iterable[Finding]) -> bool:
     """Return whether nothing failed; what was not tried is no failure.
 
-    Parameters
-    ----------
-    findings : iterable of Finding
-        Of any checks.
-
-    Returns
-    -------
-    bool
-        True also where nothing was checked.
+    `findings`: Of any checks.
+    Returns: True also where nothing was checked.
     """
     return all(finding.outcome is not Outcome.FAILED for finding in findings)

@@ -156,13 +156,7 @@ class PlayChecks:
 
     @property
     def played_run(self) -> str:
-        """A run that was played to its end.
-
-        Raises
-        ------
-        NotTriedError
-            Where there is none.
-        """
+        """A run that was played to its end."""
         self._need()
         return self._run
 
@@ -172,13 +166,7 @@ class PlayChecks:
 
 
 def check_signal(bench: Bench, run: str, *, epoch: int | None) -> None:
-    """Check the blocks of a run that has ended, whatever was played.
-
-    Raises
-    ------
-    BreachError
-        Where they are not whole.
-    """
+    """Check the blocks of a run that has ended, whatever was played."""
     items = bench.blocks_of(run)
     told = bench.description
     expect(bool(items), "no signal block came.")

@@ -19,13 +19,7 @@ _SAMPLES = 50
 def check_refused(
     bench: Bench, play: Callable[[], object], *, run: str, code: query_pb2.FaultCode, field: str, why: str
 ) -> None:
-    """Check that a playback is refused with a code, a field and a sentence, and that nothing of it is published.
-
-    Raises
-    ------
-    BreachError
-        Where it is played, or refused in another way.
-    """
+    """Check that a playback is refused with a code, a field and a sentence, and that nothing of it is published."""
     wanted = query_pb2.FaultCode.Name(code)
     try:
         play()

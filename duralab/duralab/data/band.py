@@ -15,16 +15,9 @@ if TYPE_CHECKING:
 class BandNote:
     """What signals of a recording are, and whether they are in the control band: targets and responses differ in it.
 
-    Parameters
-    ----------
-    quantity : str
-        "target", "response" or "error".
-    in_band : bool
-        Whether they are as they are judged: in the control band, without their static part.
-    lowest_frequency, highest_frequency : float
-        Edges of the control band, in hertz.
-    level : str
-        How a playback at partial level is scaled; empty for a target.
+    `quantity`: "target", "response" or "error". `in_band`: Whether they are as they are judged: in the control band,
+    without their static part. `lowest_frequency`, `highest_frequency`: Edges of the control band, in hertz. `level`:
+    How a playback at partial level is scaled; empty for a target.
     """
 
     quantity: str
@@ -54,19 +47,9 @@ class BandNote:
 def response_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool, quantity: str = "response") -> BandNote:
     """Return the note of the responses of a campaign.
 
-    Parameters
-    ----------
-    specification : CampaignSpec
-        Specification of the campaign.
-    in_band : bool
-        Whether the signals are in the control band.
-    quantity : str
-        "response", or "error".
-
-    Returns
-    -------
-    BandNote
-        The note.
+    `specification`: Specification of the campaign. `in_band`: Whether the signals are in the control band. `quantity`:
+    "response", or "error".
+    Returns: The note.
     """
     return BandNote(
         quantity,
@@ -80,16 +63,7 @@ def response_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool, qu
 def target_note(specification: iterator_pb2.CampaignSpec, *, in_band: bool) -> BandNote:
     """Return the note of the target of a campaign.
 
-    Parameters
-    ----------
-    specification : CampaignSpec
-        Specification of the campaign.
-    in_band : bool
-        Whether the signals are in the control band.
-
-    Returns
-    -------
-    BandNote
-        The note.
+    `specification`: Specification of the campaign. `in_band`: Whether the signals are in the control band.
+    Returns: The note.
     """
     return BandNote("target", in_band, specification.lowest_frequency, specification.highest_frequency)

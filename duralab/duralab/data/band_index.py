@@ -16,10 +16,7 @@ LabelledT = TypeVar("LabelledT", xarray.DataArray, xarray.Dataset)
 class BandIndex(xarray.Index):
     """Index of the coordinate `band`: what is in band and what is as measured cannot be aligned, and so not subtracted.
 
-    Parameters
-    ----------
-    band : str
-        Value of the coordinate.
+    `band`: Value of the coordinate.
     """
 
     def __init__(self, band: str) -> None:
@@ -59,17 +56,8 @@ class BandIndex(xarray.Index):
 def marked(labelled: LabelledT, note: BandNote) -> LabelledT:
     """Return labelled signals that say in coordinate and attributes whether they are in band, and hold to it.
 
-    Parameters
-    ----------
-    labelled : LabelledT
-        The signals.
-    note : BandNote
-        What they are.
-
-    Returns
-    -------
-    LabelledT
-        The signals with the coordinate `band` and the attributes of the note.
+    `labelled`: The signals. `note`: What they are.
+    Returns: The signals with the coordinate `band` and the attributes of the note.
     """
     labelled = labelled.assign_coords(band=note.band).set_xindex("band", BandIndex)
     labelled.attrs |= note.attributes

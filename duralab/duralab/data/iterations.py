@@ -239,15 +239,8 @@ class IterationTable:
 def counted_slope(specification: iterator_pb2.CampaignSpec) -> int:
     """Return the slope of the S-N line that a campaign counts the damage spent at, as for its damage budget.
 
-    Parameters
-    ----------
-    specification : CampaignSpec
-        Specification of the campaign.
-
-    Returns
-    -------
-    int
-        Slope of the S-N line: 3, 5 or 8.
+    `specification`: Specification of the campaign.
+    Returns: Slope of the S-N line: 3, 5 or 8.
     """
     asked = specification.stop.damage_exponent
     return int(asked) if asked in DAMAGE_SLOPES else DAMAGE_SPENT_SLOPE
@@ -286,15 +279,8 @@ def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:
 def passes(damage: float) -> str:
     """Return damage spent in passes of the target, as it is shown; a dash where it is not known.
 
-    Parameters
-    ----------
-    damage : float
-        Damage in passes of the target, 0 or more; NaN where it is not known.
-
-    Returns
-    -------
-    str
-        The number as text.
+    `damage`: Damage in passes of the target, 0 or more; NaN where it is not known.
+    Returns: The number as text.
     """
     if np.isnan(damage):
         return "–"
@@ -309,15 +295,8 @@ def iterations_text(table: IterationTable) -> str:
 def iterations_html(table: IterationTable) -> str:
     """Return the same as HTML, with the error over the playbacks.
 
-    Parameters
-    ----------
-    table : IterationTable
-        Figures of the playbacks; may be empty.
-
-    Returns
-    -------
-    str
-        An HTML table and a chart.
+    `table`: Figures of the playbacks; may be empty.
+    Returns: An HTML table and a chart.
     """
     if not len(table):
         return "<p>No playback yet.</p>"

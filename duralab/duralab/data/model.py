@@ -29,15 +29,11 @@ _MODEL: Final = ("response", "unit", "lowest coherence", "median coherence", "re
 class Distortion:
     """What of a response is nonlinear and what is noise, from an experiment that tells them apart.
 
-    Parameters
-    ----------
-    noise_psd, distortion_psd : np.ndarray, shape (lines, responses)
-        Density of the noise and of the stochastic nonlinear distortion, unit²/Hz; the latter is a difference of two
-        estimates and may lie below 0 where there is none, as may the next two.
-    odd_distortion_psd, even_distortion_psd : np.ndarray, shape (lines, responses) or (0, responses)
-        Of the detection lines of odd and even orders; empty where the excitation leaves none out.
-    distortion_share, noise_share : np.ndarray, shape (responses)
-        RMS over that of the response in the band.
+    `noise_psd`, `distortion_psd`, shape (lines, responses): Density of the noise and of the stochastic nonlinear
+    distortion, unit²/Hz; the latter is a difference of two estimates and may lie below 0 where there is none, as may
+    the next two. `odd_distortion_psd`, `even_distortion_psd`, shape (lines, responses) or (0, responses): Of the
+    detection lines of odd and even orders; empty where the excitation leaves none out. `distortion_share`,
+    `noise_share`, shape (responses): RMS over that of the response in the band.
     """
 
     noise_psd: np.ndarray
@@ -216,15 +212,8 @@ class Model:
 def excited_lines(model: Model) -> np.ndarray:
     """Return which lines the experiment excited; elsewhere the estimate is noise over noise.
 
-    Parameters
-    ----------
-    model : Model
-        The identified model.
-
-    Returns
-    -------
-    np.ndarray, shape (lines)
-        True at the lines that were excited.
+    `model`: The identified model.
+    Returns: shape (lines): True at the lines that were excited.
     """
     level = np.nan_to_num(model.drive_psd).max(axis=1)
     known = np.abs(np.nan_to_num(model.frf)).max(axis=(1, 2)) > 0.0

@@ -64,15 +64,8 @@ class ActuatorUse:
 def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
     """Decode how the actuators were used, in the order of the drives.
 
-    Parameters
-    ----------
-    messages : iterable of ActuatorUse
-        One message for each drive.
-
-    Returns
-    -------
-    tuple of ActuatorUse
-        Use of the actuators, in the same order.
+    `messages`: One message for each drive.
+    Returns: Use of the actuators, in the same order.
     """
     return tuple(
         ActuatorUse(
@@ -131,15 +124,8 @@ class Playback:
 def level_of(step: iterator_pb2.IterationStep) -> float:
     """Return the level of a playback; older recordings tell none and are at 1.
 
-    Parameters
-    ----------
-    step : IterationStep
-        One playback as recorded.
-
-    Returns
-    -------
-    float
-        Share of the target, above 0 to 1.
+    `step`: One playback as recorded.
+    Returns: Share of the target, above 0 to 1.
     """
     return step.level or 1.0
 
@@ -149,19 +135,9 @@ def playback_of(
 ) -> Playback:
     """Decode a playback of a campaign; raises ArrayError where its arrays do not fit together.
 
-    Parameters
-    ----------
-    step : IterationStep
-        One playback as recorded.
-    specification : CampaignSpec
-        Specification of the campaign.
-    drive, response : Signals
-        Samples of its run.
-
-    Returns
-    -------
-    Playback
-        The playback.
+    `step`: One playback as recorded. `specification`: Specification of the campaign. `drive`, `response`: Samples of
+    its run.
+    Returns: The playback.
     """
     in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
 

@@ -17,27 +17,13 @@ from duralab.data.band import BandNote
 class RecordedSignals(Signals):
     """Signals of a recording whose labelled arrays refuse to be mixed with those of another band.
 
-    Parameters
-    ----------
-    note : BandNote
-        What they are.
+    `note`: What they are.
     """
 
     note: BandNote = field(kw_only=True)
 
     def to_xarray(self, name: str = "signals") -> xarray.DataArray:
-        """Return a labelled array as `Signals.to_xarray` does, with the coordinate `band` and attributes.
-
-        Parameters
-        ----------
-        name : str
-            Of the array.
-
-        Returns
-        -------
-        xarray.DataArray
-            A difference of arrays of which one is in band and the other as measured raises InputError.
-        """
+        """Return a labelled array as `Signals.to_xarray` does, with the coordinate `band` and attributes."""
         from duralab.data.band_index import marked
 
         return marked(super().to_xarray(name), self.note)
@@ -47,10 +33,7 @@ class RecordedSignals(Signals):
 class RecordedTarget(RecordedSignals):
     """The target of a recording: signals in the control band; called, a dataset in the layout of the responses.
 
-    Parameters
-    ----------
-    dataset : callable
-        Makes that dataset.
+    `dataset`: Makes that dataset.
     """
 
     dataset: Callable[[bool], xarray.Dataset] = field(kw_only=True)
@@ -58,20 +41,9 @@ class RecordedTarget(RecordedSignals):
     def __call__(self, *, in_band: bool) -> xarray.Dataset:
         """Return the target in the layout of `Recording.responses`: a variable for each channel over `time`.
 
-        Parameters
-        ----------
-        in_band : bool
-            True for the target as it is judged, False for the target as it was given, with its static part and what is
-            outside the control band.
-
-        Returns
-        -------
-        xarray.Dataset
-            The difference with `responses(in_band=...)` of another band is refused.
-
-        Raises
-        ------
-        InputError
-            `in_band` is neither True nor False.
+        `in_band`: True for the target as it is judged, False for the target as it was given, with its static part and
+        what is outside the control band.
+        Returns: The difference with `responses(in_band=...)` of another band is refused.
+        Raises `InputError`: `in_band` is neither True nor False.
         """
         return self.dataset(in_band)

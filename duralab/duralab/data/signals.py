@@ -203,39 +203,14 @@ class Signals:
 def channels_of(messages: Iterable[array_pb2.Channel]) -> tuple[Channel, ...]:
     """Decode channels, in order.
 
-    Parameters
-    ----------
-    messages : iterable of Channel
-        The channels as messages.
-
-    Returns
-    -------
-    tuple of Channel
-        The channels, in the same order.
+    `messages`: The channels as messages.
+    Returns: The channels, in the same order.
     """
     return tuple(Channel.from_message(message) for message in messages)
 
 
 def from_xarray(labelled: xarray.DataArray | xarray.Dataset) -> Signals:
-    """Return labelled arrays as signals.
-
-    Parameters
-    ----------
-    labelled : DataArray or Dataset
-        An array over `channel` and `time`, with units in a coordinate `unit` where there is one; or a dataset with a
-        variable for each channel over `time`, with its unit in the attribute `units`. As `Signals.to_xarray` and
-        `Recording.drives` give them, in any order of dimensions.
-
-    Returns
-    -------
-    Signals
-        float64; the rate is the attribute `sample_rate`, or comes from the coordinate `time`.
-
-    Raises
-    ------
-    InputError
-        Other dimensions, no names, values that are not real, or neither rate nor an even time.
-    """
+    """Return labelled arrays as signals."""
     import xarray
 
     if isinstance(labelled, xarray.Dataset):
@@ -313,15 +288,7 @@ def signals_html(signals: Signals) -> str:
 
 
 def waveforms(*signals: Signals, names: Sequence[str] = ("",)) -> list[str]:
-    """Return a chart of every channel, signals with the same channels over one another.
-
-    Parameters
-    ----------
-    *signals : Signals
-        One or more.
-    names : sequence of str
-        Of each of them, for the legend.
-    """
+    """Return a chart of every channel, signals with the same channels over one another."""
     first = signals[0]
     charts = [
         line_chart(

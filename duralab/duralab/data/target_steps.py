@@ -19,19 +19,11 @@ READ_FILE: Final = "read_file"
 class SourceRecord:
     """How a response was read from a channel of a file.
 
-    Parameters
-    ----------
-    source : str
-        Name of the channel in the file; empty where there is none and the target is silent.
-    source_unit, stated_unit : str
-        Unit that the file names, and the one that the campaign states in its place; empty where there is none.
-    factor : float or None
-        What a value of the file was multiplied by to be in the rig's unit and sign, an offset between units aside;
-        None where the target is silent.
-    peak_before, rms_before : float
-        Largest magnitude and RMS in the file's unit.
-    peak_after, rms_after : float
-        The same in the rig's unit.
+    `source`: Name of the channel in the file; empty where there is none and the target is silent. `source_unit`,
+    `stated_unit`: Unit that the file names, and the one that the campaign states in its place; empty where there is
+    none. `factor`: What a value of the file was multiplied by to be in the rig's unit and sign, an offset between units
+    aside; None where the target is silent. `peak_before`, `rms_before`: Largest magnitude and RMS in the file's unit.
+    `peak_after`, `rms_after`: The same in the rig's unit.
     """
 
     source: str
@@ -65,19 +57,10 @@ class SourceRecord:
 class ChannelRecord:
     """What a step did to one channel.
 
-    Parameters
-    ----------
-    channel : str
-        Its name.
-    energy_removed : float
-        Share of the channel's energy, the time integral of its square with its static part, that is gone; negative
-        where some came in.
-    spikes : int or None
-        How many were replaced; None where none was looked for.
-    damage_kept : float or None
-        Pseudo-damage after over before; None where none was counted.
-    source : SourceRecord or None
-        How it was read; None for a step of editing.
+    `channel`: Its name. `energy_removed`: Share of the channel's energy, the time integral of its square with its
+    static part, that is gone; negative where some came in. `spikes`: How many were replaced; None where none was looked
+    for. `damage_kept`: Pseudo-damage after over before; None where none was counted. `source`: How it was read; None
+    for a step of editing.
     """
 
     channel: str
@@ -91,20 +74,10 @@ class ChannelRecord:
 class StepRecord:
     """What a step did.
 
-    Parameters
-    ----------
-    name : str
-        As the campaign file names it, e.g. "cut".
-    settings : str
-        All of its settings, defaults too, as YAML on one line.
-    samples_before, samples_after : int
-        Of each channel.
-    sample_rate_before, sample_rate_after : float
-        In hertz.
-    channels : tuple of ChannelRecord
-        In the target's order.
-    sections : tuple of tuple of float
-        Start and end of what was kept, in seconds of the target before the step, where it kept stretches.
+    `name`: As the campaign file names it, e.g. "cut". `settings`: All of its settings, defaults too, as YAML on one
+    line. `samples_before`, `samples_after`: Of each channel. `sample_rate_before`, `sample_rate_after`: In hertz.
+    `channels`: In the target's order. `sections`: Start and end of what was kept, in seconds of the target before the
+    step, where it kept stretches.
     """
 
     name: str
@@ -226,21 +199,9 @@ def step_record(
 ) -> StepRecord:
     """Compare the target before a step with that after it.
 
-    Parameters
-    ----------
-    name, settings : str
-        Of the step, as in `StepRecord`.
-    before, after : Signals
-        The same channels.
-    spikes, damage_kept : mapping
-        By channel; empty where the step does not look for it.
-    sections : iterable of tuple of float
-        As in `StepRecord`.
-
-    Returns
-    -------
-    StepRecord
-        What the step changed, by channel.
+    `name`, `settings`: Of the step, as in `StepRecord`. `before`, `after`: The same channels. `spikes`, `damage_kept`:
+    By channel; empty where the step does not look for it. `sections`: As in `StepRecord`.
+    Returns: What the step changed, by channel.
     """
     energies = [np.sum(signals.samples**2, axis=1) / signals.sample_rate for signals in (before, after)]
     removed = [1.0 - float(left) / float(there) if there > 0.0 else 0.0 for there, left in zip(*energies, strict=True)]

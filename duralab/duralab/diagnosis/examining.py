@@ -36,15 +36,8 @@ _LOCK: Final = "requirements.lock"
 def examine(recordings: Path) -> list[Finding]:
     """Look at everything that a lab needs of this machine; `recordings` is where recordings would go.
 
-    Parameters
-    ----------
-    recordings : Path
-        Where recordings would go.
-
-    Returns
-    -------
-    list of Finding
-        One for each thing looked at.
+    `recordings`: Where recordings would go.
+    Returns: One for each thing looked at.
     """
     installed = named((found.metadata["Name"], found.version) for found in metadata.distributions())
     temporary = Path(tempfile.gettempdir())

@@ -20,16 +20,8 @@ class Severity(StrEnum):
 class Finding:
     """What was found.
 
-    Parameters
-    ----------
-    check : str
-        What was looked at.
-    severity : Severity
-        What it means.
-    sentence : str
-        What was found.
-    remedy : str
-        What to do; empty where nothing is to be done.
+    `check`: What was looked at. `severity`: What it means. `sentence`: What was found. `remedy`: What to do; empty
+    where nothing is to be done.
     """
 
     check: str

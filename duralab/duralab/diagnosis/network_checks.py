@@ -27,15 +27,7 @@ def check_bus() -> Finding:
 
 
 def check_ports(labs: Collection[str], *, is_free: dict[int, bool]) -> list[Finding]:
-    """Judge the ports that `duralab up` and the viewer take where nothing else is said.
-
-    Parameters
-    ----------
-    labs : collection of str
-        Endpoints of the labs that this user keeps running.
-    is_free : dict of int to bool
-        Whether each port can be listened on.
-    """
+    """Judge the ports that `duralab up` and the viewer take where nothing else is said."""
     findings = []
     if is_free[LAB_PORT]:
         findings.append(fine("lab's port", f"{LAB_PORT} is free"))

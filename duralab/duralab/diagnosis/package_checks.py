@@ -40,15 +40,7 @@ def check_own_versions(installed: Mapping[str, str]) -> Finding:
 
 
 def check_requirements(required: Iterable[str], installed: Mapping[str, str]) -> Finding:
-    """Judge whether everything that the lab needs is there.
-
-    Parameters
-    ----------
-    required : iterable of str
-        Requirements as distributions state them; those of extras are not looked for.
-    installed : mapping of str to str
-        Versions by names.
-    """
+    """Judge whether everything that the lab needs is there."""
     names = {_name(requirement) for requirement in required if "extra ==" not in requirement}
     missing = sorted(name for name in names if name not in installed)
     if missing:
@@ -61,15 +53,7 @@ def check_requirements(required: Iterable[str], installed: Mapping[str, str]) ->
 
 
 def check_lock(locked: Mapping[str, set[str]], installed: Mapping[str, str]) -> Finding:
-    """Judge whether the packages are those that were tested.
-
-    Parameters
-    ----------
-    locked : mapping of str to set of str
-        Versions that the lock allows, by names; empty where no lock is at hand.
-    installed : mapping of str to str
-        Versions by names.
-    """
+    """Judge whether the packages are those that were tested."""
     if not locked:
         return fine("lock", "no requirements.lock beside this installation to compare with")
     others = {name: version for name, version in installed.items() if name in locked and version not in locked[name]}

@@ -23,15 +23,7 @@ TEMPORARY_NEEDS: Final = 64 * MEBIBYTE
 
 
 def check_disk(folder: Path, *, free: int) -> Finding:
-    """Judge the room on a disk.
-
-    Parameters
-    ----------
-    folder : Path
-        Where recordings go.
-    free : int
-        Bytes free there.
-    """
+    """Judge the room on a disk."""
     sentence = f"{free / MEBIBYTE:,.0f} MiB are free for recordings in {folder}"
     if free < RECORDER_KEEPS_FREE:
         return problem(
@@ -70,15 +62,7 @@ def check_temporary(folder: Path, *, free: int) -> Finding:
 
 
 def check_locale(encoding: str, *, file_names: str) -> Finding:
-    """Judge how text is written.
-
-    Parameters
-    ----------
-    encoding : str
-        Of the terminal, and of files where nothing else is said.
-    file_names : str
-        Of the names of files.
-    """
+    """Judge how text is written."""
     wrong = [name for name in (encoding, file_names) if not _is_utf_8(name)]
     if wrong:
         return warning(

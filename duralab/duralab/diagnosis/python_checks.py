@@ -14,17 +14,7 @@ _POINTER_BITS: Final = 64
 
 
 def check_python(version: tuple[int, ...], *, pointer_bits: int, executable: str) -> Finding:
-    """Judge the Python that runs this and will run the services.
-
-    Parameters
-    ----------
-    version : tuple of int
-        As `sys.version_info[:3]`.
-    pointer_bits : int
-        Of an address.
-    executable : str
-        Where it is.
-    """
+    """Judge the Python that runs this and will run the services."""
     if (fault := python_fault(version)) is not None:
         return problem("Python", f"{executable}: {fault}", "Install one, and make the environment with it.")
     if pointer_bits != _POINTER_BITS:
@@ -49,15 +39,7 @@ def check_services(is_installed: Callable[[str], bool], *, executable: str) -> F
 
 
 def check_shadows(folder: Path, *, paths: Sequence[str]) -> Finding:
-    """Judge whether a file here, or on PYTHONPATH, would be taken for a service of the same name.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the command is run: Python looks there first when a service is started.
-    paths : sequence of str
-        Folders of PYTHONPATH.
-    """
+    """Judge whether a file here, or on PYTHONPATH, would be taken for a service of the same name."""
     places = [folder, *(Path(path) for path in paths if path)]
     found = [
         shadow

@@ -22,19 +22,7 @@ def check_viewer(program: Path | None) -> Finding:
 
 
 def check_graphics(*, system: str, display: bool, library: str | None, drivers: list[Path]) -> Finding:
-    """Judge whether the viewer can draw in a window of its own.
-
-    Parameters
-    ----------
-    system : str
-        As `sys.platform`; on macOS and Windows the system brings a driver.
-    display : bool
-        Whether a window can be opened.
-    library : str or None
-        The Vulkan library, where there is one.
-    drivers : list of Path
-        Descriptions of Vulkan drivers.
-    """
+    """Judge whether the viewer can draw in a window of its own."""
     if system in ("darwin", "win32"):
         return fine("graphics", "the system's own driver")
     if not display:

@@ -23,12 +23,8 @@ _MOST_TICKS: Final = 6
 class Curve:
     """One line of a chart.
 
-    Parameters
-    ----------
-    name : str
-        For the legend; none where empty.
-    x, y : np.ndarray, shape (points)
-        What is not finite, or not above 0 on a logarithmic axis, is left out.
+    `name`: For the legend; none where empty. `x`, `y`, shape (points): What is not finite, or not above 0 on a
+    logarithmic axis, is left out.
     """
 
     name: str
@@ -40,12 +36,7 @@ class Curve:
 class Axis:
     """What an axis tells, and whether it is logarithmic.
 
-    Parameters
-    ----------
-    title : str
-        Quantity and unit.
-    logarithmic : bool
-        Whether the scale is logarithmic.
+    `title`: Quantity and unit. `logarithmic`: Whether the scale is logarithmic.
     """
 
     title: str
@@ -84,23 +75,10 @@ def line_chart(
 ) -> str:
     """Return a chart of curves over one another as an SVG element.
 
-    Parameters
-    ----------
-    curves : sequence of Curve
-        Curves of more points than the picture has columns are drawn by the smallest and largest value of each column.
-    x, y : Axis
-        The axes.
-    title : str
-        Above the chart.
-    height : int
-        In pixels of 720 in width.
-    from_zero : bool
-        Whether the vertical axis begins at 0.
-
-    Returns
-    -------
-    str
-        The SVG element.
+    `curves`: Curves of more points than the picture has columns are drawn by the smallest and largest value of each
+    column. `x`, `y`: The axes. `title`: Above the chart. `height`: In pixels of 720 in width. `from_zero`: Whether the
+    vertical axis begins at 0.
+    Returns: The SVG element.
     """
     shown = [_drawable(curve, x=x, y=y) for curve in curves]
     if not any(curve.x.size for curve in shown):

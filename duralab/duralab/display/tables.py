@@ -11,19 +11,9 @@ Row = Sequence[str]
 def text_table(headings: Row, rows: Sequence[Row], *, left: int = 0) -> str:
     """Return a table as text, its columns as wide as they must be.
 
-    Parameters
-    ----------
-    headings : sequence of str
-        Of the columns.
-    rows : sequence of sequence of str
-        As many cells in each as there are headings.
-    left : int
-        This many columns, from the first, are set flush left, the others flush right.
-
-    Returns
-    -------
-    str
-        The lines of the table, without a line end after the last.
+    `headings`: Of the columns. `rows`: As many cells in each as there are headings. `left`: This many columns, from the
+    first, are set flush left, the others flush right.
+    Returns: The lines of the table, without a line end after the last.
     """
     widths = [max(len(line[i]) for line in (headings, *rows)) for i in range(len(headings))]
     return "\n".join(
@@ -38,21 +28,9 @@ def text_table(headings: Row, rows: Sequence[Row], *, left: int = 0) -> str:
 def html_table(headings: Row, rows: Sequence[Row], *, left: int = 0, caption: str = "") -> str:
     """Return the same as HTML, every cell escaped; see `text_table`.
 
-    Parameters
-    ----------
-    headings : Row
-        Headings of the columns.
-    rows : iterable of Row
-        As many cells in each as there are headings.
-    left : int
-        This many columns, from the first, are set flush left, the others flush right.
-    caption : str
-        Text above the table.
-
-    Returns
-    -------
-    str
-        A table element.
+    `headings`: Headings of the columns. `rows`: As many cells in each as there are headings. `left`: This many columns,
+    from the first, are set flush left, the others flush right. `caption`: Text above the table.
+    Returns: A table element.
     """
 
     def line(tag: str, cells: Row) -> str:

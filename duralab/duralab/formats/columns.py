@@ -22,13 +22,7 @@ def headings(signals: Signals) -> list[str]:
 
 
 def channels_of_headings(path: Path, given: Sequence[str]) -> tuple[Channel, ...]:
-    """Return the channels that headings name, without the time.
-
-    Raises
-    ------
-    FormatError
-        The first is not "time [s]", there is no other, or one lacks its unit.
-    """
+    """Return the channels that headings name, without the time."""
     if not given or given[0].strip() != TIME:
         there = given[0][:60] if given else ""
         raise FormatError(path, f"the first column is {there!r}; {TIME!r} was expected.", offset=0)
@@ -49,48 +43,13 @@ def channels_of_headings(path: Path, given: Sequence[str]) -> tuple[Channel, ...
 
 
 def signals_of_columns(path: Path, channels: tuple[Channel, ...], values: np.ndarray) -> Signals:
-    """Return the signals of a table.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for what is said of it.
-    channels : tuple of Channel
-        Without the time.
-    values : np.ndarray, shape (1 + channels, samples)
-        The time in seconds, then the channels.
-
-    Returns
-    -------
-    Signals
-        float64 and C-contiguous.
-
-    Raises
-    ------
-    FormatError
-        The time is not even, or a value is not finite.
-    """
+    """Return the signals of a table."""
     require_finite(path, ("time", *(channel.name for channel in channels)), values)
     return Signals(channels, rate_of_times(path, values[0]), np.ascontiguousarray(values[1:], dtype=np.float64))
 
 
 def require_finite(path: Path, names: Sequence[str], values: np.ndarray) -> None:
-    """Refuse values that are not finite.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for what is said of it.
-    names : sequence of str
-        Of the rows.
-    values : np.ndarray, shape (names, samples)
-        Any kind of number.
-
-    Raises
-    ------
-    FormatError
-        Naming the first one.
-    """
+    """Refuse values that are not finite."""
     for name, row in zip(names, values, strict=True):
         finite = np.isfinite(row)
         if not finite.all():

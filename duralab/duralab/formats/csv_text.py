@@ -27,23 +27,7 @@ _LONGEST_LINE: Final = 1 << 20
 
 
 def read_csv(path: Path) -> Signals:
-    """Read CSV text: "time [s]", then "<name> [<unit>]" for each channel, separated by comma, semicolon or tabulator.
-
-    Parameters
-    ----------
-    path : Path
-        UTF-8, with or without a byte order mark; decimal points, not commas.
-
-    Returns
-    -------
-    Signals
-        At the rate of the time stamps.
-
-    Raises
-    ------
-    FormatError
-        With the byte of the line that is wrong.
-    """
+    """Read CSV text: "time [s]", then "<name> [<unit>]" for each channel, separated by comma, semicolon or tab."""
     require_file(path)
     row: list[str] = []
     try:
@@ -107,23 +91,6 @@ def write_csv(signals: Signals, path: Path) -> Written:
 
     A name that a spreadsheet would run as a formula gets a single quote before it (CSV injection, OWASP), which
     `read_csv` takes away: a rig and a file from elsewhere may name a channel as they like.
-
-    Parameters
-    ----------
-    signals : Signals
-        Finite samples.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors.
-
-    Raises
-    ------
-    InputError
-        A name or unit has a line break, which would end the header line.
     """
     for channel in signals.channels:
         if set(channel.name + channel.unit) & {"\n", "\r"}:

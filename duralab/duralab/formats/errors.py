@@ -39,13 +39,7 @@ def opened(path: Path) -> Iterator[None]:
 
 
 def require_file(path: Path) -> int:
-    """Return the size of a file in bytes.
-
-    Raises
-    ------
-    FormatError
-        There is none, it is no regular file, or it is empty.
-    """
+    """Return the size of a file in bytes."""
     with opened(path):
         try:
             size = require_regular(path).st_size

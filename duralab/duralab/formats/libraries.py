@@ -23,13 +23,7 @@ LARGEST_BYTES: Final = 8 << 30
 
 
 def require_library(module: str, *, extra: str) -> ModuleType:
-    """Import a library that comes with an extra of duralab.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
+    """Import a library that comes with an extra of duralab."""
     # A damaged file makes them log its bytes; who wants to see that gives their logger a handler.
     logger = logging.getLogger(module.partition(".")[0])
     if not logger.handlers:
@@ -45,10 +39,7 @@ def require_library(module: str, *, extra: str) -> ModuleType:
 class WatchedFile(io.FileIO):
     """A file that remembers where it was read last, to say so where a library fails.
 
-    Parameters
-    ----------
-    path : Path
-        The file, opened for reading.
+    `path`: The file, opened for reading.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,20 +61,7 @@ class WatchedFile(io.FileIO):
 
 @contextmanager
 def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
-    """Give a library a file to read; whatever it raises becomes one sentence with the byte it came to.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    expected : str
-        What it should be, e.g. "an MDF 4 measurement".
-
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or the library did not understand it.
-    """
+    """Give a library a file to read; whatever it raises becomes one sentence with the byte it came to."""
     try:
         stream = WatchedFile(path)
     except OSError as error:
@@ -104,13 +82,7 @@ def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
 
 
 def require_room(path: Path, values: int) -> None:
-    """Refuse a file that announces more numbers than memory is given to.
-
-    Raises
-    ------
-    FormatError
-        Their float64 would take more than `LARGEST_BYTES`.
-    """
+    """Refuse a file that announces more numbers than memory is given to."""
     if values * 8 > LARGEST_BYTES:
         raise FormatError(
             path, f"it announces {values} numbers; {LARGEST_BYTES // 8} at most are read. Cut it into pieces.", offset=0

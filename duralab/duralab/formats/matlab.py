@@ -27,23 +27,7 @@ _EXPECTED: Final = (
 
 
 def read_mat(path: Path) -> Signals:
-    """Read a MATLAB file with the variables samples, sample_rate, names and units.
-
-    Parameters
-    ----------
-    path : Path
-        Level 5, compressed or not; -v7.3 is HDF5 and refused.
-
-    Returns
-    -------
-    Signals
-        As stored.
-
-    Raises
-    ------
-    FormatError
-        A variable is missing or has another shape.
-    """
+    """Read a MATLAB file with the variables samples, sample_rate, names and units."""
     import scipy.io
 
     require_file(path)
@@ -76,25 +60,7 @@ def read_mat(path: Path) -> Signals:
 
 
 def write_mat(signals: Signals, path: Path) -> Written:
-    """Write a MATLAB file of level 5, compressed.
-
-    Parameters
-    ----------
-    signals : Signals
-        Less than 2 GiB of float64.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors.
-
-    Raises
-    ------
-    InputError
-        The samples take more than level 5 allows.
-    """
+    """Write a MATLAB file of level 5, compressed."""
     import scipy.io
 
     if signals.samples.nbytes > LARGEST_VARIABLE:

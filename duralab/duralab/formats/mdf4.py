@@ -20,23 +20,7 @@ _EXPECTED: Final = "an MDF 4 measurement"
 
 
 def read_mdf4(path: Path) -> Signals:
-    """Read an MDF 4 measurement.
-
-    Parameters
-    ----------
-    path : Path
-        Its groups of numbers must have one and the same even time.
-
-    Returns
-    -------
-    Signals
-        All channels that are numbers, in the order of the file.
-
-    Raises
-    ------
-    FormatError
-        There are none, or the groups differ in time.
-    """
+    """Read an MDF 4 measurement."""
     asammdf = require_library("asammdf", extra="mdf")
     require_file(path)
     # From a file that it opens itself, asammdf leaves tracebacks on standard error where the file is damaged.
@@ -85,20 +69,7 @@ def _members(measurement: Any, number: int) -> list[tuple[int, int]]:
 
 
 def write_mdf4(signals: Signals, path: Path) -> Written:
-    """Write an MDF 4.10 measurement of float64, one group.
-
-    Parameters
-    ----------
-    signals : Signals
-        Any.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors.
-    """
+    """Write an MDF 4.10 measurement of float64, one group."""
     asammdf = require_library("asammdf", extra="mdf")
     time = signals.time
     # asammdf saves under this suffix only.

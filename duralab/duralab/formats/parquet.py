@@ -19,23 +19,7 @@ _OWN: Final = b"duralab."
 
 
 def read_parquet(path: Path) -> Signals:
-    """Read a Parquet table of columns "time [s]", then "<name> [<unit>]" for each channel.
-
-    Parameters
-    ----------
-    path : Path
-        Numbers only, without nulls.
-
-    Returns
-    -------
-    Signals
-        At the rate of the time stamps.
-
-    Raises
-    ------
-    FormatError
-        The columns are others, or hold something else.
-    """
+    """Read a Parquet table of columns "time [s]", then "<name> [<unit>]" for each channel."""
     require_library("pyarrow", extra="parquet")
     parquet = require_library("pyarrow.parquet", extra="parquet")
     require_file(path)
@@ -63,20 +47,7 @@ def read_parquet(path: Path) -> Signals:
 
 
 def write_parquet(signals: Signals, path: Path) -> Written:
-    """Write a Parquet table of float64; attributes go into its metadata.
-
-    Parameters
-    ----------
-    signals : Signals
-        Any.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors.
-    """
+    """Write a Parquet table of float64; attributes go into its metadata."""
     pyarrow = require_library("pyarrow", extra="parquet")
     parquet = require_library("pyarrow.parquet", extra="parquet")
     metadata = {_OWN + key.encode(): text.encode() for key, text in signals.attributes.items()}

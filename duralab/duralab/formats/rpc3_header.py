@@ -51,16 +51,8 @@ EnumT = TypeVar("EnumT", bound=Enum)
 class Header:
     """The records of a header with the place of each, and the checks of what they may hold.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for what is said of it.
-    values : mapping of str to str
-        By keyword, in upper case, without NUL and blanks at the ends.
-    offsets : mapping of str to int
-        Byte of each keyword's record.
-    size : int
-        Bytes of the header; the data follow.
+    `path`: The file, for what is said of it. `values`: By keyword, in upper case, without NUL and blanks at the ends.
+    `offsets`: Byte of each keyword's record. `size`: Bytes of the header; the data follow.
     """
 
     path: Path
@@ -133,13 +125,7 @@ class Header:
         return rate_of_step(step, resolution=min(0.5 * last_digit, 1e-6 * step))
 
     def layout(self) -> Layout:
-        """Return where the samples lie.
-
-        Raises
-        ------
-        FormatError
-            A keyword is missing or holds what is not allowed.
-        """
+        """Return where the samples lie."""
         if self.values.get("FILE_TYPE", "TIME_HISTORY").upper() != "TIME_HISTORY":
             raise self.error("FILE_TYPE", "TIME_HISTORY")
         data_type = self.choice("DATA_TYPE", DataType, DataType.SHORT_INTEGER)
@@ -159,20 +145,7 @@ class Header:
 
 
 def parse_header(path: Path, content: bytes) -> Header:
-    """Parse the records of a header.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for what is said of it.
-    content : bytes
-        The whole header; of a file that is shorter than its header, what there is.
-
-    Raises
-    ------
-    FormatError
-        The first three keywords are not what they must be, or the header is cut off.
-    """
+    """Parse the records of a header."""
     values: dict[str, str] = {}
     offsets: dict[str, int] = {}
     for offset, expected in zip(range(0, 3 * RECORD, RECORD), FIRST_KEYWORDS, strict=True):
@@ -211,18 +184,7 @@ def _record(content: bytes, offset: int) -> tuple[str, str]:
 
 
 def compose_header(values: Mapping[str, str]) -> bytes:
-    """Return a header of these records, in this order, after the three that come first.
-
-    Parameters
-    ----------
-    values : mapping of str to str
-        `FORMAT` and all others but the two counts, which are computed.
-
-    Raises
-    ------
-    ValueError
-        A keyword is longer than 31 bytes, a value longer than 95, or one holds a character that Latin-1 lacks.
-    """
+    """Return a header of these records, in this order, after the three that come first."""
     parameters = len(values) + 2
     blocks = -(-parameters * RECORD // BLOCK)
     first = {"FORMAT": values["FORMAT"], "NUM_HEADER_BLOCKS": str(blocks), "NUM_PARAMS": str(parameters)}

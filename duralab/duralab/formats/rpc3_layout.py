@@ -49,18 +49,9 @@ class Layout:
 
     Data are demultiplexed by groups: all points of a group of the first channel, then of the second, and so on.
 
-    Parameters
-    ----------
-    channels : int
-        1 or more.
-    points_per_frame, points_per_group : int
-        A group is a whole number of frames.
-    frames : int
-        Frames of data, without the half frames at both ends.
-    half_frames : bool
-        Half a frame more at the start and at the end.
-    dtype : np.dtype
-        Of one sample in the file.
+    `channels`: 1 or more. `points_per_frame`, `points_per_group`: A group is a whole number of frames. `frames`: Frames
+    of data, without the half frames at both ends. `half_frames`: Half a frame more at the start and at the end.
+    `dtype`: Of one sample in the file.
     """
 
     channels: int

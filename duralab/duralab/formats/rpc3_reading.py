@@ -26,26 +26,11 @@ PADDING_ATTRIBUTE: Final = "duralab.padding"
 class Rpc3File:
     """An RPC III time history whose header was read and found consistent with the file's size.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    header : Header
-        All its records.
-    layout : Layout
-        Where the samples lie.
-    channels : tuple of Channel
-        Names made unique; limits are not taken over, for writers leave them at ±1.
-    scales : np.ndarray, shape (channels)
-        What one integer is worth, in the channel's unit; 1 where numbers are stored as they are.
-    sample_rate : float
-        In hertz.
-    samples : int
-        Of each channel, without padding where the file says how much of it there is.
-    length_known : bool
-        False where the last samples may be padding.
-    trailing_bytes : int
-        Bytes after the last group, which are not read.
+    `path`: The file. `header`: All its records. `layout`: Where the samples lie. `channels`: Names made unique; limits
+    are not taken over, for writers leave them at ±1. `scales`, shape (channels): What one integer is worth, in the
+    channel's unit; 1 where numbers are stored as they are. `sample_rate`: In hertz. `samples`: Of each channel, without
+    padding where the file says how much of it there is. `length_known`: False where the last samples may be padding.
+    `trailing_bytes`: Bytes after the last group, which are not read.
     """
 
     path: Path
@@ -59,18 +44,7 @@ class Rpc3File:
     trailing_bytes: int
 
     def read(self) -> np.ndarray:
-        """Read the samples.
-
-        Returns
-        -------
-        np.ndarray, shape (channels, samples)
-            float64, in the channels' units. Memory is that of the result, and of one piece of the file.
-
-        Raises
-        ------
-        FormatError
-            A stored number is not finite, or the file became shorter since it was opened.
-        """
+        """Read the samples."""
         out = np.empty((self.layout.channels, self.samples))
         group = self.layout.points_per_group
         groups_at_once = max(1, PIECE_BYTES // self.layout.group_bytes)
@@ -140,21 +114,6 @@ def open_rpc3(path: Path) -> Rpc3File:
 
     What real writers do is read: keywords that the description does not know, lower case, blanks at the ends, more
     header blocks than records, Latin-1, bytes after the data. What would make the samples a guess is refused.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Rpc3File
-        Its `read` reads the samples.
-
-    Raises
-    ------
-    FormatError
-        With the byte, what is there, and what was expected.
     """
     size = require_file(path)
     with opened(path), path.open("rb") as stream:
@@ -213,23 +172,6 @@ def _scales(header: Header, layout: Layout) -> np.ndarray:
 
 
 def read_rpc3(path: Path) -> Signals:
-    """Read an RPC III time history.
-
-    Parameters
-    ----------
-    path : Path
-        A `.rsp`, `.drv` or `.tim`.
-
-    Returns
-    -------
-    Signals
-        Half frames at the ends included; padding is cut off only where the file says how much there is. The records of
-        the header are its attributes.
-
-    Raises
-    ------
-    FormatError
-        See `open_rpc3`.
-    """
+    """Read an RPC III time history."""
     file = open_rpc3(path)
     return Signals(file.channels, file.sample_rate, file.read(), file.attributes)

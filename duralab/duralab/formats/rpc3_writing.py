@@ -27,26 +27,13 @@ _KEPT: Final = ("DATE", "OPERATION")
 class Rpc3Settings:
     """How a time history is stored.
 
-    Parameters
-    ----------
-    data_type : DataType
-        16-bit integers, which every tool reads, with an error of half a step: 1.5e-5 of the channel's peak; or 32-bit
-        floating point, with 6e-8 of the sample.
-    time_type : TimeType, optional
-        What it is; None takes it from the suffix `.drv` or `.rsp`, else from the signals' attribute TIME_TYPE, else
-        RESPONSE.
-    byte_order : ByteOrder
-        Of the samples.
-    points_per_frame, points_per_group : int
-        Powers of 2 in the ranges of the description: 256 to 16384, and 2048 to 16384.
-    half_frames : bool
-        Say that the first and the last half frame of the samples are half frames; the samples then are a whole number
-        of frames, two or more.
-
-    Raises
-    ------
-    InputError
-        A value is not allowed.
+    `data_type`: 16-bit integers, which every tool reads, with an error of half a step: 1.5e-5 of the channel's peak; or
+    32-bit floating point, with 6e-8 of the sample. `time_type`: What it is; None takes it from the suffix `.drv` or
+    `.rsp`, else from the signals' attribute TIME_TYPE, else RESPONSE. `byte_order`: Of the samples. `points_per_frame`,
+    `points_per_group`: Powers of 2 in the ranges of the description: 256 to 16384, and 2048 to 16384. `half_frames`:
+    Say that the first and the last half frame of the samples are half frames; the samples then are a whole number of
+    frames, two or more.
+    Raises `InputError`: A value is not allowed.
     """
 
     data_type: DataType = DataType.SHORT_INTEGER
@@ -76,25 +63,6 @@ def write_rpc3(signals: Signals, path: Path, settings: Rpc3Settings | None = Non
 
     Groups are written one after the other, so that memory beside the signals is that of one group. The true length goes
     into the keyword SAMPLES, which the description does not know: a tool that does not either reads the padding too.
-
-    Parameters
-    ----------
-    signals : Signals
-        1 to 128 channels of finite samples.
-    path : Path
-        Where to; what is there is replaced.
-    settings : Rpc3Settings, optional
-        How.
-
-    Returns
-    -------
-    Written
-        With the padding and the measured quantisation error.
-
-    Raises
-    ------
-    InputError
-        A name or a unit does not fit into the header, or there are more channels than the description allows.
     """
     settings = settings or Rpc3Settings()
     count, samples = signals.samples.shape

@@ -14,41 +14,14 @@ LARGEST_TIME_STEP_ERROR: Final = 1e-3
 
 
 def rate_of_step(step: float, *, resolution: float) -> float:
-    """Return the sample rate in hertz that a time step means.
-
-    Parameters
-    ----------
-    step : float
-        In seconds, greater than 0, as the file has it.
-    resolution : float
-        How far the true step may lie from it, in seconds. Where a whole number of hertz lies within, that is meant:
-        1.220703E-04 s is 8192 Hz, not 8192.0022.
-    """
+    """Return the sample rate in hertz that a time step means."""
     rate = 1 / step
     whole = round(rate)
     return float(whole) if whole > 0 and abs(1 / whole - step) <= resolution else rate
 
 
 def rate_of_times(path: Path, time: np.ndarray) -> float:
-    """Return the sample rate of even time stamps.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for what is said of it.
-    time : np.ndarray, shape (samples)
-        In seconds, rising evenly within 0.1 % of a step.
-
-    Returns
-    -------
-    float
-        In hertz.
-
-    Raises
-    ------
-    FormatError
-        Less than 2 samples, or the steps differ.
-    """
+    """Return the sample rate of even time stamps."""
     if time.size < 2:
         raise FormatError(path, f"it holds {time.size} samples; 2 or more are needed to know the sample rate.")
     step = float(time[-1] - time[0]) / (time.size - 1)

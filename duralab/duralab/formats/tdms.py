@@ -22,23 +22,7 @@ _EXPECTED: Final = "a TDMS measurement"
 
 
 def read_tdms(path: Path) -> Signals:
-    """Read a TDMS measurement.
-
-    Parameters
-    ----------
-    path : Path
-        All its channels of numbers must have one time step (`wf_increment`) and one length.
-
-    Returns
-    -------
-    Signals
-        In the order of the file; its properties are the attributes.
-
-    Raises
-    ------
-    FormatError
-        There are none, or they differ in time step or length.
-    """
+    """Read a TDMS measurement."""
     nptdms = require_library("nptdms", extra="tdms")
     size = require_file(path)
     with parsing(path, _EXPECTED) as stream, nptdms.TdmsFile.open(stream) as file:
@@ -73,20 +57,7 @@ def read_tdms(path: Path) -> Signals:
 
 
 def write_tdms(signals: Signals, path: Path) -> Written:
-    """Write a TDMS measurement of float64, one group; attributes become properties of the file.
-
-    Parameters
-    ----------
-    signals : Signals
-        Any.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors.
-    """
+    """Write a TDMS measurement of float64, one group; attributes become properties of the file."""
     nptdms = require_library("nptdms", extra="tdms")
     objects = [nptdms.RootObject(properties=dict(signals.attributes)), nptdms.GroupObject(GROUP)]
     for channel, row in zip(signals.channels, signals.samples, strict=True):

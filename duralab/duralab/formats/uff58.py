@@ -38,23 +38,7 @@ _PAIR: Final = re.compile(r"(.+) per (.+)")
 
 
 def read_uff58(path: Path) -> Signals:
-    """Read the time histories of a universal file.
-
-    Parameters
-    ----------
-    path : Path
-        With datasets 58 of function type 1, all of one even time step and one length.
-
-    Returns
-    -------
-    Signals
-        Named by ID line 1, in the units of the ordinate.
-
-    Raises
-    ------
-    FormatError
-        There are none, or they differ in time step or length.
-    """
+    """Read the time histories of a universal file."""
     sets = _sets(path, TIME_RESPONSE, "time history")
     steps = {(float(one["abscissa_inc"]), len(one["data"])) for one in sets}
     if len(steps) > 1:
@@ -74,25 +58,7 @@ def read_uff58(path: Path) -> Signals:
 
 
 def write_uff58(signals: Signals, path: Path) -> Written:
-    """Write time histories as datasets 58b of float64.
-
-    Parameters
-    ----------
-    signals : Signals
-        Names of 80 ASCII characters at most, units of 20.
-    path : Path
-        Where to; what is there is replaced.
-
-    Returns
-    -------
-    Written
-        Without errors; a note where six digits do not tell the sample rate.
-
-    Raises
-    ------
-    InputError
-        A name or a unit does not fit.
-    """
+    """Write time histories as datasets 58b of float64."""
     step = 1 / signals.sample_rate
     sets = [
         _dataset(channel.name, row, function=TIME_RESPONSE, step=step, start=0.0, ordinate=channel.unit, place=place)

@@ -40,12 +40,8 @@ MessageT = TypeVar("MessageT", bound=Message)
 class Asking:
     """A session on the bus, as the SDK asks through it.
 
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    failure : callable
-        Returns what happened to a service of this lab that ended by itself; None while all is well.
+    `bus`: The session. `failure`: Returns what happened to a service of this lab that ended by itself; None while all
+    is well.
     """
 
     def __init__(self, bus: Bus, failure: Callable[[], LabError | None]) -> None:

@@ -15,14 +15,8 @@ from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
 class Patience:
     """When to give up; `labbus` asks it as it asks an event.
 
-    Parameters
-    ----------
-    timeout_seconds : float
-        The time allowed, as the caller said it; infinite where all the time in the world is.
-    deadline : float
-        When it is over, of `time.monotonic`.
-    cancel : threading.Event, optional
-        Set from another thread, ends the wait.
+    `timeout_seconds`: The time allowed, as the caller said it; infinite where all the time in the world is. `deadline`:
+    When it is over, of `time.monotonic`. `cancel`: Set from another thread, ends the wait.
     """
 
     timeout_seconds: float = math.inf
@@ -50,13 +44,7 @@ FOREVER = Patience()
 
 
 def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> Patience:
-    """Return the patience of a call that begins now.
-
-    Raises
-    ------
-    InputError
-        The time is no number greater than 0, or `cancel` is no event.
-    """
+    """Return the patience of a call that begins now."""
     if cancel is not None and not isinstance(cancel, threading.Event):
         raise InputError(f"cancel is {cancel!r}; give a threading.Event, or leave it out.", field="cancel")
     if timeout_seconds is None:
@@ -66,19 +54,6 @@ def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> P
 
 
 def require_time(seconds: object, *, field: str) -> None:
-    """Check a time that somebody is willing to wait.
-
-    Parameters
-    ----------
-    seconds : object
-        What was given.
-    field : str
-        The argument's name.
-
-    Raises
-    ------
-    InputError
-        It is no number greater than 0.
-    """
+    """Check a time that somebody is willing to wait."""
     if not isinstance(seconds, Real) or isinstance(seconds, bool) or not float(seconds) > 0.0:
         raise InputError(f"{field} is {seconds!r}; it must be a number greater than 0, or left out.", field=field)

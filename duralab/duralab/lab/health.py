@@ -22,18 +22,9 @@ _KINDS: Final = {
 class Figure:
     """One figure of a service.
 
-    Parameters
-    ----------
-    name : str
-        As Prometheus is told it, with its unit, e.g. "duralab_recorder_lag_seconds".
-    what : str
-        In words.
-    kind : FigureKind
-        Whether it goes up and down, or counts from the start of the process.
-    labels : mapping
-        What it is about, e.g. {"rig": "front_axle"}; may be empty.
-    value : float
-        In SI units.
+    `name`: As Prometheus is told it, with its unit, e.g. "duralab_recorder_lag_seconds". `what`: In words. `kind`:
+    Whether it goes up and down, or counts from the start of the process. `labels`: What it is about, e.g. {"rig":
+    "front_axle"}; may be empty. `value`: In SI units.
     """
 
     name: str
@@ -47,18 +38,9 @@ class Figure:
 class ServiceHealth:
     """How one instance of a service is.
 
-    Parameters
-    ----------
-    service : str
-        E.g. "recorder".
-    instance : str
-        A rig's name, of rig_sim; "main" of the others.
-    up_seconds : float
-        How long its process is on the bus; not a number where it does not tell.
-    figures : tuple of Figure
-        Of its process: rigs of one process tell the same.
-    trouble : str
-        Why it does not tell, in one sentence; empty where it does.
+    `service`: E.g. "recorder". `instance`: A rig's name, of rig_sim; "main" of the others. `up_seconds`: How long its
+    process is on the bus; not a number where it does not tell. `figures`: Of its process: rigs of one process tell the
+    same. `trouble`: Why it does not tell, in one sentence; empty where it does.
     """
 
     service: str
@@ -70,15 +52,8 @@ class ServiceHealth:
     def value(self, name: str, **labels: str) -> float | None:
         """Return the sum of a figure's values over those with these labels; None where it does not tell of it.
 
-        Parameters
-        ----------
-        name : str
-            Name of the figure.
-
-        Returns
-        -------
-        float or None
-            The sum, or None.
+        `name`: Name of the figure.
+        Returns: The sum, or None.
         """
         found = [
             figure.value
@@ -89,19 +64,7 @@ class ServiceHealth:
 
 
 def health_of(bus: Bus) -> list[ServiceHealth]:
-    """Ask everybody on the bus how they are.
-
-    Parameters
-    ----------
-    bus : Bus
-        A session of the lab.
-
-    Returns
-    -------
-    list of ServiceHealth
-        By service and instance. One that does not answer, or a gateway that does not know the question, is there with
-        its trouble.
-    """
+    """Ask everybody on the bus how they are."""
     return [_asked(bus, service, instance) for service, instance in sorted(bus.discover())]
 
 

@@ -162,22 +162,9 @@ def connect(
 def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
     """Open a session that joins the bus at an endpoint, whoever is on it.
 
-    Parameters
-    ----------
-    endpoint : str
-        Where it listens; `tls/…` of a secured lab.
-    identity : str or Path, optional
-        As `connect` takes it.
-
-    Returns
-    -------
-    Bus
-        The open session.
-
-    Raises
-    ------
-    InputError
-        Nothing listens there, or the lab lets this identity not in.
+    `endpoint`: Where it listens; `tls/…` of a secured lab. `identity`: As `connect` takes it.
+    Returns: The open session.
+    Raises `InputError`: Nothing listens there, or the lab lets this identity not in.
     """
     if not endpoint.startswith(SECURED):
         return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))

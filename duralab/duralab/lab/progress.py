@@ -84,24 +84,7 @@ def follow_campaign(
     begin: Callable[[], iterator_pb2.CampaignStatus],
     on_status: Callable[[iterator_pb2.CampaignStatus], None],
 ) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and return its last status.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    id : str
-        The campaign.
-    begin : callable
-        Starts it; called when its events are listened to, so that none is missed.
-    on_status : callable
-        Called with every status, on this thread.
-
-    Raises
-    ------
-    FaultError
-        The iterator refused it, or is gone.
-    """
+    """Begin a campaign and return its last status."""
     events: queue.SimpleQueue[iterator_pb2.CampaignStatus] = queue.SimpleQueue()
 
     def put(item: StreamItem[iterator_pb2.CampaignEvent]) -> None:

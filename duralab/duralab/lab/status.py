@@ -38,18 +38,10 @@ class CampaignUnderWay:
 class RecorderStatus:
     """What a recorder holds.
 
-    Parameters
-    ----------
-    recordings, open_recordings : int
-        How many there are, and how many are written now.
-    bytes : int
-        Of all.
-    missing_blocks : int
-        Signal blocks that it knows of and does not hold yet: how far it lags; of an ended run, what is lost.
-    waiting : str
-        Why it cannot write now; empty where it can.
-    free_bytes : int or None
-        Of its disk; None where that is another machine's.
+    `recordings`, `open_recordings`: How many there are, and how many are written now. `bytes`: Of all.
+    `missing_blocks`: Signal blocks that it knows of and does not hold yet: how far it lags; of an ended run, what is
+    lost. `waiting`: Why it cannot write now; empty where it can. `free_bytes`: Of its disk; None where that is another
+    machine's.
     """
 
     recordings: int
@@ -64,18 +56,8 @@ class RecorderStatus:
 class LabStatus:
     """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them.
 
-    Parameters
-    ----------
-    missing : tuple of str
-        Names of the services that the lab lacks.
-    services : tuple of ServiceHealth
-        Health of the services that answered.
-    rigs : tuple of RigState
-        State of each rig.
-    campaigns : tuple of CampaignUnderWay
-        Campaigns under way.
-    recorder : RecorderStatus or None
-        State of the recorder, or None where it is missing.
+    `missing`: Names of the services that the lab lacks. `services`: Health of the services that answered. `rigs`: State
+    of each rig. `campaigns`: Campaigns under way. `recorder`: State of the recorder, or None where it is missing.
     """
 
     missing: tuple[str, ...]
@@ -93,17 +75,8 @@ class LabStatus:
 def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
     """Ask everyone of a lab how they are.
 
-    Parameters
-    ----------
-    bus : Bus
-        A session in the lab.
-    recordings : Path, optional
-        The recorder's folder, where it is on this machine.
-
-    Returns
-    -------
-    LabStatus
-        State of the services, rigs, campaigns and the recorder.
+    `bus`: A session in the lab. `recordings`: The recorder's folder, where it is on this machine.
+    Returns: State of the services, rigs, campaigns and the recorder.
     """
     live = bus.discover()
     there = {service for service, _ in live}

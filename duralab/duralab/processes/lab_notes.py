@@ -33,20 +33,9 @@ _SUFFIX: Final = ".json"
 class RunningLab:
     """A lab that `duralab up` keeps running.
 
-    Parameters
-    ----------
-    endpoint : str
-        Where it listens.
-    process_id : int
-        Of the process that keeps it.
-    process_began : float
-        When that began, in seconds since 1970 UTC.
-    host : str
-        The machine; a home folder may be that of several.
-    recordings : str
-        The recorder's folder.
-    services : dict of str to int
-        Process id of each service.
+    `endpoint`: Where it listens. `process_id`: Of the process that keeps it. `process_began`: When that began, in
+    seconds since 1970 UTC. `host`: The machine; a home folder may be that of several. `recordings`: The recorder's
+    folder. `services`: Process id of each service.
     """
 
     endpoint: str
@@ -84,19 +73,8 @@ def notes_folder() -> Path:
 def noted(endpoint: str, *, recordings: Path, services: dict[str, int]) -> Iterator[str | None]:
     """Note a lab of this process for as long as the `with` statement; give why it could not be, or None.
 
-    Parameters
-    ----------
-    endpoint : str
-        Where it listens.
-    recordings : Path
-        The recorder's folder.
-    services : dict of str to int
-        Process id of each service.
-
-    Yields
-    ------
-    str or None
-        Why the lab could not be noted, or None.
+    `endpoint`: Where it listens. `recordings`: The recorder's folder. `services`: Process id of each service.
+    Yields: Why the lab could not be noted, or None.
     """
     lab = RunningLab(
         endpoint=endpoint,
@@ -150,10 +128,7 @@ def _read(path: Path) -> RunningLab | None:
 def the_running_lab() -> RunningLab | None:
     """Return the one lab that runs; None where none does.
 
-    Raises
-    ------
-    InputError
-        There are several.
+    Raises `InputError`: There are several.
     """
     labs = running_labs()
     if len(labs) > 1:
@@ -168,17 +143,8 @@ def the_running_lab() -> RunningLab | None:
 def require_no_lab(endpoint: str, *, recordings: Path) -> None:
     """Refuse to start a lab where one of this user listens at the same endpoint or records into the same folder.
 
-    Parameters
-    ----------
-    endpoint : str
-        Where the new lab is to listen.
-    recordings : Path
-        Its recorder's folder.
-
-    Raises
-    ------
-    InputError
-        Naming the lab that runs and the command that ends it.
+    `endpoint`: Where the new lab is to listen. `recordings`: Its recorder's folder.
+    Raises `InputError`: Naming the lab that runs and the command that ends it.
     """
     labs = running_labs()
     folder = str(recordings.resolve())
@@ -196,17 +162,8 @@ def require_no_lab(endpoint: str, *, recordings: Path) -> None:
 def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
     """Tell a lab to end and wait until it is gone.
 
-    Parameters
-    ----------
-    lab : RunningLab
-        The lab.
-    timeout_seconds : float
-        Largest time to wait, in seconds.
-
-    Raises
-    ------
-    LabError
-        It may not be ended by this user, or did not end in time.
+    `lab`: The lab. `timeout_seconds`: Largest time to wait, in seconds.
+    Raises `LabError`: It may not be ended by this user, or did not end in time.
     """
     try:
         process = psutil.Process(lab.process_id)

@@ -26,17 +26,8 @@ def shipped_rigs() -> dict[str, str]:
 def require_shipped(rigs: Sequence[str], *, usual: Sequence[str]) -> None:
     """Check the rigs of a lab that is about to be started.
 
-    Parameters
-    ----------
-    rigs : sequence of str
-        Their names.
-    usual : sequence of str
-        Those that every lab has, which are not asked for.
-
-    Raises
-    ------
-    InputError
-        The simulator ships no such rig.
+    `rigs`: Their names. `usual`: Those that every lab has, which are not asked for.
+    Raises `InputError`: The simulator ships no such rig.
     """
     if set(rigs) <= set(usual):
         return

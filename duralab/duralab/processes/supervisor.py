@@ -50,14 +50,8 @@ _TRACE_LINES: Final = (
 class ServicePlan:
     """One service to start with `python -m <name> --config FILE`.
 
-    Parameters
-    ----------
-    name : str
-        Of its module, and in its liveliness key.
-    instances : tuple of str
-        What it declares live.
-    settings : mapping
-        Its configuration, beside what the supervisor adds.
+    `name`: Of its module, and in its liveliness key. `instances`: What it declares live. `settings`: Its configuration,
+    beside what the supervisor adds.
     """
 
     name: str
@@ -76,25 +70,10 @@ def lab_services(
 ) -> tuple[ServicePlan, ...]:
     """Return the four services of a lab; the recorder comes last, and goes last.
 
-    Parameters
-    ----------
-    rigs : sequence of str
-        The shipped rigs that rig_sim serves.
-    recordings : Path
-        The recorder's folder.
-    viewer : str or None
-        Address of a Rerun viewer.
-    specimens : mapping
-        YAML files of further rigs, by the rig's name.
-    live_file : bool
-        Whether the recorder also writes what a viewer would show.
-    real_time : bool
-        Whether the rigs play every drive in real time.
-
-    Returns
-    -------
-    tuple of ServicePlan
-        What to start, in this order.
+    `rigs`: The shipped rigs that rig_sim serves. `recordings`: The recorder's folder. `viewer`: Address of a Rerun
+    viewer. `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes
+    what a viewer would show. `real_time`: Whether the rigs play every drive in real time.
+    Returns: What to start, in this order.
     """
     return (
         ServicePlan(
@@ -121,14 +100,8 @@ class Supervisor:
 
     The services end by themselves when this process is killed: they hold the other end of a pipe.
 
-    Parameters
-    ----------
-    plans : sequence of ServicePlan
-        The services, ended together except the last, which is ended after the others.
-    bus : Bus
-        The session they connect to; it listens.
-    logs : Path
-        Folder of `<service>.log`; made if it is not there.
+    `plans`: The services, ended together except the last, which is ended after the others. `bus`: The session they
+    connect to; it listens. `logs`: Folder of `<service>.log`; made if it is not there.
     """
 
     def __init__(self, plans: Sequence[ServicePlan], *, bus: Bus, logs: Path) -> None:
@@ -146,15 +119,8 @@ class Supervisor:
     def start(self, *, timeout_seconds: float = START_SECONDS) -> None:
         """Start all services and wait until every one of them is on the bus.
 
-        Parameters
-        ----------
-        timeout_seconds : float
-            Largest time to wait, in seconds.
-
-        Raises
-        ------
-        LabError
-            One ended, or did not come in time; with the last lines of its log.
+        `timeout_seconds`: Largest time to wait, in seconds.
+        Raises `LabError`: One ended, or did not come in time; with the last lines of its log.
         """
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
@@ -200,15 +166,8 @@ class Supervisor:
     def log_path(self, name: str) -> Path:
         """Return where the log of a service is.
 
-        Parameters
-        ----------
-        name : str
-            Name of the service.
-
-        Returns
-        -------
-        Path
-            Path of its log.
+        `name`: Name of the service.
+        Returns: Path of its log.
         """
         return self._logs / f"{name}.log"
 

@@ -22,20 +22,9 @@ _LIVE_VIEW: Final = b"RRF"
 def is_recording(file: Path) -> bool:
     """Return whether a file is a recording, and not a live view, by its first bytes: a name may say anything.
 
-    Parameters
-    ----------
-    file : Path
-        The file.
-
-    Returns
-    -------
-    bool
-        True for a recording, False for a live view.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is a folder, it cannot be read, or it is neither.
+    `file`: The file.
+    Returns: True for a recording, False for a live view.
+    Raises `InputError`: There is no such file, it is a folder, it cannot be read, or it is neither.
     """
     try:
         with open_regular(file) as stream:
@@ -60,26 +49,11 @@ def is_recording(file: Path) -> bool:
 def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
     """Write the live view of a recording and return its path.
 
-    Parameters
-    ----------
-    recording : Path
-        The first .mcap file; those that follow lie beside it.
-    target : Path
-        The .rrd to write.
-    tell : callable
-        Told in a sentence where it ends before the recording's end.
-
-    Returns
-    -------
-    Path
-        Path of the live view.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no recording, or it holds nothing that can be shown.
-    LabError
-        The recorder's code failed; with the last lines that it said.
+    `recording`: The first .mcap file; those that follow lie beside it. `target`: The .rrd to write. `tell`: Told in a
+    sentence where it ends before the recording's end.
+    Returns: Path of the live view.
+    Raises `InputError`: There is no such file, it is no recording, or it holds nothing that can be shown. `LabError`:
+    The recorder's code failed; with the last lines that it said.
     """
     file = RecordingFiles(recording)
     if not file.whole:
@@ -105,22 +79,10 @@ def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) 
 def findings_of(recording: Path) -> list[str]:
     """Read a recording from end to end and return what is wrong with it.
 
-    Parameters
-    ----------
-    recording : Path
-        Its first .mcap file; those that follow lie beside it.
-
-    Returns
-    -------
-    list of str
-        A sentence for each; empty where it is whole.
-
-    Raises
-    ------
-    InputError
-        There is no such file, or it is no recording.
-    LabError
-        The recorder's code failed; with what it said.
+    `recording`: Its first .mcap file; those that follow lie beside it.
+    Returns: A sentence for each; empty where it is whole.
+    Raises `InputError`: There is no such file, or it is no recording. `LabError`: The recorder's code failed; with what
+    it said.
     """
     if not is_recording(recording):
         raise InputError(f"{recording} is a live view; give the recording.mcap beside it.")

@@ -33,23 +33,11 @@ _HOST: Final = "127.0.0.1"
 class Viewer:
     """A running viewer; use it in a `with` statement.
 
-    Parameters
-    ----------
-    port : int
-        Where data are sent to it, on 127.0.0.1; 0 takes a free one.
-    web_port : int
-        Where a browser finds it, on 127.0.0.1; 0 takes a free one.
-    native : bool, optional
-        A window of its own; where not given, if there is a display.
-    file : Path, optional
-        An .rrd file to open.
-
-    Raises
-    ------
-    InputError
-        A port is in use, there is no such file, or the viewer is not installed.
-    LabError
-        It did not start; with the last lines of its log.
+    `port`: Where data are sent to it, on 127.0.0.1; 0 takes a free one. `web_port`: Where a browser finds it, on
+    127.0.0.1; 0 takes a free one. `native`: A window of its own; where not given, if there is a display. `file`: An
+    .rrd file to open.
+    Raises `InputError`: A port is in use, there is no such file, or the viewer is not installed. `LabError`: It did not
+    start; with the last lines of its log.
     """
 
     def __init__(
@@ -119,15 +107,8 @@ class Viewer:
     def wait(self, timeout_seconds: float) -> bool:
         """Return True when it was closed within the time.
 
-        Parameters
-        ----------
-        timeout_seconds : float
-            Largest time to wait, in seconds.
-
-        Returns
-        -------
-        bool
-            Whether it was closed.
+        `timeout_seconds`: Largest time to wait, in seconds.
+        Returns: Whether it was closed.
         """
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_seconds)
@@ -155,10 +136,7 @@ class Viewer:
 def viewer_program() -> Path:
     """Return the viewer's binary: not the script around it, whose end would leave the binary running.
 
-    Raises
-    ------
-    InputError
-        The viewer is not installed.
+    Raises `InputError`: The viewer is not installed.
     """
     package = importlib.util.find_spec("rerun_cli")
     for folder in (package.submodule_search_locations or []) if package is not None else []:

@@ -27,22 +27,7 @@ class Direction(Enum):
 
 
 def target_dataset(signals: Signals, channels: Sequence[Channel], note: BandNote) -> xarray.Dataset:
-    """Return a target in the layout of `signal_dataset`: a variable for each channel over time.
-
-    Parameters
-    ----------
-    signals : Signals
-        The target.
-    channels : sequence of Channel
-        The rig's responses.
-    note : BandNote
-        What it is.
-
-    Returns
-    -------
-    xarray.Dataset
-        The caller's own.
-    """
+    """Return a target in the layout of `signal_dataset`: a variable for each channel over time."""
     variables = {
         channel.name: ("time", row.copy(), _attributes(channel))
         for channel, row in zip(channels, signals.samples, strict=True)
@@ -113,38 +98,7 @@ def signal_dataset(
     flat: bool,
     note: BandNote | None = None,
 ) -> xarray.Dataset:
-    """Return the drives or the responses of runs, one variable for each channel, read when they are used.
-
-    Parameters
-    ----------
-    windows : SignalWindows or JudgedWindows
-        Reads the files.
-    channels : sequence of Channel
-        Of that direction, in the rig's order.
-    runs : sequence of str
-        Of one length.
-    direction : Direction
-        Drives or responses.
-    iterations : mapping of str to int
-        Numbers of those runs that are iterations.
-    levels : mapping of str to float
-        Levels of those runs that were judged.
-    flat : bool
-        Leave the dimension `run` out; there is one run then.
-    note : BandNote, optional
-        Of responses.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions `run` and `time`; coordinates time in s, run, iteration, 0 for what is none, and level, NaN for what
-        was not judged. Variables have their `units`, `long_name`, `minimum` and `maximum` as attributes.
-
-    Raises
-    ------
-    InputError
-        No such run, or runs of different lengths.
-    """
+    """Return the drives or the responses of runs, one variable for each channel, read when they are used."""
     sizes = {run: windows.size(run) for run in runs}
     if len(set(sizes.values())) > 1:
         lengths = ", ".join(f"{run} {samples / rate:g} s" for run, (samples, rate) in sizes.items())

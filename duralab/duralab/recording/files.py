@@ -37,20 +37,9 @@ def input_errors() -> Iterator[None]:
 def parts_beside(path: Path) -> dict[int, Path]:
     """Return the files beside a recording's first one that are named as parts of it, by number, in order.
 
-    Parameters
-    ----------
-    path : Path
-        First file of the recording.
-
-    Returns
-    -------
-    dict[int, Path]
-        Path of each part, by its number.
-
-    Raises
-    ------
-    InputError
-        Its folder cannot be listed.
+    `path`: First file of the recording.
+    Returns: Path of each part, by its number.
+    Raises `InputError`: Its folder cannot be listed.
     """
     with input_errors():
         return _parts_beside(path)
@@ -59,15 +48,9 @@ def parts_beside(path: Path) -> dict[int, Path]:
 class RecordingFiles(McapFile):
     """The MCAP files of one recording; errors are InputError.
 
-    Parameters
-    ----------
-    path : Path
-        The first file; those that follow lie beside it.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no recording or of a newer format, it is damaged, or a part is missing.
+    `path`: The first file; those that follow lie beside it.
+    Raises `InputError`: There is no such file, it is no recording or of a newer format, it is damaged, or a part is
+    missing.
     """
 
     def __init__(self, path: Path) -> None:
@@ -77,20 +60,9 @@ class RecordingFiles(McapFile):
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
         """Yield the messages of one type in the order they were written.
 
-        Parameters
-        ----------
-        kind : type
-            Of the contract.
-
-        Yields
-        ------
-        Message
-            Of that type.
-
-        Raises
-        ------
-        InputError
-            A file is damaged at a message that is read.
+        `kind`: Of the contract.
+        Yields: Of that type.
+        Raises `InputError`: A file is damaged at a message that is read.
         """
         with input_errors():
             yield from super().messages(kind)

@@ -16,18 +16,9 @@ from duralab_recordings import Window, WindowCache, within_contract
 class JudgedWindows:
     """Reads in-band responses, or their errors, as `SignalWindows` reads measured ones.
 
-    Parameters
-    ----------
-    file : RecordingFiles
-        The recording's files.
-    target : ndarray, shape (responses, samples)
-        In the control band.
-    sample_rate : float
-        In hertz.
-    levels : mapping of str to float
-        Level of each run that was judged: iterations and confirmations.
-    errors : bool
-        Whether to read target minus response.
+    `file`: The recording's files. `target`, shape (responses, samples): In the control band. `sample_rate`: In hertz.
+    `levels`: Level of each run that was judged: iterations and confirmations. `errors`: Whether to read target minus
+    response.
     """
 
     def __init__(
@@ -41,13 +32,7 @@ class JudgedWindows:
         self._cache = WindowCache()
 
     def size(self, run: str) -> tuple[int, float]:
-        """Return how many samples a run has, and their rate in hertz.
-
-        Raises
-        ------
-        InputError
-            The run was not judged.
-        """
+        """Return how many samples a run has, and their rate in hertz."""
         if run not in self._levels:
             raise InputError(
                 f"The run {run!r} was not judged, so the recording holds no in-band response of it; it holds "
@@ -56,13 +41,7 @@ class JudgedWindows:
         return self._target.shape[1], self._sample_rate
 
     def read(self, run: str, first: int, last: int) -> Window:
-        """Return the samples from `first` to the one before `last` of a run; read-only.
-
-        Raises
-        ------
-        InputError
-            The run was not judged, or a file is damaged or not there any more.
-        """
+        """Return the samples from `first` to the one before `last` of a run; read-only."""
         samples, _ = self.size(run)
         whole = self._cache.find((run, 0, samples))
         # One pass keeps what it passes: the runs are mostly read in the order in which they were played.

@@ -32,20 +32,9 @@ from loads import count_load_cycles
 class Overlaid:
     """What is drawn of one recording.
 
-    Parameters
-    ----------
-    name, color : str
-        How its curves are called and drawn.
-    target : Signals
-        In the control band.
-    best : Playback
-        Its best one.
-    model : Model or None
-        None where it holds none.
-    band : tuple of float
-        Lower and upper edge of the control band, in hertz.
-    block_samples : int
-        Samples in a block of the spectra.
+    `name`, `color`: How its curves are called and drawn. `target`: In the control band. `best`: Its best one. `model`:
+    None where it holds none. `band`: Lower and upper edge of the control band, in hertz. `block_samples`: Samples in a
+    block of the spectra.
     """
 
     name: str

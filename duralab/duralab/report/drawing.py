@@ -30,24 +30,7 @@ def line(name: str, color: str, *, width: float = 1.4, dash: str = "solid", **cu
 
 
 def markers(row: int, name: str, *, x: Sequence[int], y: np.ndarray) -> Figure:
-    """Return points joined by lines, in a colour and with a symbol of their own.
-
-    Parameters
-    ----------
-    row : int
-        Place among the curves of the figure.
-    name : str
-        Of a channel; underscores become spaces.
-    x : sequence of int
-        Numbers of playbacks.
-    y : np.ndarray, shape (playbacks)
-        One value for each; those that are not finite are left out.
-
-    Returns
-    -------
-    dict
-        The curve.
-    """
+    """Return points joined by lines, in a colour and with a symbol of their own."""
     return {
         "type": "scatter",
         "mode": "lines+markers",

@@ -28,16 +28,8 @@ class Limit(StrEnum):
 class HeldStretch:
     """A stretch of a drive in which it is at a limit.
 
-    Parameters
-    ----------
-    drive : str
-        Name of the channel.
-    limit : Limit
-        Travel or speed.
-    start, end : float
-        In seconds.
-    held_seconds : float
-        How long it is at the limit within the stretch.
+    `drive`: Name of the channel. `limit`: Travel or speed. `start`, `end`: In seconds. `held_seconds`: How long it is
+    at the limit within the stretch.
     """
 
     drive: str
@@ -69,20 +61,7 @@ def held_stretches(drive: Signals) -> list[HeldStretch]:
 
 
 def largest_speed(samples: np.ndarray, sample_rate: float) -> float:
-    """Return the largest magnitude of a drive's slope.
-
-    Parameters
-    ----------
-    samples : np.ndarray, shape (samples)
-        In the drive's unit.
-    sample_rate : float
-        In hertz.
-
-    Returns
-    -------
-    float
-        In the drive's unit per second, from one sample to the next.
-    """
+    """Return the largest magnitude of a drive's slope."""
     return float(_speed(samples, sample_rate).max())
 
 

@@ -34,14 +34,8 @@ CLASSES: Final = 32
 class CountedLoad:
     """One signal of one channel with its load cycles.
 
-    Parameters
-    ----------
-    name, color : str
-        How its curve is called and drawn.
-    samples : np.ndarray, shape (samples)
-        In the channel's unit.
-    cycles : LoadCycles
-        Counted by rainflow.
+    `name`, `color`: How its curve is called and drawn. `samples`, shape (samples): In the channel's unit. `cycles`:
+    Counted by rainflow.
     """
 
     name: str
@@ -103,22 +97,7 @@ def time_at_level(counted: Sequence[CountedLoad], unit: str) -> Figure:
 
 
 def range_mean(counted: Sequence[CountedLoad], place: int, unit: str) -> Figure:
-    """Draw how many cycles of each class of range and mean one signal has, with the same classes for all.
-
-    Parameters
-    ----------
-    counted : sequence of CountedLoad
-        What shares the classes.
-    place : int
-        Which of them is drawn.
-    unit : str
-        Of the channel.
-
-    Returns
-    -------
-    dict
-        Colours tell the logarithm of the number; classes without a cycle stay empty.
-    """
+    """Draw how many cycles of each class of range and mean one signal has, with the same classes for all."""
     ranges = np.concatenate([load.cycles.ranges for load in counted])
     means = np.concatenate([load.cycles.means for load in counted])
     top = float(ranges.max(initial=0.0)) or 1.0

@@ -10,13 +10,7 @@ from duralab.report.series import encode
 
 
 def contributions(model: Model, band: tuple[float, float]) -> np.ndarray:
-    """Return how much of each response's RMS each drive caused in the experiment.
-
-    Returns
-    -------
-    np.ndarray, shape (responses, drives)
-        sqrt(sum |H_ij|² S_uu,jj / sum S_yy,ii) over the lines in the band, about 0 to 1.
-    """
+    """Return how much of each response's RMS each drive caused in the experiment."""
     lines = (model.frequency >= band[0]) & (model.frequency <= band[1])
     # A line of the band at which nothing was estimated adds nothing.
     caused = np.nansum(np.abs(model.frf[lines]) ** 2 * model.drive_psd[lines][:, np.newaxis, :], axis=0)

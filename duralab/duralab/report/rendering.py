@@ -21,21 +21,10 @@ _PACKAGE: Final = "duralab.report"
 def render(template: str, *, figures: Mapping[str, Figure], package: str = _PACKAGE, **values: Any) -> str:
     """Return a page as HTML.
 
-    Parameters
-    ----------
-    template : str
-        Name of a file of the package; it may extend a template of this folder.
-    figures : mapping of str to Figure
-        By the names that the page's plots have: kind, or kind and value joined by a hyphen.
-    package : str
-        Package that has the template.
-    **values
-        Values that the template names.
-
-    Returns
-    -------
-    str
-        The page: style, script and figures within one file.
+    `template`: Name of a file of the package; it may extend a template of this folder. `figures`: By the names that the
+    page's plots have: kind, or kind and value joined by a hyphen. `package`: Package that has the template. `**values`:
+    Values that the template names.
+    Returns: The page: style, script and figures within one file.
     """
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader([jinja2.PackageLoader(name, ".") for name in dict.fromkeys((package, _PACKAGE))]),
@@ -58,16 +47,6 @@ def json_in_html(content: object) -> Markup:
     "</script" would end the element, and after "<!--" and "<script" in a string its end tag would not. As escapes of
     JSON, neither stands in the page; U+2028 and U+2029 end a line of JavaScript and are escapes as all that is not
     ASCII.
-
-    Parameters
-    ----------
-    content : object
-        Anything that `json.dumps` takes.
-
-    Returns
-    -------
-    Markup
-        The text, safe inside a script element.
     """
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))
@@ -76,24 +55,10 @@ def json_in_html(content: object) -> Markup:
 def write_page(path: str | Path, page: Callable[[], str], *, read: Sequence[Path] = ()) -> Path:
     """Write a page; an existing file is replaced when the new one is complete.
 
-    Parameters
-    ----------
-    path : str or Path
-        The HTML file.
-    page : function
-        Returns the page; called when `path` is found to be another file than those that are read.
-    read : sequence of Path
-        Files that the page is made of.
-
-    Returns
-    -------
-    Path
-        The HTML file.
-
-    Raises
-    ------
-    InputError
-        `path` is one of `read` or cannot be written.
+    `path`: The HTML file. `page`: Returns the page; called when `path` is found to be another file than those that are
+    read. `read`: Files that the page is made of.
+    Returns: The HTML file.
+    Raises `InputError`: `path` is one of `read` or cannot be written.
     """
     path = Path(path)
     require_other([path], read=read)

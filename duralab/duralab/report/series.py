@@ -18,18 +18,7 @@ LARGEST_POINTS: Final = 16_000
 
 
 def encode(values: np.ndarray) -> dict[str, str]:
-    """Return an array as plotly.js reads it: float32, base64 (a third of the size of decimal digits).
-
-    Parameters
-    ----------
-    values : np.ndarray, shape (points)
-        In any unit.
-
-    Returns
-    -------
-    dict
-        Type and bytes.
-    """
+    """Return an array as plotly.js reads it: float32, base64 (a third of the size of decimal digits)."""
     return {"dtype": "f4", "bdata": base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()}
 
 
@@ -37,14 +26,8 @@ def encode(values: np.ndarray) -> dict[str, str]:
 class EvenCurve:
     """A curve over an even grid.
 
-    Parameters
-    ----------
-    start, step : float
-        First abscissa and distance of the next.
-    values : np.ndarray, shape (points)
-        The ordinates.
-    is_envelope : bool
-        True where least and greatest value of each stretch alternate.
+    `start`, `step`: First abscissa and distance of the next. `values`, shape (points): The ordinates. `is_envelope`:
+    True where least and greatest value of each stretch alternate.
     """
 
     start: float
@@ -58,20 +41,7 @@ class EvenCurve:
 
 
 def thin_out(samples: np.ndarray, *, sample_rate: float, highest_frequency: float) -> EvenCurve:
-    """Reduce a band-limited signal to what a plot shows of it.
-
-    Parameters
-    ----------
-    samples : np.ndarray, shape (samples)
-        Without content above `highest_frequency`.
-    sample_rate, highest_frequency : float
-        In hertz, greater than 0.
-
-    Returns
-    -------
-    EvenCurve
-        Every n-th sample where that gives `POINTS_PER_PERIOD`; of a longer one the envelope, so that no peak is lost.
-    """
+    """Reduce a band-limited signal to what a plot shows of it."""
     stride = max(1, int(sample_rate / (POINTS_PER_PERIOD * highest_frequency)))
     if samples.size <= LARGEST_POINTS * stride:
         return EvenCurve(0.0, stride / sample_rate, samples[::stride], is_envelope=False)

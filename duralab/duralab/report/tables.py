@@ -44,19 +44,7 @@ _SHORT: Final = {
 
 
 def channel_rows(table: IterationTable, target: Signals, *, verdict: Verdict, slope: int) -> list[ChannelRow]:
-    """Return the summary of each channel.
-
-    Parameters
-    ----------
-    table : IterationTable
-        Figures of all playbacks.
-    target : Signals
-        In the control band.
-    verdict : Verdict
-        On the best playback.
-    slope : int
-        Of the S-N line that the damage spent is counted at.
-    """
+    """Return the summary of each channel."""
     levels, best = spectra.rms(target.samples), table.best
     spent = table.damage_spent(slope).sum(axis=0)
     damage = table.damage_ratio[best, :, DAMAGE_SLOPES.index(verdict.limits.damage_exponent)]
@@ -211,18 +199,7 @@ class Cell:
 
 
 def matrix_cells(contributions: np.ndarray) -> list[list[Cell]]:
-    """Return the FRF matrix as rows of cells.
-
-    Parameters
-    ----------
-    contributions : np.ndarray, shape (responses, drives)
-        Share of each response's RMS that each drive caused, 0 to 1.
-
-    Returns
-    -------
-    list of list of Cell
-        One row for each response.
-    """
+    """Return the FRF matrix as rows of cells."""
     return [
         [Cell(response=i, drive=j, share=float(share)) for j, share in enumerate(row)]
         for i, row in enumerate(contributions)

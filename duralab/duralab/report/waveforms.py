@@ -36,16 +36,8 @@ DRAWN_LIMIT: Final = 3.0
 class Shown:
     """Target and playbacks that the report shows.
 
-    Parameters
-    ----------
-    target : Signals
-        In the control band.
-    first, best, last : Playback
-        Some may be the same object.
-    band : tuple of float
-        Lower and upper edge of the control band, in hertz.
-    block_samples : int
-        Samples in a block of the spectra.
+    `target`: In the control band. `first`, `best`, `last`: Some may be the same object. `band`: Lower and upper edge of
+    the control band, in hertz. `block_samples`: Samples in a block of the spectra.
     """
 
     target: Signals

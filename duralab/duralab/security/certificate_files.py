@@ -29,18 +29,9 @@ _CERTIFICATE_MODE: Final = 0o644
 class CertificateFile:
     """One certificate of a folder.
 
-    Parameters
-    ----------
-    name : str
-        Common name, e.g. "operator.anna"; "ca" for the authority.
-    path : Path
-        Of the certificate; the key is beside it.
-    begins, expires : datetime
-        When it is valid.
-    hosts : tuple of str
-        Names and addresses it stands for; of a router only.
-    fingerprint : str
-        SHA-256, in hexadecimal digits.
+    `name`: Common name, e.g. "operator.anna"; "ca" for the authority. `path`: Of the certificate; the key is beside it.
+    `begins`, `expires`: When it is valid. `hosts`: Names and addresses it stands for; of a router only. `fingerprint`:
+    SHA-256, in hexadecimal digits.
     """
 
     name: str
@@ -58,15 +49,8 @@ class CertificateFile:
     def days_left(self, now: datetime | None = None) -> float:
         """Return how long it is still valid, in days; negative when it has expired.
 
-        Parameters
-        ----------
-        now : datetime or None
-            Moment, with its time zone; the present where not given.
-
-        Returns
-        -------
-        float
-            Days.
+        `now`: Moment, with its time zone; the present where not given.
+        Returns: Days.
         """
         return (self.expires - (now or datetime.now(UTC))) / timedelta(days=1)
 
@@ -74,20 +58,9 @@ class CertificateFile:
 def read_certificates(folder: Path) -> list[CertificateFile]:
     """Return all certificates of a folder, the authority first.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-
-    Returns
-    -------
-    list of CertificateFile
-        The certificates.
-
-    Raises
-    ------
-    InputError
-        The folder or a file cannot be read.
+    `folder`: The folder.
+    Returns: The certificates.
+    Raises `InputError`: The folder or a file cannot be read.
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; make a lab's certificates with `duralab certs init`.")
@@ -96,13 +69,7 @@ def read_certificates(folder: Path) -> list[CertificateFile]:
 
 
 def read_certificate(folder: Path, name: str) -> CertificateFile:
-    """Return what a certificate of a folder says.
-
-    Raises
-    ------
-    InputError
-        There is none of that name, or it is no certificate.
-    """
+    """Return what a certificate of a folder says."""
     path = folder / f"{name}.crt"
     certificate = load_certificate(path)
     try:

@@ -51,24 +51,10 @@ _HOST = re.compile(r"(?!-)[a-z0-9-]{1,63}(?<!-)(\.(?!-)[a-z0-9-]{1,63}(?<!-))*",
 def init_authority(folder: Path, *, lab: str = "local", days: int = AUTHORITY_DAYS) -> CertificateFile:
     """Make the authority of a lab: `ca.crt` and `ca.key`.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it is not there, for its owner only.
-    lab : str
-        Name of the lab, kept in the authority's own name: lower case letters, digits, '-' and '_', at most 56.
-    days : int
-        How long it is valid.
-
-    Returns
-    -------
-    CertificateFile
-        The certificate of the authority.
-
-    Raises
-    ------
-    InputError
-        There is one already, the folder cannot be written, or no lab can have this name.
+    `folder`: Made where it is not there, for its owner only. `lab`: Name of the lab, kept in the authority's own name:
+    lower case letters, digits, '-' and '_', at most 56. `days`: How long it is valid.
+    Returns: The certificate of the authority.
+    Raises `InputError`: There is one already, the folder cannot be written, or no lab can have this name.
     """
     _check_lab(lab)
     expect_free(folder, AUTHORITY)
@@ -87,30 +73,12 @@ def issue(
 ) -> CertificateFile:
     """Issue a certificate and its private key.
 
-    Parameters
-    ----------
-    folder : Path
-        With the authority's certificate and key.
-    role : str
-        One of `duralab_proto.access.HOLDER_ROLES`.
-    name : str
-        Who it is: lower case letters, digits, '-' and '_'.
-    hosts : sequence of str
-        Names and addresses under which clients reach a router; localhost where none is given. Others have none.
-    days : int
-        How long it is valid.
-    begins : datetime, optional
-        From when on, with its time zone; from now on where not given.
-
-    Returns
-    -------
-    CertificateFile
-        The new certificate.
-
-    Raises
-    ------
-    InputError
-        A value is not allowed, there is such a certificate already, or there is no authority.
+    `folder`: With the authority's certificate and key. `role`: One of `duralab_proto.access.HOLDER_ROLES`. `name`: Who
+    it is: lower case letters, digits, '-' and '_'. `hosts`: Names and addresses under which clients reach a router;
+    localhost where none is given. Others have none. `days`: How long it is valid. `begins`: From when on, with its time
+    zone; from now on where not given.
+    Returns: The new certificate.
+    Raises `InputError`: A value is not allowed, there is such a certificate already, or there is no authority.
     """
     try:
         holder = Holder(role, name)
@@ -125,25 +93,11 @@ def issue(
 def renew(folder: Path, name: str, *, days: int | None = None) -> CertificateFile:
     """Take the place of a certificate and its key by new ones with the same name and hosts.
 
-    Parameters
-    ----------
-    folder : Path
-        With the authority's certificate and key.
-    name : str
-        The common name, e.g. "operator.anna"; "ca" renews the authority with the key that it has, so that what it
-        issued stays valid.
-    days : int, optional
-        How long the new one is valid; as usual where not given.
-
-    Returns
-    -------
-    CertificateFile
-        The new certificate.
-
-    Raises
-    ------
-    InputError
-        There is no such certificate or no authority.
+    `folder`: With the authority's certificate and key. `name`: The common name, e.g. "operator.anna"; "ca" renews the
+    authority with the key that it has, so that what it issued stays valid. `days`: How long the new one is valid; as
+    usual where not given.
+    Returns: The new certificate.
+    Raises `InputError`: There is no such certificate or no authority.
     """
     old = read_certificate(folder, name)
     if name == AUTHORITY:
@@ -155,26 +109,11 @@ def renew(folder: Path, name: str, *, days: int | None = None) -> CertificateFil
 def configure_router(folder: Path, *, lab: str = "local", certificates: str, port: int = DEFAULT_PORT) -> str:
     """Return the configuration of a router that lets in those whose certificates are in a folder, as JSON5.
 
-    Parameters
-    ----------
-    folder : Path
-        With the certificates of all holders, one of them a router's. A file that is taken out withdraws access.
-    lab : str
-        Name of the lab.
-    certificates : str
-        Where the router finds its own pair and `ca.crt`.
-    port : int
-        Where it listens.
-
-    Returns
-    -------
-    str
-        The configuration.
-
-    Raises
-    ------
-    InputError
-        There is not exactly one router's certificate, a file names no holder, or no lab can have this name.
+    `folder`: With the certificates of all holders, one of them a router's. A file that is taken out withdraws access.
+    `lab`: Name of the lab. `certificates`: Where the router finds its own pair and `ca.crt`. `port`: Where it listens.
+    Returns: The configuration.
+    Raises `InputError`: There is not exactly one router's certificate, a file names no holder, or no lab can have this
+    name.
     """
     _check_lab(lab)
     try:

@@ -33,18 +33,10 @@ _TLS: Final = "zenoh_link_tls::unicast"
 class Refusal:
     """One thing that a router refused.
 
-    Parameters
-    ----------
-    time : str
-        When, ISO 8601 in UTC.
-    who : str
-        Common name in the certificate; empty where the router logged none before.
-    session : str
-        Zenoh's id of the session; empty of a link that did not come so far.
-    what : str
-        What was tried, in Zenoh's words: "Put", "Query", "Declare Subscriber", …; or "join" of a link.
-    key : str
-        On which key or key expression; of a link, why it was refused.
+    `time`: When, ISO 8601 in UTC. `who`: Common name in the certificate; empty where the router logged none before.
+    `session`: Zenoh's id of the session; empty of a link that did not come so far. `what`: What was tried, in Zenoh's
+    words: "Put", "Query", "Declare Subscriber", …; or "join" of a link. `key`: On which key or key expression; of a
+    link, why it was refused.
     """
 
     time: str
@@ -57,15 +49,8 @@ class Refusal:
 def read_refusals(lines: Iterable[str]) -> Iterator[Refusal]:
     """Yield what the lines of a router's log say was refused; other lines are passed over.
 
-    Parameters
-    ----------
-    lines : iterable of str
-        Of the log, in their order.
-
-    Yields
-    ------
-    Refusal
-        Refused sessions, messages and certificates, in the order of the lines.
+    `lines`: Of the log, in their order.
+    Yields: Refused sessions, messages and certificates, in the order of the lines.
     """
     names: dict[str, str] = {}
     # A thread looks up all permissions of a key in one go; what other threads log comes in between.

@@ -30,16 +30,8 @@ _KEPT: Final[dict[str, KeptCell]] = {}
 class Task:
     """A point on its way to a worker.
 
-    Parameters
-    ----------
-    point : Point
-        The campaign.
-    folder : Path
-        Of the point, as the worker sees it.
-    cell : CellKind
-        What it runs in.
-    keep : Kept
-        What is kept of it.
+    `point`: The campaign. `folder`: Of the point, as the worker sees it. `cell`: What it runs in. `keep`: What is kept
+    of it.
     """
 
     point: Point
@@ -106,13 +98,7 @@ def close_cell() -> None:
 
 
 def prepare_worker(folder: Path) -> None:
-    """Make a worker ready: its log, and a proof that it sees the sweep's folder.
-
-    Raises
-    ------
-    LabError
-        It cannot write where the results go.
-    """
+    """Make a worker ready: its log, and a proof that it sees the sweep's folder."""
     logs = folder / "logs"
     try:
         logs.mkdir(parents=True, exist_ok=True)

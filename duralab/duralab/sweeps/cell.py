@@ -30,24 +30,7 @@ LARGEST_CELL_BYTES: Final = 2 * 2**30
 
 @contextmanager
 def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[SpecimenText], folder: Path) -> Iterator[Lab]:
-    """Start a lab for one campaign at a time; it is ended with the block.
-
-    Parameters
-    ----------
-    kind : CellKind
-        Services as threads of this process, or as processes of their own. Drives and responses are the same.
-    rigs : sequence of str
-        The shipped rigs in it.
-    specimens : sequence of SpecimenText
-        The others.
-    folder : Path
-        For recordings until they are fetched, and for logs.
-
-    Raises
-    ------
-    LabError
-        A rig cannot be used, or a service did not start.
-    """
+    """Start a lab for one campaign at a time; it is ended with the block."""
     # The whole folder goes with the cell: what of a campaign that failed is not fetched is not kept.
     place = RecordingsPlace(passing=folder)
     paths = {specimen.rig: specimen.write(folder / "specimens") for specimen in specimens}
@@ -81,10 +64,7 @@ def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
 class KeptCell:
     """The cell of a worker: kept from one campaign to the next while they need the same rigs.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        Where its folders are made; the system's temporary folder where not given.
+    `folder`: Where its folders are made; the system's temporary folder where not given.
     """
 
     def __init__(self, folder: Path | None = None) -> None:

@@ -38,24 +38,7 @@ def check_address(scheduler: str | None, *, workers: int | None) -> None:
 
 @contextmanager
 def open_workers(folder: Path, *, workers: int | None, scheduler: str | None) -> Iterator[Client]:
-    """Give a client of workers that run one campaign each at a time.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the sweep; every worker must see it.
-    workers : int or None
-        Worker processes on this machine; None takes one for each core.
-    scheduler : str or None
-        Address of a scheduler to use instead, e.g. "tcp://head:8786".
-
-    Raises
-    ------
-    InputError
-        Dask is not installed.
-    LabError
-        No scheduler answers, it has no workers, or they are not fit.
-    """
+    """Give a client of workers that run one campaign each at a time."""
     distributed = _imported()
     with ExitStack() as stack:
         if scheduler is None:

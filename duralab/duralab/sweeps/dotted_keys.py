@@ -11,27 +11,7 @@ NAME = "name"
 
 
 def change(document: dict[str, Any], key: str, value: Any, *, what: str, add: bool = True) -> None:
-    """Put a value in its place.
-
-    Parameters
-    ----------
-    document : dict
-        What is changed.
-    key : str
-        Keys from the outside in, with dots between them. An entry of a list is named by its `name`, or by its number
-        from 0.
-    value : object
-        Takes the place of what stands there.
-    what : str
-        What the document is, for errors.
-    add : bool
-        Whether sections that are not there are made, and the last key may be new.
-
-    Raises
-    ------
-    InputError
-        The key leads nowhere.
-    """
+    """Put a value in its place."""
     parents, last = _parts(key, what=what)
     place: Any = document
     for depth, part in enumerate(parents):

@@ -153,14 +153,8 @@ def text(value: Any) -> str:
 class _Scale:
     """How the values of one axis of the parallel coordinates stand above each other.
 
-    Parameters
-    ----------
-    lowest, highest : float
-        Ends of an axis of numbers.
-    order : mapping
-        Of an axis of names: the place of each, 0 to 1; empty for numbers.
-    ticks : sequence of (height, text)
-        What is written beside the axis.
+    `lowest`, `highest`: Ends of an axis of numbers. `order`: Of an axis of names: the place of each, 0 to 1; empty for
+    numbers. `ticks`: What is written beside the axis.
     """
 
     lowest: float

@@ -54,19 +54,7 @@ def point_id(
     specimens: Mapping[str, Any],
     versions: Mapping[str, str],
 ) -> str:
-    """Return the name of a point: the same settings with the same versions have the same, and no others.
-
-    Parameters
-    ----------
-    campaign : mapping
-        The campaign's settings with every default, without its name and without paths.
-    files : mapping
-        SHA-256 of each file that the campaign reads, by the key that names it.
-    specimens : mapping
-        The whole document of each specimen that is not taken as it is shipped, by the rig's name.
-    versions : mapping
-        Of what computes.
-    """
+    """Return the name of a point: the same settings with the same versions have the same, and no others."""
     content = {"campaign": campaign, "files": files, "specimens": specimens, "versions": dict(versions)}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]

@@ -28,14 +28,9 @@ class State(StrEnum):
 class Costs:
     """Where the time of a point went, in seconds.
 
-    Parameters
-    ----------
-    cell : float
-        Opening a rig cell; next to nothing where one was there.
-    campaign : float
-        Target, identification, playbacks and updates, and bringing the recording to its place.
-    processor : float
-        Processor time of the worker's process in all; that of a lab's processes is not in it.
+    `cell`: Opening a rig cell; next to nothing where one was there. `campaign`: Target, identification, playbacks and
+    updates, and bringing the recording to its place. `processor`: Processor time of the worker's process in all; that
+    of a lab's processes is not in it.
     """
 
     cell: float = 0.0
@@ -47,38 +42,14 @@ class Costs:
 class Outcome:
     """The row of a point; figures are empty where it failed.
 
-    Parameters
-    ----------
-    id : str
-        Of the point.
-    state : State
-        Whether its campaign came to its end.
-    sentence : str
-        Its verdict, or why it failed.
-    judgement : str
-        How it ended, seen from what was wanted; empty where it failed.
-    best_playback : int
-        Number of the playback with the smallest error; 0 where there is none.
-    overall_error, worst_error : float or None
-        Relative RMS error of that playback over all judged channels, and the largest of a channel.
-    channels : sequence of str
-        The responses.
-    watched : sequence of bool
-        Which of them are not judged.
-    numbers : sequence of int
-        Of the playbacks.
-    errors, rms_responses : sequence of sequences
-        Relative RMS error and RMS response, a row for each playback.
-    overall : sequence of float
-        Relative RMS error over all judged channels after each playback.
-    rig_hash : str
-        SHA-256 of all that decides what the rig answers.
-    worker : str
-        Where it ran.
-    costs : Costs
-        Where the time went.
-    bytes : int
-        Size of the recording that is kept.
+    `id`: Of the point. `state`: Whether its campaign came to its end. `sentence`: Its verdict, or why it failed.
+    `judgement`: How it ended, seen from what was wanted; empty where it failed. `best_playback`: Number of the playback
+    with the smallest error; 0 where there is none. `overall_error`, `worst_error`: Relative RMS error of that playback
+    over all judged channels, and the largest of a channel. `channels`: The responses. `watched`: Which of them are not
+    judged. `numbers`: Of the playbacks. `errors`, `rms_responses`: Relative RMS error and RMS response, a row for each
+    playback. `overall`: Relative RMS error over all judged channels after each playback. `rig_hash`: SHA-256 of all
+    that decides what the rig answers. `worker`: Where it ran. `costs`: Where the time went. `bytes`: Size of the
+    recording that is kept.
     """
 
     id: str

@@ -29,16 +29,9 @@ RETRIES = 1
 class PointRunner:
     """Runs points on the workers of a client.
 
-    Parameters
-    ----------
-    open_client : callable
-        Starts or finds the workers; called when there is something to run, and not before.
-    sweep : Sweep
-        What they run in, and what is kept.
-    folder : Path
-        Of the sweep, as every worker sees it.
-    retry_failed : bool
-        Whether points that failed before are run again.
+    `open_client`: Starts or finds the workers; called when there is something to run, and not before. `sweep`: What
+    they run in, and what is kept. `folder`: Of the sweep, as every worker sees it. `retry_failed`: Whether points that
+    failed before are run again.
     """
 
     def __init__(self, open_client: Callable[[], Client], sweep: Sweep, *, folder: Path, retry_failed: bool) -> None:

@@ -28,18 +28,9 @@ _PATHS: Final = ("target.file", "target.opencrg.path")
 class Point:
     """One campaign of a sweep.
 
-    Parameters
-    ----------
-    id : str
-        Of its content; see `point_id`.
-    settings : mapping
-        What it has that others may have otherwise, by dotted key.
-    campaign : str
-        Its campaign file; paths in it are absolute.
-    rigs : tuple of str
-        The shipped rigs it needs as they are.
-    specimens : tuple of SpecimenText
-        The other rigs it needs.
+    `id`: Of its content; see `point_id`. `settings`: What it has that others may have otherwise, by dotted key.
+    `campaign`: Its campaign file; paths in it are absolute. `rigs`: The shipped rigs it needs as they are. `specimens`:
+    The other rigs it needs.
     """
 
     id: str
@@ -57,15 +48,8 @@ class Point:
 class PointMaker:
     """Makes points of settings.
 
-    Parameters
-    ----------
-    sweep : Sweep
-        Whose campaign and specimens are changed.
-
-    Raises
-    ------
-    InputError
-        There is no such campaign or specimen.
+    `sweep`: Whose campaign and specimens are changed.
+    Raises `InputError`: There is no such campaign or specimen.
     """
 
     def __init__(self, sweep: Sweep) -> None:

@@ -30,22 +30,9 @@ _NESTED: Final = ("channels", "watched", "numbers", "errors", "rms_responses", "
 class SweepResults:
     """What a sweep came to.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the sweep.
-    name : str
-        Of the sweep.
-    text : str
-        Its file, word for word.
-    keys : tuple of str
-        What differs from point to point, by dotted key.
-    total : int
-        Points it has; as many rows where all have ended.
-    objective : Objective
-        The figure to compare by.
-    rows : tuple of mappings
-        A row for each point that has ended: its settings by dotted key, and the fields of its outcome.
+    `folder`: Of the sweep. `name`: Of the sweep. `text`: Its file, word for word. `keys`: What differs from point to
+    point, by dotted key. `total`: Points it has; as many rows where all have ended. `objective`: The figure to compare
+    by. `rows`: A row for each point that has ended: its settings by dotted key, and the fields of its outcome.
     """
 
     folder: Path
@@ -75,20 +62,7 @@ class SweepResults:
 def write_results(
     folder: Path, sweep: Sweep, rows: Sequence[tuple[Mapping[str, Any], Outcome]], *, total: int
 ) -> SweepResults:
-    """Write `results.parquet` and `playbacks.parquet`, and return what stands in them.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the sweep.
-    sweep : Sweep
-        What was asked for.
-    rows : sequence of (settings, outcome)
-        The points that have ended, each with its settings by dotted key. One that is no number, text or truth stands
-        as JSON.
-    total : int
-        Points of the sweep.
-    """
+    """Write `results.parquet` and `playbacks.parquet`, and return what stands in them."""
     import pyarrow
     from pyarrow import parquet
 
@@ -108,20 +82,9 @@ def write_results(
 def read_results(folder: str | Path) -> SweepResults:
     """Read the results of a sweep.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of the sweep.
-
-    Returns
-    -------
-    SweepResults
-        The results of its points.
-
-    Raises
-    ------
-    InputError
-        There are none in the folder, or they are no sweep's.
+    `folder`: Folder of the sweep.
+    Returns: The results of its points.
+    Raises `InputError`: There are none in the folder, or they are no sweep's.
     """
     import pyarrow
     from pyarrow import parquet

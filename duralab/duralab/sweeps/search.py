@@ -30,20 +30,6 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
 
     Some settings are tried together, whatever the number of workers, and each choice is seeded by its number alone: the
     search takes the same way on one worker and on a hundred, at once or after a break.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        With a section `search`. With axes or points too, settings are tried at each of them, and the mean counts.
-    maker, runner : PointMaker, PointRunner
-        Make and run its points.
-    folder : Path
-        Of the sweep.
-
-    Raises
-    ------
-    InputError
-        The budget is too small for one trial, or a setting is not allowed.
     """
     plan = sweep.search
     if plan is None:

@@ -30,16 +30,8 @@ _BODIES: Final = "sdf"
 class SpecimenText:
     """A rig that is not taken as it is shipped; hashable, so that cells can be compared by it.
 
-    Parameters
-    ----------
-    rig : str
-        Its name.
-    text : str
-        Its YAML.
-    bodies : str
-        Name of the SDF or URDF that belongs beside it; empty where it has none.
-    bodies_text : str
-        Its content: a worker may see no file of this machine.
+    `rig`: Its name. `text`: Its YAML. `bodies`: Name of the SDF or URDF that belongs beside it; empty where it has
+    none. `bodies_text`: Its content: a worker may see no file of this machine.
     """
 
     rig: str
@@ -109,13 +101,7 @@ class Specimens:
     def of(
         self, rigs: Sequence[str], changes: Mapping[str, Mapping[str, Any]]
     ) -> tuple[tuple[str, ...], tuple[SpecimenText, ...]]:
-        """Return which of some rigs are taken as they are shipped, and the texts of the others.
-
-        Raises
-        ------
-        InputError
-            A change is of a rig that is not needed, or leads nowhere.
-        """
+        """Return which of some rigs are taken as they are shipped, and the texts of the others."""
         if idle := [rig for rig in changes if rig not in rigs]:
             raise InputError(f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}.")
         made = tuple(self._text(rig, changes.get(rig, {})) for rig in rigs if rig in self._own or rig in changes)

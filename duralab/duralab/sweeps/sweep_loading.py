@@ -23,20 +23,9 @@ def shipped_sweeps() -> list[str]:
 def load_sweep(source: str | Path) -> Sweep:
     """Read and check a sweep file.
 
-    Parameters
-    ----------
-    source : str or Path
-        Path of a YAML file, or the name of a sweep that comes with the package, e.g. "fifty_gains_and_seeds".
-
-    Returns
-    -------
-    Sweep
-        With `folder` and `text` of the file.
-
-    Raises
-    ------
-    InputError
-        There is no such file, it is no YAML, or a key or value in it is not allowed.
+    `source`: Path of a YAML file, or the name of a sweep that comes with the package, e.g. "fifty_gains_and_seeds".
+    Returns: With `folder` and `text` of the file.
+    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
     if not path.exists() and str(source) in shipped_sweeps():

@@ -28,16 +28,8 @@ _WRITE_SHARE: Final = 0.05
 class SweepProgress:
     """How far a sweep is.
 
-    Parameters
-    ----------
-    ended, total : int
-        Points.
-    failed : int
-        How many of those that ended failed.
-    best : float or None
-        Smallest figure so far.
-    best_settings : mapping
-        Of that point.
+    `ended`, `total`: Points. `failed`: How many of those that ended failed. `best`: Smallest figure so far.
+    `best_settings`: Of that point.
     """
 
     ended: int
@@ -61,32 +53,12 @@ def run_sweep(
 ) -> SweepResults:
     """Run a sweep, or go on with one; points whose settings and versions have ended in `out` are not run again.
 
-    Parameters
-    ----------
-    sweep : Sweep, str or Path
-        A sweep, its file, or the name of one that comes with the package.
-    out : str or Path, optional
-        Its folder, seen by every worker; out/sweeps/<name> where not given.
-    workers : int, optional
-        Processes on this machine; one for each core where not given.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers are used instead.
-    retry_failed : bool
-        Whether points that failed before are run again.
-    on_progress : callable, optional
-        Called with a `SweepProgress` after every point, on this thread.
-
-    Returns
-    -------
-    SweepResults
-        A campaign that fails is a row with its sentence.
-
-    Raises
-    ------
-    InputError
-        A key or a value is not allowed; nothing has been run then.
-    LabError
-        There are no workers.
+    `sweep`: A sweep, its file, or the name of one that comes with the package. `out`: Its folder, seen by every worker;
+    out/sweeps/<name> where not given. `workers`: Processes on this machine; one for each core where not given.
+    `scheduler`: Address of a Dask scheduler whose workers are used instead. `retry_failed`: Whether points that failed
+    before are run again. `on_progress`: Called with a `SweepProgress` after every point, on this thread.
+    Returns: A campaign that fails is a row with its sentence.
+    Raises `InputError`: A key or a value is not allowed; nothing has been run then. `LabError`: There are no workers.
     """
     check_address(scheduler, workers=workers)
     plan = sweep if isinstance(sweep, Sweep) else load_sweep(sweep)
@@ -110,15 +82,8 @@ def run_sweep(
 def default_folder(sweep: Sweep) -> Path:
     """Return where a sweep goes that is not told where.
 
-    Parameters
-    ----------
-    sweep : Sweep
-        The sweep.
-
-    Returns
-    -------
-    Path
-        The folder.
+    `sweep`: The sweep.
+    Returns: The folder.
     """
     return Path("out") / "sweeps" / sweep.name
 

@@ -165,11 +165,6 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
     """Return what the road does to the vehicle's tyres: height, slope, camber and speed, left and right.
 
     A rig with a rear axle gets the same road there, as much later as it needs for the wheelbase.
-
-    Raises
-    ------
-    InputError
-        The vehicle does not play roads, or the road cannot be made or read.
     """
     import roads
 

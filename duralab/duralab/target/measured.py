@@ -109,26 +109,7 @@ def map_channels(
     channels: Mapping[str, SourceChannel] | None = None,
     watched: Collection[str] = (),
 ) -> Signals:
-    """Give measured channels the names, the order, the units and the signs of a rig's responses.
-
-    Parameters
-    ----------
-    signals : Signals
-        As they were measured.
-    rig : Rig
-        Whose responses are wanted.
-    source : str
-        What the signals are called in an error.
-    remedy : str
-        What to do where one is missing.
-    channels, watched
-        As for `read_target_file`.
-
-    Raises
-    ------
-    InputError
-        A response is unknown or has no channel, a channel is not there, or a unit does not fit.
-    """
+    """Give measured channels the names, the order, the units and the signs of a rig's responses."""
     known, given = [channel.name for channel in rig.responses], channels or {}
     _require_known(given, known=known, rig=rig)
     asked = {name: given.get(name) or SourceChannel.model_validate(name) for name in known}

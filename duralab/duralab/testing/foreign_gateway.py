@@ -49,36 +49,14 @@ def payload(query: zenoh.Query) -> bytes:
 
 
 def array(values: np.ndarray) -> array_pb2.Array:
-    """Encode an array of float64.
-
-    Parameters
-    ----------
-    values : ndarray
-        Of any shape.
-
-    Returns
-    -------
-    array_pb2.Array
-        Little-endian, in C order.
-    """
+    """Encode an array of float64."""
     return array_pb2.Array(
         element_type=array_pb2.ELEMENT_TYPE_FLOAT64, shape=values.shape, data=values.astype("<f8").tobytes()
     )
 
 
 def beam(drive: np.ndarray) -> np.ndarray:
-    """Return the forces of the two cylinders: coupled stiffness that hardens, and damping.
-
-    Parameters
-    ----------
-    drive : (drives, samples)
-        Strokes in m.
-
-    Returns
-    -------
-    ndarray, (responses, samples)
-        Forces in N.
-    """
+    """Return the forces of the two cylinders: coupled stiffness that hardens, and damping."""
     stiffness = np.array([[4.0e5, -0.8e5], [-0.6e5, 3.0e5]])
     speed = np.diff(drive, prepend=0.0, axis=1) * RATE
     return stiffness @ (drive + 40.0 * drive**3) + 600.0 * speed

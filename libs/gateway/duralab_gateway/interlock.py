@@ -20,10 +20,7 @@ REMEMBERED_RUNS = 10_000
 class Interlock:
     """Mode, latch and runs of one rig.
 
-    Parameters
-    ----------
-    rig : str
-        Name of the rig.
+    `rig`: Name of the rig.
     """
 
     def __init__(self, rig: str) -> None:
@@ -63,14 +60,7 @@ class Interlock:
             self._fraction = value
 
     def begin(self, run: str) -> None:
-        """Take the rig for a playback; `end` must follow.
-
-        Raises
-        ------
-        FaultError
-            FAILED_PRECONDITION where the rig is latched, BUSY where it plays, ALREADY_EXISTS where it has played a run
-            of that name.
-        """
+        """Take the rig for a playback; `end` must follow."""
         with self._changed:
             if self._latched:
                 raise FaultError(
@@ -120,13 +110,7 @@ class Interlock:
         return self._stop.wait(seconds) if seconds > 0.0 else self._stop.is_set()
 
     def wait_for_rest(self) -> rig_pb2.RigState:
-        """Wait until nothing plays; return the state then.
-
-        Raises
-        ------
-        FaultError
-            DEADLINE_EXCEEDED where it takes longer than a ramp ever does.
-        """
+        """Wait until nothing plays; return the state then."""
         with self._changed:
             if not self._changed.wait_for(lambda: not self._run, REST_SECONDS):
                 raise FaultError(
@@ -137,13 +121,7 @@ class Interlock:
             return self.state()
 
     def claim(self, command: str) -> None:
-        """Remember the id of a reset, so that it is done once.
-
-        Raises
-        ------
-        FaultError
-            ALREADY_EXISTS where it came before.
-        """
+        """Remember the id of a reset, so that it is done once."""
         with self._changed:
             if command in self._resets:
                 raise FaultError(
@@ -154,18 +132,7 @@ class Interlock:
             _remember(self._resets, command)
 
     def reset(self, *, seen: int) -> None:
-        """Clear the latch; a rig that is not latched stays as it is.
-
-        Parameters
-        ----------
-        seen : int
-            `trips` when the reset was asked: whoever asked has looked at those, and at no later one.
-
-        Raises
-        ------
-        FaultError
-            FAILED_PRECONDITION where it was tripped since; the latch stays.
-        """
+        """Clear the latch; a rig that is not latched stays as it is."""
         with self._changed:
             if self._latched and self._trips != seen:
                 raise FaultError(

@@ -15,14 +15,7 @@ _RIG: Final = ("rig",)
 class RigMetrics:
     """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended.
 
-    Parameters
-    ----------
-    metrics : Metrics
-        Of the process.
-    rig : str
-        Its name.
-    state : callable
-        Returns its state now.
+    `metrics`: Of the process. `rig`: Its name. `state`: Returns its state now.
     """
 
     def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:

@@ -27,24 +27,10 @@ _ROOM_POLL_SECONDS = 0.01
 class PlaybackSession:
     """Playbacks of drives on one rig; the interlock admits one at a time.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where signal blocks and poses are published.
-    rig : PlaybackRig
-        The rig that plays.
-    description : rig_pb2.RigDescription
-        What it says of itself.
-    interlock : Interlock
-        Its latch.
-    latch : callable
-        Given a reason, latches the rig and tells everybody.
-    report_state : callable
-        Publishes the state of the rig.
-    spools : SpoolSpace
-        Where signal blocks are kept until the recorder has stored them.
-    spool_wait_seconds : float
-        How long a simulation waits for room in the spool, in s.
+    `bus`: Where signal blocks and poses are published. `rig`: The rig that plays. `description`: What it says of
+    itself. `interlock`: Its latch. `latch`: Given a reason, latches the rig and tells everybody. `report_state`:
+    Publishes the state of the rig. `spools`: Where signal blocks are kept until the recorder has stored them.
+    `spool_wait_seconds`: How long a simulation waits for room in the spool, in s.
     """
 
     def __init__(
@@ -76,30 +62,7 @@ class PlaybackSession:
     def play(
         self, request: rig_pb2.PlayRequest, drive: np.ndarray, call: Call, *, real_time: bool
     ) -> rig_pb2.PlayResult:
-        """Play a checked drive on a rig that the interlock has given.
-
-        Parameters
-        ----------
-        request : rig_pb2.PlayRequest
-            What was asked.
-        drive : (drives, samples)
-            Its drive, checked.
-        call : Call
-            Of the commander: told of progress; when it is gone, the rig ramps down.
-        real_time : bool
-            Play no faster than real time.
-
-        Returns
-        -------
-        rig_pb2.PlayResult
-            Of a playback that came to its end.
-
-        Raises
-        ------
-        FaultError
-            CANCELLED where it was stopped or its commander went, FAILED_PRECONDITION where a watchdog tripped or the
-            rig failed before the drive's end. The rig is latched then.
-        """
+        """Play a checked drive on a rig that the interlock has given."""
         run = Run(
             request.run,
             seed=request.seed,

@@ -32,18 +32,7 @@ def encoding_of(message_type: Message | type[Message]) -> str:
 
 @cache
 def zenoh_encoding_of(message_type: type[Message]) -> zenoh.Encoding:
-    """Return the encoding of a message type as Zenoh keeps it, to send and to compare without reading its text again.
-
-    Parameters
-    ----------
-    message_type : type
-        Of the contract.
-
-    Returns
-    -------
-    zenoh.Encoding
-        What Zenoh makes of `encoding_of`.
-    """
+    """Return the encoding of a message type as Zenoh keeps it; it is compared without reading its text again."""
     return zenoh.Encoding(encoding_of(message_type))
 
 
@@ -53,13 +42,7 @@ def encode(
     largest_bytes: int,
     code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
 ) -> bytes:
-    """Serialise a message that is about to be sent.
-
-    Raises
-    ------
-    FaultError
-        With `code`, when it is larger than `largest_bytes`.
-    """
+    """Serialise a message that is about to be sent."""
     # Asking for its size first would serialise it twice.
     payload = message.SerializeToString(deterministic=True)
     if len(payload) > largest_bytes:
@@ -75,25 +58,7 @@ def decode(
     largest_bytes: int,
     code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
 ) -> MessageT:
-    """Check and parse what was received.
-
-    Parameters
-    ----------
-    payload, encoding
-        As Zenoh delivered them; a query without a payload has neither.
-    message_type : type
-        The only type that is accepted.
-    largest_bytes : int
-        Largest payload that is accepted.
-    code : query_pb2.FaultCode
-        Code of the fault: whose mistake it is depends on who sent it.
-
-    Raises
-    ------
-    FaultError
-        The encoding names another type, the payload is too large, or does not parse; the message names what was
-        expected.
-    """
+    """Check and parse what was received."""
     # Thousands of times a second: what only a sentence needs is made for the sentence.
     if encoding != zenoh_encoding_of(message_type):
         received = "none" if encoding is None else str(encoding)

@@ -34,26 +34,7 @@ class _Joining(BaseModel):
 
 
 def check_health(bus: BusConfig, service: str, instances: list[str], *, timeout_seconds: float) -> None:
-    """Ask instances of a service for their health.
-
-    Parameters
-    ----------
-    bus : BusConfig
-        Of the service; it is joined as a client of the endpoints it connects to.
-    service : str
-        Its name.
-    instances : list of str
-        Each has to answer.
-    timeout_seconds : float
-        For each to be seen, and again to answer.
-
-    Raises
-    ------
-    BusError
-        The bus cannot be joined.
-    FaultError
-        An instance is not there, or does not answer.
-    """
+    """Ask instances of a service for their health."""
     client = bus.model_copy(update={"mode": BusMode.CLIENT, "connect_timeout_seconds": timeout_seconds})
     with open_bus(client, service="health") as session:
         session.wait_for_live({(service, instance) for instance in instances}, timeout_seconds)

@@ -116,17 +116,7 @@ def join_sections(samples: ArrayLike, sections: Sequence[tuple[int, int]], *, fa
 
 
 def separate_sections(sections: Sequence[tuple[int, int]], *, fade_samples: int, samples: int) -> list[tuple[int, int]]:
-    """Lengthen sections that are to be kept whole by what their fades need; what then meets becomes one section.
-
-    Parameters
-    ----------
-    sections : sequence of tuple of int
-        First sample and the one after the last of each, rising, not overlapping.
-    fade_samples : int
-        Length of a cross-fade.
-    samples : int
-        Length of the record.
-    """
+    """Lengthen sections that are to be kept whole by what their fades need; what then meets becomes one section."""
     longer = [
         (
             max(0, start - fade_samples) if position > 0 else start,

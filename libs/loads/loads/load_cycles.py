@@ -39,23 +39,7 @@ class LoadCycles:
 
 
 def as_signal(signal: ArrayLike) -> NDArray[np.float64]:
-    """Check one channel's signal and return it as float64.
-
-    Parameters
-    ----------
-    signal : array_like, shape (samples,)
-        Finite, not empty.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        The same memory where nothing had to be converted.
-
-    Raises
-    ------
-    ValueError
-        The shape is not (samples,), or a value is not finite.
-    """
+    """Check one channel's signal and return it as float64."""
     values = np.asarray(signal)
     if values.ndim != 1:
         raise ValueError(f"signal has shape {values.shape}; a signal has shape (samples,): give one channel at a time.")

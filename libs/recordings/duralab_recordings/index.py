@@ -73,21 +73,6 @@ def index_start(stream: IO[bytes]) -> int | None:
 
     A flipped bit in the index would hide whole chunks. Zeros, as a failing disk leaves them, would be stepped through
     nine bytes at a time.
-
-    Parameters
-    ----------
-    stream : file
-        Open for reading.
-
-    Returns
-    -------
-    int or None
-        0 for a file that was finished without an index, None for one that was never finished.
-
-    Raises
-    ------
-    McapError
-        It was finished, and its end is damaged.
     """
     size = stream.seek(0, os.SEEK_END)
     footer = size - len(MAGIC) - _FOOTER.size
@@ -244,27 +229,7 @@ def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
 
 
 def messages_at(stream: IO[bytes], offset: int, channels: Collection[int]) -> list[Message]:
-    """Read the messages of some channels from the chunk at a byte, checksum checked, in the order they were written.
-
-    Parameters
-    ----------
-    stream : file
-        Open for reading; the chunk is whole.
-    offset : int
-        Where the chunk begins.
-    channels : collection of int
-        The channels wanted.
-
-    Returns
-    -------
-    list of Message
-        Theirs.
-
-    Raises
-    ------
-    McapError
-        There is no chunk, or a damaged one; one of the other exceptions of `DAMAGE` may come as well.
-    """
+    """Read the messages of some channels from the chunk at a byte, checksum checked, in the order they were written."""
     if _head(stream, offset)[0] != Opcode.CHUNK:
         raise McapError(f"at byte {offset} is not the chunk that was written there")
     records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)

@@ -33,18 +33,7 @@ EPOCH: Final = "epoch"
 
 
 def epoch_of(channel: Channel) -> int:
-    """Return the epoch of a stream's publisher; 0 of a channel that is no stream's.
-
-    Parameters
-    ----------
-    channel : Channel
-        Of a file.
-
-    Returns
-    -------
-    int
-        As its metadata say.
-    """
+    """Return the epoch of a stream's publisher; 0 of a channel that is no stream's."""
     return int(channel.metadata.get(EPOCH, "0"))
 
 

@@ -85,18 +85,9 @@ def newer_format(said: Mapping[str, str]) -> str:
 class Part:
     """What a file says of its place.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    recording : str
-        Id of its recording; empty where it does not say.
-    number : int
-        From 1; 0 where it does not say.
-    next_file : str
-        Name of the file in which the recording goes on; empty in the last.
-    is_empty : bool
-        It was begun and never finished, and neither says what it is nor holds a message.
+    `path`: The file. `recording`: Id of its recording; empty where it does not say. `number`: From 1; 0 where it does
+    not say. `next_file`: Name of the file in which the recording goes on; empty in the last. `is_empty`: It was begun
+    and never finished, and neither says what it is nor holds a message.
     """
 
     path: Path
@@ -162,13 +153,7 @@ def parts_beside(path: Path) -> dict[int, Path]:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files of a recording in order, the first one given.
-
-    Raises
-    ------
-    RecordingError
-        There is a part, and one before it is missing.
-    """
+    """Return the files of a recording in order, the first one given."""
     following = parts_beside(path)
     for expected, number in enumerate(following, start=2):
         if number != expected:
@@ -180,13 +165,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def require_chain(parts: Sequence[Part]) -> None:
-    """Refuse files that are not the parts of one recording in their order, from its first to its last.
-
-    Raises
-    ------
-    RecordingError
-        Naming the file that is not where it belongs, or the one that is missing.
-    """
+    """Refuse files that are not the parts of one recording in their order, from its first to its last."""
     first, last = parts[0], parts[-1]
     recording = next((part.recording for part in parts if part.recording), "")
     named = re.fullmatch(r"(?P<stem>.+)\.part\d{2,}", first.path.stem)
@@ -221,15 +200,6 @@ def open_end(path: Path, *, parts: int, reason: str) -> str:
     """Return in words that a recording ends with a file after which its recorder may have gone on in another.
 
     A file that was repaired after its recorder was killed names no next one: when it was repaired there was none.
-
-    Parameters
-    ----------
-    path : Path
-        Its first file.
-    parts : int
-        How many are there.
-    reason : str
-        Why the last of them ends, as it says.
     """
     why = f"{reason[:1].lower()}{reason[1:]}".rstrip(".") or "it was not closed"
     following = part_path(path, parts + 1).name

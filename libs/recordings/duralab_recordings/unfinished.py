@@ -178,25 +178,7 @@ def scan(path: Path, take: Take) -> Unfinished:
 
 
 def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterator[McapRecord]:
-    """Yield what `scan` takes, a chunk in memory at a time.
-
-    Parameters
-    ----------
-    stream : file
-        Open for reading.
-    found : Unfinished, optional
-        Filled with what was whole so far. Without it a last chunk is read too whose message indexes are not all there.
-
-    Yields
-    ------
-    McapRecord
-        Schemas, channels, messages, metadata and attachments, in order.
-
-    Raises
-    ------
-    McapError
-        As `scan` does.
-    """
+    """Yield what `scan` takes, a chunk in memory at a time."""
     noted = Unfinished() if found is None else found
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
@@ -212,16 +194,6 @@ def end_of_records(stream: IO[bytes]) -> int:
     """Return the position after the last record that is there with all its bytes; none of their content is read.
 
     Zeros up to the end of the file are none: a power cut leaves them where data was to come.
-
-    Parameters
-    ----------
-    stream : file
-        Open for reading.
-
-    Raises
-    ------
-    McapError
-        Zeros stand where a record was to come, and other bytes follow them.
     """
     size = stream.seek(0, os.SEEK_END)
     end = len(MAGIC)

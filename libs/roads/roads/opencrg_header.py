@@ -51,16 +51,9 @@ class CrgFormat(Enum):
 class CrgHeader:
     """What the header says.
 
-    Parameters
-    ----------
-    parameters
-        The $ROAD_CRG block: names in lower case, values in SI units.
-    channels
-        Names of the data channels in file order, lower case, without units.
-    data_format
-        How the numbers are stored.
-    data_offset
-        Byte at which they begin.
+    `parameters`: The $ROAD_CRG block: names in lower case, values in SI units. `channels`: Names of the data channels
+    in file order, lower case, without units. `data_format`: How the numbers are stored. `data_offset`: Byte at which
+    they begin.
     """
 
     parameters: dict[str, float]
@@ -70,23 +63,7 @@ class CrgHeader:
 
 
 def read_header(stream: BinaryIO, path: Path) -> CrgHeader:
-    """Read up to and including the line of `$$$$` that separates header and data.
-
-    Parameters
-    ----------
-    stream
-        The file, at its beginning.
-    path
-        Its name, for messages.
-
-    Raises
-    ------
-    RoadFileError
-        The header has no end, an unreadable line, no channels, or asks for what is not supported (modifiers,
-        included files, another data format).
-
-    Source: ASAM OpenCRG 1.2.0, file format.
-    """
+    """Read up to and including the line of `$$$$` that separates header and data."""
     parameters: dict[str, float] = {}
     channels: list[str] = []
     data_format: CrgFormat | None = None

@@ -106,18 +106,7 @@ def _remarks(found: Mapping[str, str], *, name: str) -> tuple[str, ...]:
 
 
 def old_names(place: Sequence[str]) -> dict[str, str]:
-    """Return the older keys of a section and their names of today.
-
-    Parameters
-    ----------
-    place : sequence of str
-        Keys that lead to the section.
-
-    Returns
-    -------
-    dict
-        By the older key; keys that stand elsewhere now are left out.
-    """
+    """Return the older keys of a section and their names of today."""
     names = {}
     for pattern, replacement in RENAMED.items():
         *parents, old = pattern.split(".")

@@ -30,12 +30,8 @@ class MisfitError(ValueError):
 class Wire:
     """How the message writes a value that the model writes otherwise; see `to_message`.
 
-    Parameters
-    ----------
-    zero : object
-        What 0 of the message stands for; without it 0 is the value 0, and None where the model allows None.
-    none : float
-        What the message holds for None.
+    `zero`: What 0 of the message stands for; without it 0 is the value 0, and None where the model allows None. `none`:
+    What the message holds for None.
     """
 
     zero: Any = None

@@ -21,18 +21,9 @@ class NotFiniteError(ValueError):
 class BlockSpectra:
     """Windows and transforms whole blocks; its memory is taken once and used again for every chunk.
 
-    Parameters
-    ----------
-    window
-        Shape (block samples).
-    hop
-        Samples between the starts of neighbouring blocks, 1 or more.
-    channels
-        Of all records together, 1 or more.
-    chosen
-        Lines that are kept, next to each other; all where not given.
-    powered
-        Of how many of the first channels the power is summed, 0 to `channels`.
+    `window`: Shape (block samples). `hop`: Samples between the starts of neighbouring blocks, 1 or more. `channels`: Of
+    all records together, 1 or more. `chosen`: Lines that are kept, next to each other; all where not given. `powered`:
+    Of how many of the first channels the power is summed, 0 to `channels`.
     """
 
     def __init__(
@@ -58,24 +49,7 @@ class BlockSpectra:
         self._by_line = np.empty((kept, channels, self.blocks_in_chunk), dtype=np.complex128)
 
     def chunks(self, *records: NDArray[np.float64]) -> Iterator[NDArray[np.complex128]]:
-        """Yield the spectra of the whole blocks of records that were sampled together.
-
-        Parameters
-        ----------
-        *records
-            Each of shape (channels, samples); what does not fill a block is left out.
-
-        Yields
-        ------
-        numpy.ndarray
-            Shape (lines kept, channels of all records, blocks of the chunk), contiguous; the next chunk overwrites
-            it.
-
-        Raises
-        ------
-        NotFiniteError
-            Where a value of the next chunk is not finite; nothing of it is summed.
-        """
+        """Yield the spectra of the whole blocks of records that were sampled together."""
         block = self._window.size
         if records[0].shape[1] < block:
             return
@@ -114,22 +88,7 @@ class BlockSpectra:
 
 
 def density_scale(window: NDArray[np.float64], sample_rate: float, blocks: int) -> NDArray[np.float64]:
-    """Factors from sums of products of block spectra to one-sided densities.
-
-    Parameters
-    ----------
-    window
-        Shape (block samples).
-    sample_rate
-        In hertz, greater than 0.
-    blocks
-        In the sums, 1 or more.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines), 1 per Hz.
-    """
+    """Factors from sums of products of block spectra to one-sided densities."""
     lines = window.size // 2 + 1
     scale = np.full(lines, 2.0 / (sample_rate * float(window @ window) * blocks))
     scale[[0, -1]] *= 0.5  # the mean and the Nyquist line have no negative twin

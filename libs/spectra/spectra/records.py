@@ -79,44 +79,12 @@ def _require_finite(record: NDArray[np.float64], name: str) -> None:
 
 
 def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check two records that were sampled together.
-
-    Parameters
-    ----------
-    a, b
-        Shape (channels, samples) each, as many samples.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Both of shape (channels, samples), as `as_record` returns them.
-
-    Raises
-    ------
-    ValueError
-        Where one is no record or their lengths differ.
-    """
+    """Check two records that were sampled together."""
     return _of_one_length(as_record(a, name="a"), as_record(b, name="b"))
 
 
 def matching_shapes(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check the shapes of two records that were sampled together; their values are not looked at.
-
-    Parameters
-    ----------
-    a, b
-        Shape (channels, samples) each, as many samples.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Both of shape (channels, samples), as `shaped_record` returns them.
-
-    Raises
-    ------
-    ValueError
-        Where one is no record by its shape or their lengths differ.
-    """
+    """Check the shapes of two records that were sampled together; their values are not looked at."""
     return _of_one_length(shaped_record(a, name="a"), shaped_record(b, name="b"))
 
 

@@ -68,12 +68,7 @@ class _Prepared:
 class IdentifierService:
     """Serves everything under identifier/.
 
-    Parameters
-    ----------
-    bus
-        Open.
-    config
-        Of the service.
+    `bus`: Open. `config`: Of the service.
     """
 
     def __init__(self, bus: Bus, config: IdentifierConfig) -> None:
@@ -96,25 +91,7 @@ class IdentifierService:
         bus.serve(keys.convergence(ANY), identifier_pb2.ConvergenceRequest, self.convergence)
 
     def identify(self, request: identifier_pb2.IdentifyRequest, call: Call) -> identifier_pb2.Model:
-        """Run an experiment on a rig and answer with the model.
-
-        Parameters
-        ----------
-        request
-            What to play and how to estimate.
-        call
-            Takes the progress.
-
-        Returns
-        -------
-        identifier_pb2.Model
-            Also held for identifier/model/<id>; only plan and band where the request was only to be checked.
-
-        Raises
-        ------
-        FaultError
-            Where the request is not allowed, the rig is not there, does not play, or cannot be identified.
-        """
+        """Run an experiment on a rig and answer with the model."""
         prepared = self._prepare(request, call)
         if request.check_only:
             plan = self._plan_of(prepared)
@@ -124,48 +101,12 @@ class IdentifierService:
         return self._identified(request, prepared, call, progress=(_PLAYING_FROM, _PLAYING_TO))
 
     def plan(self, request: identifier_pb2.PlanRequest, call: Call) -> identifier_pb2.ExperimentPlan:
-        """Answer what an experiment takes and gives; nothing moves.
-
-        Parameters
-        ----------
-        request
-            The experiment.
-        call
-            Takes the progress.
-
-        Returns
-        -------
-        identifier_pb2.ExperimentPlan
-            Of an experiment that the rig can play.
-
-        Raises
-        ------
-        FaultError
-            Where the request is not allowed or the rig is not there.
-        """
+        """Answer what an experiment takes and gives; nothing moves."""
         with _within("identify"):
             return self._plan_of(self._prepare(request.identify, call))
 
     def levels(self, request: identifier_pb2.LevelsRequest, call: Call) -> identifier_pb2.LevelsResult:
-        """Run one experiment at several levels and answer what changes.
-
-        Parameters
-        ----------
-        request
-            The experiment and the factors.
-        call
-            Takes the progress.
-
-        Returns
-        -------
-        identifier_pb2.LevelsResult
-            Models from the lowest level to the highest.
-
-        Raises
-        ------
-        FaultError
-            Where the request is not allowed, or an experiment fails; all are checked before the first is played.
-        """
+        """Run one experiment at several levels and answer what changes."""
         with _invalid():
             series = level_series(request)
         with _within("identify"):
@@ -180,95 +121,23 @@ class IdentifierService:
         return identifier_pb2.LevelsResult(models=messages, differences=differences)
 
     def model(self, _request: identifier_pb2.ModelRequest, call: Call) -> identifier_pb2.Model:
-        """Answer with a model made earlier.
-
-        Parameters
-        ----------
-        _request
-            Empty; the id stands in the key.
-        call
-            Knows the key.
-
-        Returns
-        -------
-        identifier_pb2.Model
-            As it was made.
-
-        Raises
-        ------
-        FaultError
-            Where it is not held.
-        """
+        """Answer with a model made earlier."""
         return self._held(id_of(call.key))
 
     def prediction(self, request: identifier_pb2.PredictRequest, call: Call) -> identifier_pb2.Prediction:
-        """Answer what a model expects of a drive.
-
-        Parameters
-        ----------
-        request
-            The drive.
-        call
-            Knows the key.
-
-        Returns
-        -------
-        identifier_pb2.Prediction
-            The response and how sure it is.
-
-        Raises
-        ------
-        FaultError
-            Where the model is not held or the drive does not fit it.
-        """
+        """Answer what a model expects of a drive."""
         with _invalid():
             return predict(self._held_model(id_of(call.key)), request)
 
     def convergence(self, request: identifier_pb2.ConvergenceRequest, call: Call) -> identifier_pb2.Convergence:
-        """Answer how fast Time Waveform Replication with a model converges.
-
-        Parameters
-        ----------
-        request
-            Gains and band.
-        call
-            Knows the key.
-
-        Returns
-        -------
-        identifier_pb2.Convergence
-            Line by line, with its confidence.
-
-        Raises
-        ------
-        FaultError
-            Where a model is not held or a value is not allowed.
-        """
+        """Answer how fast Time Waveform Replication with a model converges."""
         rig = self._held_model(request.rig_model_id, field="rig_model_id") if request.rig_model_id else None
         call.progress("judging the convergence", 0.0)
         with _invalid():
             return converge(self._held_model(id_of(call.key)), request, rig=rig)
 
     def advice(self, request: identifier_pb2.AdviceRequest, call: Call) -> identifier_pb2.LevelAdvice:
-        """Answer which drive levels give responses like a target's.
-
-        Parameters
-        ----------
-        request
-            Model, target and band.
-        call
-            Takes the progress.
-
-        Returns
-        -------
-        identifier_pb2.LevelAdvice
-            For each drive.
-
-        Raises
-        ------
-        FaultError
-            Where the model is not held, its rig's limits leave a drive no room or a value is not allowed.
-        """
+        """Answer which drive levels give responses like a target's."""
         if not request.model_id:
             raise FaultError(
                 query_pb2.FAULT_CODE_INVALID_ARGUMENT,

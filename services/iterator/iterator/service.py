@@ -65,12 +65,7 @@ class _Entry:
 class _CampaignMetrics:
     """Progress of the running campaigns; an ended one is only counted, so that the metrics do not grow for months.
 
-    Parameters
-    ----------
-    bus : Bus
-        Its process publishes them.
-    running : callable
-        Returns the status of every campaign that has not ended.
+    `bus`: Its process publishes them. `running`: Returns the status of every campaign that has not ended.
     """
 
     def __init__(self, bus: Bus, running: Callable[[], Iterable[iterator_pb2.CampaignStatus]]) -> None:
@@ -118,10 +113,7 @@ def _remaining(status: iterator_pb2.CampaignStatus) -> float | None:
 class IteratorService:
     """Keeps the campaigns of this process; one at a time on each rig. A context manager: leaving it stops all.
 
-    Parameters
-    ----------
-    bus : Bus
-        Its keys are served from the start.
+    `bus`: Its keys are served from the start.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -156,25 +148,7 @@ class IteratorService:
             entry.board.wait_ended(max(0.0, until - time.monotonic()))
 
     def start(self, spec: iterator_pb2.CampaignSpec, call: Call) -> iterator_pb2.CampaignStatus:
-        """Check a campaign and start it; answer at once.
-
-        Parameters
-        ----------
-        spec : CampaignSpec
-            As received.
-        call : Call
-            Told what is checked.
-
-        Returns
-        -------
-        CampaignStatus
-            In the phase CHECKING; the rest is published.
-
-        Raises
-        ------
-        FaultError
-            INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS or BUSY with the field, UNAVAILABLE for a missing service.
-        """
+        """Check a campaign and start it; answer at once."""
         require_id(spec.id)
         require_name(check_rig, spec.rig, field="rig")
         if spec.parent or spec.parent_iteration:
@@ -219,48 +193,12 @@ class IteratorService:
         return accepted
 
     def status(self, request: iterator_pb2.CampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Tell how a campaign stands.
-
-        Parameters
-        ----------
-        request : CampaignRequest
-            Empty.
-        call : Call
-            Its key names the campaign.
-
-        Returns
-        -------
-        CampaignStatus
-            Now.
-
-        Raises
-        ------
-        FaultError
-            NOT_FOUND.
-        """
+        """Tell how a campaign stands."""
         del request
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: iterator_pb2.StopCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays as it is.
-
-        Parameters
-        ----------
-        request : StopCampaignRequest
-            Why.
-        call : Call
-            Its key names the campaign.
-
-        Returns
-        -------
-        CampaignStatus
-            After the end, in the phase STOPPED; as far as it got where that takes too long.
-
-        Raises
-        ------
-        FaultError
-            NOT_FOUND.
-        """
+        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays as it is."""
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
             if entry.campaign is not None:
@@ -270,26 +208,7 @@ class IteratorService:
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Go on with a campaign that a crash broke off, or resume one as a new campaign; answer at once.
-
-        Parameters
-        ----------
-        request : ResumeCampaignRequest
-            Empty to go on; with `new_id` to resume as a new campaign.
-        call : Call
-            Its key names the campaign.
-
-        Returns
-        -------
-        CampaignStatus
-            In the phase CHECKING; the rest is published. The final one where only the recording's end was missing.
-
-        Raises
-        ------
-        FaultError
-            As `start`; NOT_FOUND without a recording, FAILED_PRECONDITION where the campaign runs, is being resumed by
-            another request, has ended or the rig is not the one that was identified.
-        """
+        """Go on with a campaign that a crash broke off, or resume one as a new campaign; answer at once."""
         id = id_of(call.key)
         with self._resuming_alone(id) as shown:
             call.progress("reading back", 0.0, detail=f"campaign {id}")

@@ -8,14 +8,8 @@ from duralab_proto.v1 import query_pb2
 class RefusedError(Exception):
     """A request that is not granted.
 
-    Parameters
-    ----------
-    code : query_pb2.FaultCode
-        Why, as the contract names it.
-    message : str
-        One sentence: what was wrong with which value, what is allowed, what to do.
-    field : str
-        Path of the request's field that was wrong; empty where none is.
+    `code`: Why, as the contract names it. `message`: One sentence: what was wrong with which value, what is allowed,
+    what to do. `field`: Path of the request's field that was wrong; empty where none is.
     """
 
     def __init__(self, code: query_pb2.FaultCode, message: str, *, field: str = "") -> None:

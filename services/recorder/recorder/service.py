@@ -51,10 +51,7 @@ ResultT = TypeVar("ResultT")
 class RecorderService:
     """Answers for one folder of recordings.
 
-    Parameters
-    ----------
-    config : RecorderConfig
-        Its `folder` exists.
+    `config`: Its `folder` exists.
     """
 
     def __init__(self, config: RecorderConfig) -> None:

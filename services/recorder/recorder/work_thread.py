@@ -17,14 +17,8 @@ ResultT = TypeVar("ResultT")
 class WorkThread:
     """Calls what it is given, in order, on one thread, so that what is called needs no lock.
 
-    Parameters
-    ----------
-    name : str
-        Of the thread.
-    regularly : callable, optional
-        Called at least every `period_seconds`, between two jobs however many there are.
-    period_seconds : float
-        Greater than 0.
+    `name`: Of the thread. `regularly`: Called at least every `period_seconds`, between two jobs however many there are.
+    `period_seconds`: Greater than 0.
     """
 
     def __init__(self, name: str, *, regularly: Callable[[], None] | None = None, period_seconds: float = 0.25) -> None:
@@ -57,13 +51,7 @@ class WorkThread:
         return future
 
     def offer(self, job: Callable[[], object], *, most_waiting: int | None = None) -> bool:
-        """Have a job done whose result nobody waits for.
-
-        Returns
-        -------
-        bool
-            False where it will not be done: the thread has ended, or `most_waiting` jobs wait already.
-        """
+        """Have a job done whose result nobody waits for."""
         if most_waiting is not None and self.waiting >= most_waiting:
             return False
         with self._lock:

@@ -42,13 +42,7 @@ def shipped_documents() -> dict[str, dict[str, object]]:
 
 
 def rigs_by_name(paths: Iterable[Path]) -> dict[str, Path]:
-    """Return the YAMLs of some rigs by the rigs' names, in order.
-
-    Raises
-    ------
-    SpecimenError
-        Where a file is not there, or two rigs have one name.
-    """
+    """Return the YAMLs of some rigs by the rigs' names, in order."""
     named: dict[str, Path] = {}
     for path in paths:
         if not path.is_file():

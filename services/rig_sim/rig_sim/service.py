@@ -39,13 +39,7 @@ class RigSimConfig(GatewayConfig):
 
 
 def find_rigs(config: RigSimConfig) -> dict[str, Path]:
-    """Return the YAMLs of all configured rigs by the rigs' names.
-
-    Raises
-    ------
-    ConfigError
-        Where a rig is unknown, a file is not there, two rigs have one name, or an engine or a fault is for none.
-    """
+    """Return the YAMLs of all configured rigs by the rigs' names."""
     shipped = shipped_specimens()
     unknown = [name for name in config.rigs if name not in shipped]
     if unknown:
@@ -66,11 +60,6 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     """Load the configured rigs, each served and declared live as soon as it is ready, until the block ends.
 
     A rig that cannot be used keeps no other from being served: its queries are answered with the reason.
-
-    Raises
-    ------
-    ConfigError
-        Where no rig can be used; with the reason of each.
     """
     log = structlog.get_logger(SERVICE)
     servers: list[RigServer] = []

@@ -26,20 +26,9 @@ SECTIONS: Final[dict[str, tuple[str, ...]]] = {
 def command_function(name: str) -> Any:
     """Return the function of a command.
 
-    Parameters
-    ----------
-    name : str
-        One of `SECTIONS`.
-
-    Returns
-    -------
-    function
-        Its parameters are the command's, its docstring is the command's help.
-
-    Raises
-    ------
-    KeyError
-        If there is no such command.
+    `name`: One of `SECTIONS`.
+    Returns: Its parameters are the command's, its docstring is the command's help.
+    Raises `KeyError`: If there is no such command.
     """
     if not any(name in names for names in SECTIONS.values()):
         raise KeyError(name)

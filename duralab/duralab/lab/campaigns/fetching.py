@@ -37,13 +37,7 @@ class Part(StrEnum):
 
 
 def wait_until_closed(bus: Bus, id: str, *, seconds: float = CLOSE_SECONDS) -> recorder_pb2.RecordingInfo:
-    """Return the description of a recording when its file is complete.
-
-    Raises
-    ------
-    LabError
-        It is not closed in so many seconds.
-    """
+    """Return the description of a recording when its file is complete."""
     deadline = time.monotonic() + seconds
     while True:
         information = bus.query(bus.keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
@@ -64,32 +58,7 @@ def fetch(
     file_hash: str = "",
     on_fraction: Callable[[float], None] | None = None,
 ) -> None:
-    """Write a file of a closed recording to `path`.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    id : str
-        The recording.
-    part : Part
-        Which file.
-    path : Path
-        Where it goes; replaced when the new one is complete.
-    number : int
-        Which of the recording's MCAP files, from 1.
-    file_hash : str
-        SHA-256 it must have; not checked where empty.
-    on_fraction : callable, optional
-        Called with the share that is here, 0 to 1.
-
-    Raises
-    ------
-    FaultError
-        The recorder refused, or is gone.
-    LabError
-        What came is not what the recorder holds.
-    """
+    """Write a file of a closed recording to `path`."""
 
     def ask(offset: int) -> recorder_pb2.RecordingPart:
         request = recorder_pb2.ReadRecordingRequest(offset=offset, length=PART_BYTES, part=part.value, number=number)
@@ -129,22 +98,7 @@ def _in_order(ask: Callable[[int], recorder_pb2.RecordingPart]) -> Iterator[reco
 
 
 def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: Path) -> None:
-    """Write all files of a closed recording: the first to `path`, those that follow beside it.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    information : RecordingInfo
-        What the recorder says about it.
-    path : Path
-        Of the first file.
-
-    Raises
-    ------
-    FaultError, LabError
-        As `fetch`.
-    """
+    """Write all files of a closed recording: the first to `path`, those that follow beside it."""
     # A recorder of before names the first file only, and knows no other.
     files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
     stale = [place for number, place in parts_beside(path).items() if number > len(files)]
@@ -165,26 +119,7 @@ def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: 
 def fetch_result(
     bus: Bus, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
 ) -> CampaignResult:
-    """Fetch the files of a finished campaign into a folder.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    specification : CampaignSpec
-        What was asked for.
-    status : CampaignStatus
-        How it ended.
-    folder : Path
-        Where `recording.mcap`, what it goes on with where it is long, and `live.rrd`, if the recorder writes one, go.
-
-    Raises
-    ------
-    LabError
-        Signal blocks were lost on the bus: a recording with holes proves nothing.
-    FaultError
-        The recorder refused, or is gone.
-    """
+    """Fetch the files of a finished campaign into a folder."""
     information = wait_until_closed(bus, specification.id)
     if information.missing_blocks:
         raise LabError(
@@ -198,27 +133,7 @@ def fetch_result(
 
 
 def fetch_files(bus: Bus, information: recorder_pb2.RecordingInfo, *, folder: Path) -> tuple[Path, Path]:
-    """Fetch the files of a closed recording into a folder.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    information : RecordingInfo
-        What the recorder says about it.
-    folder : Path
-        As for `fetch_result`.
-
-    Returns
-    -------
-    recording_path, live_path : Path
-        Of `recording.mcap` and `live.rrd`, which is not there where the recorder writes none.
-
-    Raises
-    ------
-    FaultError, LabError
-        As `fetch`.
-    """
+    """Fetch the files of a closed recording into a folder."""
     recording_path, live_path = folder / "recording.mcap", folder / "live.rrd"
     fetch_recording(bus, information, path=recording_path)
     try:

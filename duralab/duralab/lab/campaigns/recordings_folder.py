@@ -29,14 +29,8 @@ RECORDINGS: Final = "recordings"
 class RecordingsPlace:
     """Where the recorder of a lab writes, as far as this process knows, and what became of it.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        The recorder's; None where it is not known, or deleted at the end whatever is in it.
-    passing : Path, optional
-        A folder that is deleted at the end of the lab: nothing in it is safe.
-    goes_on : bool
-        Whether the recorder outlives this session.
+    `folder`: The recorder's; None where it is not known, or deleted at the end whatever is in it. `passing`: A folder
+    that is deleted at the end of the lab: nothing in it is safe. `goes_on`: Whether the recorder outlives this session.
     """
 
     folder: Path | None = None
@@ -52,15 +46,8 @@ class RecordingsPlace:
     def file(self, id: str) -> Path | None:
         """Return the first file of a recording where the recorder wrote it; None where there is none.
 
-        Parameters
-        ----------
-        id : str
-            Name of the campaign.
-
-        Returns
-        -------
-        Path or None
-            The file, or None.
+        `id`: Name of the campaign.
+        Returns: The file, or None.
         """
         path = None if self.folder is None else self.folder / f"{id}.mcap"
         return path if path is not None and path.is_file() else None
@@ -68,25 +55,15 @@ class RecordingsPlace:
     def outlives(self, path: Path) -> bool:
         """Return whether a file of this path is there when the lab has ended.
 
-        Parameters
-        ----------
-        path : Path
-            The path.
-
-        Returns
-        -------
-        bool
-            True where it stays.
+        `path`: The path.
+        Returns: True where it stays.
         """
         return self.passing is None or not path.is_relative_to(self.passing)
 
     def fetched(self, id: str) -> None:
         """Note that the whole recording is where its user wants it.
 
-        Parameters
-        ----------
-        id : str
-            Name of the campaign.
+        `id`: Name of the campaign.
         """
         self._fetched.add(id)
 
@@ -95,15 +72,9 @@ class RecordingsPlace:
 
         A copy and no link: the recorder repairs a file that was never finished, and the given one stays as it is.
 
-        Parameters
-        ----------
-        recording : Recording
-            Its files are only read.
-
-        Raises
-        ------
-        InputError
-            The folder is not this process's, holds a recording of that name, or a file cannot be copied.
+        `recording`: Its files are only read.
+        Raises `InputError`: The folder is not this process's, holds a recording of that name, or a file cannot be
+        copied.
         """
         id = recording.specification.id
         if self.folder is None:
@@ -126,15 +97,8 @@ class RecordingsPlace:
     def expect_change(self, id: str) -> bool:
         """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy.
 
-        Parameters
-        ----------
-        id : str
-            Name of the campaign.
-
-        Returns
-        -------
-        bool
-            Whether an unchanged copy was noted.
+        `id`: Name of the campaign.
+        Returns: Whether an unchanged copy was noted.
         """
         is_copy = id in self._copies
         self._copies.discard(id)
@@ -143,27 +107,15 @@ class RecordingsPlace:
     def unchanged(self, id: str) -> None:
         """Note that a copy is unchanged after all.
 
-        Parameters
-        ----------
-        id : str
-            Name of the campaign.
+        `id`: Name of the campaign.
         """
         self._copies.add(id)
 
     def say(self, id: str, sentence: str) -> str:
         """Return the sentence about where a recording is, noted for whoever ends the lab with another error.
 
-        Parameters
-        ----------
-        id : str
-            Name of the campaign.
-        sentence : str
-            Where its recording is.
-
-        Returns
-        -------
-        str
-            The sentence.
+        `id`: Name of the campaign. `sentence`: Where its recording is.
+        Returns: The sentence.
         """
         self._said[id] = sentence
         return sentence
@@ -176,10 +128,7 @@ class RecordingsPlace:
     def add_notes(self, error: BaseException) -> None:
         """Add to an error what was said of recordings, and where those are of which nothing was said.
 
-        Parameters
-        ----------
-        error : BaseException
-            The error that ends the lab.
+        `error`: The error that ends the lab.
         """
         told = "\n".join([str(error), *getattr(error, "__notes__", ())])
         for sentence in (*self._said.values(), *self.unsaid()):
@@ -198,20 +147,9 @@ def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
     It lies in the folder of the results and is no temporary one: it is deleted only when each recording in it was
     fetched whole. However a campaign ends, and whoever interrupts whom, what was committed is there and stays there.
 
-    Parameters
-    ----------
-    out : Path or None
-        Folder of the results; a temporary one, of which only such recordings stay, where None.
-
-    Yields
-    ------
-    RecordingsPlace
-        Its `folder` exists.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made.
+    `out`: Folder of the results; a temporary one, of which only such recordings stay, where None.
+    Yields: Its `folder` exists.
+    Raises `InputError`: The folder cannot be made.
     """
     parent = Path(tempfile.mkdtemp(prefix="duralab-")) if out is None else out
     folder = _new_folder(parent)

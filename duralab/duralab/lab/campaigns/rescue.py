@@ -28,16 +28,7 @@ LabErrorT = TypeVar("LabErrorT", bound=LabError)
 class Rescue:
     """What becomes of the recording of one campaign that ends badly.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    id : str
-        The campaign.
-    folder : Path
-        Where its outputs are to go.
-    place : RecordingsPlace
-        Where the recorder writes.
+    `ask`: The session. `id`: The campaign. `folder`: Where its outputs are to go. `place`: Where the recorder writes.
     """
 
     ask: Asking
@@ -48,44 +39,24 @@ class Rescue:
     def told(self, error: LabErrorT, *, played: bool) -> LabErrorT:
         """Bring what was committed to its user, and return the error with where it is.
 
-        Parameters
-        ----------
-        error : LabError
-            Why the campaign ended.
-        played : bool
-            Whether a playback was completed: without one there is nothing to report.
-
-        Returns
-        -------
-        LabErrorT
-            The same error, with a note.
+        `error`: Why the campaign ended. `played`: Whether a playback was completed: without one there is nothing to
+        report.
+        Returns: The same error, with a note.
         """
         return _with(error, self._brought(played=played))
 
     def named(self, error: LabErrorT) -> LabErrorT:
         """Return the error of a finished campaign that could not be fetched, with where its recording lies.
 
-        Parameters
-        ----------
-        error : LabErrorT
-            Why the recording could not be fetched.
-
-        Returns
-        -------
-        LabErrorT
-            The same error, with a note.
+        `error`: Why the recording could not be fetched.
+        Returns: The same error, with a note.
         """
         return _with(error, self._where_it_lies(played=True))
 
     def note(self, interrupt: KeyboardInterrupt, *, played: bool) -> None:
         """Bring what was committed to its user, and note in the interrupt where it is.
 
-        Parameters
-        ----------
-        interrupt : KeyboardInterrupt
-            The interrupt.
-        played : bool
-            Whether a playback was completed.
+        `interrupt`: The interrupt. `played`: Whether a playback was completed.
         """
         if sentence := self._brought(played=played):
             interrupt.add_note(sentence)
@@ -93,12 +64,7 @@ class Rescue:
     def note_where_it_lies(self, interrupt: KeyboardInterrupt, *, played: bool) -> None:
         """Note where it is in the interrupt of somebody who does not want to wait.
 
-        Parameters
-        ----------
-        interrupt : KeyboardInterrupt
-            The interrupt.
-        played : bool
-            Whether a playback was completed.
+        `interrupt`: The interrupt. `played`: Whether a playback was completed.
         """
         if sentence := self._where_it_lies(played=played):
             interrupt.add_note(sentence)

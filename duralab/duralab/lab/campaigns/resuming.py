@@ -39,15 +39,8 @@ _REFUSED: Final = frozenset(
 def recording_file(given: str | Path) -> Path | None:
     """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash.
 
-    Parameters
-    ----------
-    given : str or Path
-        Path of a recording, or id of a campaign.
-
-    Returns
-    -------
-    Path or None
-        The path, or None.
+    `given`: Path of a recording, or id of a campaign.
+    Returns: The path, or None.
     """
     if isinstance(given, os.PathLike) or (isinstance(given, str) and (os.sep in given or given.endswith(".mcap"))):
         return Path(given)
@@ -57,17 +50,8 @@ def recording_file(given: str | Path) -> Path | None:
 def expected_id(recording: Recording, *, is_changed: bool) -> str:
     """Return the name of the campaign that continues a recording in a lab that holds no other.
 
-    Parameters
-    ----------
-    recording : Recording
-        The file.
-    is_changed : bool
-        Whether other settings or an earlier playback are asked for.
-
-    Returns
-    -------
-    str
-        Name of the campaign.
+    `recording`: The file. `is_changed`: Whether other settings or an earlier playback are asked for.
+    Returns: Name of the campaign.
     """
     id = recording.specification.id
     if recording.closed is None and not is_changed:
@@ -77,22 +61,7 @@ def expected_id(recording: Recording, *, is_changed: bool) -> str:
 
 
 def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
-    """Return what a campaign was asked to do, from the first step of its recording.
-
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    key : str
-        Of the recording's steps.
-
-    Raises
-    ------
-    FaultError
-        There is no such recording, or it is damaged.
-    LabError
-        It is no campaign's.
-    """
+    """Return what a campaign was asked to do, from the first step of its recording."""
     answer = bus.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
     first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
     if first.message_type != iterator_pb2.CampaignSpec.DESCRIPTOR.full_name:
@@ -142,38 +111,12 @@ def resume_campaign(
 ) -> CampaignResult:
     """Resume a campaign and collect what it leaves; see `Lab.resume`.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    id : str
-        The campaign.
-    settings : Campaign, PartialSettings or None
-        Whose update and stop criteria take the place of its own.
-    from_iteration : int
-        The last playback to build on; 0 is the last there is.
-    describe : callable
-        Returns what a rig is.
-    folder : callable
-        Returns where the outputs of a campaign go.
-    place : RecordingsPlace
-        Where the recorder writes.
-    replace : bool
-        Whether outputs that are there are overwritten.
-    tell : callable
-        Told how far it is.
-    patience : Patience
-        How long to wait.
-
-    Returns
-    -------
-    CampaignResult
-        The result, its files fetched.
-
-    Raises
-    ------
-    LabError
-        See `Lab.resume`.
+    `ask`: The session. `id`: The campaign. `settings`: Whose update and stop criteria take the place of its own.
+    `from_iteration`: The last playback to build on; 0 is the last there is. `describe`: Returns what a rig is.
+    `folder`: Returns where the outputs of a campaign go. `place`: Where the recorder writes. `replace`: Whether outputs
+    that are there are overwritten. `tell`: Told how far it is. `patience`: How long to wait.
+    Returns: The result, its files fetched.
+    Raises `LabError`: See `Lab.resume`.
     """
     parent = _parent(ask, id, from_iteration=from_iteration)
     request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)

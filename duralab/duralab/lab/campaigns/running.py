@@ -24,19 +24,8 @@ _STOP_SILENCE_SECONDS: Final = 2.0
 def free_id(ask: Asking, name: str, *, first: int = 1) -> str:
     """Return the campaign's name, with a number where the lab's recorder holds one of that name already.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    name : str
-        Without a number.
-    first : int
-        Least number.
-
-    Returns
-    -------
-    str
-        A name that the recorder does not hold.
+    `ask`: The session. `name`: Without a number. `first`: Least number.
+    Returns: A name that the recorder does not hold.
     """
     taken = {
         information.recording
@@ -59,30 +48,10 @@ def followed(
 ) -> iterator_pb2.CampaignStatus:
     """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    id : str
-        Name of the campaign.
-    begin : callable
-        Begins it and returns its first status.
-    tell : OnProgress
-        Receives the progress.
-    rescue : Rescue
-        Keeps what can be kept where it fails.
-    patience : Patience
-        How long to wait.
-
-    Returns
-    -------
-    CampaignStatus
-        The status at the end.
-
-    Raises
-    ------
-    LabError
-        The campaign could not be followed to its end.
+    `ask`: The session. `id`: Name of the campaign. `begin`: Begins it and returns its first status. `tell`: Receives
+    the progress. `rescue`: Keeps what can be kept where it fails. `patience`: How long to wait.
+    Returns: The status at the end.
+    Raises `LabError`: The campaign could not be followed to its end.
     """
     begun, played = False, False
 
@@ -133,21 +102,9 @@ def stop_campaign(
 ) -> iterator_pb2.CampaignStatus:
     """Stop a campaign; raises FaultError where the iterator does not know it.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    id : str
-        Name of the campaign.
-    reason : str
-        Why it is stopped, in words.
-    silence_seconds : float
-        Largest time without an answer, in seconds.
-
-    Returns
-    -------
-    CampaignStatus
-        The status after the stop.
+    `ask`: The session. `id`: Name of the campaign. `reason`: Why it is stopped, in words. `silence_seconds`: Largest
+    time without an answer, in seconds.
+    Returns: The status after the stop.
     """
     return ask.bus.query(
         ask.key("id", ask.bus.keys.campaign_stop, id),
@@ -167,28 +124,10 @@ def collect(
 ) -> CampaignResult:
     """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    specification : CampaignSpec
-        What was asked for.
-    status : CampaignStatus
-        How the campaign ended.
-    folder : Path
-        Where its files go.
-    rescue : Rescue
-        Keeps what can be kept where fetching fails.
-
-    Returns
-    -------
-    CampaignResult
-        The result, its files fetched.
-
-    Raises
-    ------
-    LabError
-        The files could not be fetched; CampaignFaultError where the campaign ended early.
+    `ask`: The session. `specification`: What was asked for. `status`: How the campaign ended. `folder`: Where its files
+    go. `rescue`: Keeps what can be kept where fetching fails.
+    Returns: The result, its files fetched.
+    Raises `LabError`: The files could not be fetched; CampaignFaultError where the campaign ended early.
     """
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
         error = ask.failure() or CampaignFaultError(

@@ -14,25 +14,12 @@ from duralab.formats import convert_units, named_units, read_signals
 def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signals:
     """Read a drive from a file of any format that `duralab.formats` knows.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its channels have the names of the rig's drives, in any order.
-    rig : Rig
-        That shall play it.
-    units : sequence of str
-        What the values are in where the file does not say it: one unit for all such channels, or "<channel>=<unit>",
-        which goes before what the file says of that channel.
-
-    Returns
-    -------
-    Signals
-        All drives of the rig in its order and units, at its sample rate.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, a drive is missing or unknown, or a unit or the sample rate is missing or does not fit.
+    `path`: The file; its channels have the names of the rig's drives, in any order. `rig`: That shall play it. `units`:
+    What the values are in where the file does not say it: one unit for all such channels, or "<channel>=<unit>", which
+    goes before what the file says of that channel.
+    Returns: All drives of the rig in its order and units, at its sample rate.
+    Raises `InputError`: The file cannot be read, a drive is missing or unknown, or a unit or the sample rate is missing
+    or does not fit.
     """
     signals = read_signals(path)
     wanted = {channel.name: channel for channel in rig.drives}

@@ -16,26 +16,7 @@ if TYPE_CHECKING:
 
 
 def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals, rig: Rig) -> Signals:
-    """Return the drive with the rig's channels, in its order.
-
-    Parameters
-    ----------
-    drive : array or Signals, shape (drives, samples)
-        A plain array in the units, the order and at the sample rate of the rig's description; with names in any order.
-    rig : Rig
-        That shall play it.
-
-    Returns
-    -------
-    Signals
-        The same; where the names are other ones they are left as they are, for the rig to refuse.
-
-    Raises
-    ------
-    InputError
-        The shape does not fit, a value is masked, not real or not finite, a channel with a name has no unit, or an
-        array without names has one.
-    """
+    """Return the drive with the rig's channels, in its order."""
     if isinstance(drive, Signals):
         return _checked(_in_order(drive, rig))
     # Not an import of xarray for who has none: only a dataset, or an array with names, is told by name.

@@ -37,20 +37,10 @@ def play_drive(
 ) -> Played:
     """Play a drive on a rig; see `Lab.play`.
 
-    Parameters
-    ----------
-    ask, rig, drive, run, seed, real_time, tell, patience
-        The lab, the rig as it described itself, and what `Lab.play` was given; drives have shape (drives, samples).
-
-    Returns
-    -------
-    Played
-        What came back.
-
-    Raises
-    ------
-    LabError
-        See `Lab.play`.
+    `ask`, `rig`, `drive`, `run`, `seed`, `real_time`, `tell`, `patience`: The lab, the rig as it described itself, and
+    what `Lab.play` was given; drives have shape (drives, samples).
+    Returns: What came back.
+    Raises `LabError`: See `Lab.play`.
     """
     require_seed(seed)
     if run is not None:
@@ -108,26 +98,9 @@ def _wrong_answer(rig: Rig, what: str, *, field: str) -> LabError:
 def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
     """Stop a rig where the patience with what moves it ends, so that it rests when the error arrives.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    rig : str
-        Name of the rig.
-    patience : Patience
-        Deadline of what moves the rig.
-
-    Yields
-    ------
-    None
-        Nothing; the body of the `with` statement moves the rig.
-
-    Raises
-    ------
-    LabTimeoutError
-        The time is over.
-    StoppedError
-        The wait was cancelled.
+    `ask`: The session. `rig`: Name of the rig. `patience`: Deadline of what moves the rig.
+    Yields: Nothing; the body of the `with` statement moves the rig.
+    Raises `LabTimeoutError`: The time is over. `StoppedError`: The wait was cancelled.
     """
     try:
         yield
@@ -152,19 +125,8 @@ def _halted(ask: Asking, rig: str, reason: str) -> str:
 def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
     """Ramp a rig down and latch it; return when it rests, or at once where its run cannot be stopped.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    rig : str
-        Name of the rig.
-    reason : str
-        Why it is stopped, in words.
-
-    Returns
-    -------
-    RigState
-        State after the stop.
+    `ask`: The session. `rig`: Name of the rig. `reason`: Why it is stopped, in words.
+    Returns: State after the stop.
     """
     require_text(reason, field="reason")
     key = ask.key("rig", ask.bus.keys.rig_stop, rig)
@@ -176,17 +138,8 @@ def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
 def reset_rig(ask: Asking, rig: str) -> RigState:
     """Clear the latch of a rig.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    rig : str
-        Name of the rig.
-
-    Returns
-    -------
-    RigState
-        State after the reset.
+    `ask`: The session. `rig`: Name of the rig.
+    Returns: State after the reset.
     """
     key = ask.key("rig", ask.bus.keys.rig_reset, rig)
     return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState))
@@ -195,17 +148,8 @@ def reset_rig(ask: Asking, rig: str) -> RigState:
 def state_of_rig(ask: Asking, rig: str) -> RigState:
     """Ask a rig what it does.
 
-    Parameters
-    ----------
-    ask : Asking
-        The session.
-    rig : str
-        Name of the rig.
-
-    Returns
-    -------
-    RigState
-        State of the rig.
+    `ask`: The session. `rig`: Name of the rig.
+    Returns: State of the rig.
     """
     key = ask.key("rig", ask.bus.keys.rig_state, rig)
     return RigState.from_message(ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))

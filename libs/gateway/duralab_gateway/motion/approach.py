@@ -38,21 +38,10 @@ class Ramped(Protocol):
 def lead_in(approach: Approach, first: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
     """Return the commands from rest to a drive's first sample.
 
-    Parameters
-    ----------
-    approach : Approach
-        Of the rig.
-    first : (drives,)
-        The drive's first sample, each value in its channel's unit.
-    channels : sequence of Ramped
-        The drives.
-    sample_rate : float
-        In Hz.
-
-    Returns
-    -------
-    ndarray, (drives, samples + 1)
-        Its last column is the drive's first sample. No samples where that is zero, or where the rig begins with a step.
+    `approach`: Of the rig. `first`: The drive's first sample, each value in its channel's unit. `channels`: The drives.
+    `sample_rate`: In Hz.
+    Returns: Its last column is the drive's first sample. No samples where that is zero, or where the rig begins with a
+    step.
     """
     if approach.ramp == 0.0 or not first.any():
         return first[:, None]
@@ -66,21 +55,9 @@ def lead_in(approach: Approach, first: np.ndarray, channels: Sequence[Ramped], s
 def lead_out(approach: Approach, heading: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
     """Return the commands from where a rig is heading to zero.
 
-    Parameters
-    ----------
-    approach : Approach
-        Of the rig.
-    heading : (drives,)
-        The command that the rig is on its way to, each value in its channel's unit.
-    channels : sequence of Ramped
-        The drives.
-    sample_rate : float
-        In Hz.
-
-    Returns
-    -------
-    ndarray, (drives, samples + 1)
-        Zero exactly from the end of the ramp on; the last column is only looked ahead to.
+    `approach`: Of the rig. `heading`: The command that the rig is on its way to, each value in its channel's unit.
+    `channels`: The drives. `sample_rate`: In Hz.
+    Returns: Zero exactly from the end of the ramp on; the last column is only looked ahead to.
     """
     samples = _ramp_samples(approach.ramp_down, heading, channels, sample_rate)
     fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, samples + 1)))

@@ -25,27 +25,11 @@ class NamedChannel(DriveChannel, Protocol):
 class FollowedDrive(DrivePlayback):
     """A playback whose blocks are commands to a controller, and its measurements.
 
-    Parameters
-    ----------
-    follow : callable
-        Plays commands (drives, samples) and returns the measured (responses, samples). It may return fewer samples
-        where `stopped` says that the run is to end.
-    drive : (drives, samples)
-        Checked, each row in its channel's unit.
-    channels : sequence of NamedChannel
-        Its drives.
-    response_names : sequence of str
-        Names of the measured channels.
-    approach : Approach
-        Ways to the first sample and back.
-    sample_rate : float
-        In Hz.
-    block_samples : int
-        Samples of every call of `follow` but the last.
-    stopped : callable
-        Whether the run has to end.
-    frames : callable
-        Where the bodies are now; see `DrivePlayback.frames`.
+    `follow`: Plays commands (drives, samples) and returns the measured (responses, samples). It may return fewer
+    samples where `stopped` says that the run is to end. `drive`: Checked, each row in its channel's unit. `channels`:
+    Its drives. `response_names`: Names of the measured channels. `approach`: Ways to the first sample and back.
+    `sample_rate`: In Hz. `block_samples`: Samples of every call of `follow` but the last. `stopped`: Whether the run
+    has to end. `frames`: Where the bodies are now; see `DrivePlayback.frames`.
     """
 
     def __init__(

@@ -8,18 +8,8 @@ import numpy as np
 def to_poses(frames: np.ndarray) -> np.ndarray:
     """Turn rotation matrices into quaternions, for many instants at once.
 
-    Parameters
-    ----------
-    frames : (instants, bodies, 12)
-        Rotation row by row, then the origin in m.
-
-    Returns
-    -------
-    ndarray, (instants, bodies, 7)
-        x, y, z in m, then the unit quaternion w, x, y, z with w >= 0, body to world.
-
-    Notes
-    -----
+    `frames`: Rotation row by row, then the origin in m.
+    Returns: x, y, z in m, then the unit quaternion w, x, y, z with w >= 0, body to world.
     The largest of the four elements is computed from the diagonal, the others from it (Shepperd 1978): no division by a
     small number.
     """

@@ -50,16 +50,8 @@ class Watchdog:
 class Trip:
     """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s.
 
-    Parameters
-    ----------
-    watchdog : Watchdog
-        The one that tripped.
-    value : float
-        The first value outside, in the watchdog's unit.
-    limit : float
-        The limit that it passed.
-    seconds : float
-        Time within the run, in s; negative before the drive's first sample.
+    `watchdog`: The one that tripped. `value`: The first value outside, in the watchdog's unit. `limit`: The limit that
+    it passed. `seconds`: Time within the run, in s; negative before the drive's first sample.
     """
 
     watchdog: Watchdog
@@ -81,15 +73,8 @@ class Trip:
 def when(seconds: float) -> str:
     """Say a time of a run in words.
 
-    Parameters
-    ----------
-    seconds : float
-        Since the drive's first sample, in s; negative before it.
-
-    Returns
-    -------
-    str
-        Part of a sentence, such as "at 1.500 s".
+    `seconds`: Since the drive's first sample, in s; negative before it.
+    Returns: Part of a sentence, such as "at 1.500 s".
     """
     return f"at {seconds:.3f} s" if seconds >= 0.0 else f"{-seconds:.3f} s before the drive began"
 
@@ -97,12 +82,7 @@ def when(seconds: float) -> str:
 class WatchdogMonitor:
     """Monitor of a playback: all watchdogs of a rig, block by block.
 
-    Parameters
-    ----------
-    watchdogs : sequence of Watchdog
-        Of the rig that plays.
-    sample_rate : float
-        In Hz.
+    `watchdogs`: Of the rig that plays. `sample_rate`: In Hz.
     """
 
     def __init__(self, watchdogs: Sequence[Watchdog], *, sample_rate: float) -> None:
@@ -115,21 +95,10 @@ class WatchdogMonitor:
     ) -> Trip | None:
         """Look at a block.
 
-        Parameters
-        ----------
-        first_sample : int
-            Index of the block's first sample within the run.
-        response : (responses, samples)
-            As measured, each row in its channel's unit.
-        following_error : (drives, samples)
-            Command less achieved value, each row in its drive's unit; zero where no actuator follows.
-        monitored : (monitored values, samples)
-            In their own units.
-
-        Returns
-        -------
-        Trip or None
-            The earliest violation; of several at one sample, the first in the order of the watchdogs.
+        `first_sample`: Index of the block's first sample within the run. `response`: As measured, each row in its
+        channel's unit. `following_error`: Command less achieved value, each row in its drive's unit; zero where no
+        actuator follows. `monitored`: In their own units.
+        Returns: The earliest violation; of several at one sample, the first in the order of the watchdogs.
         """
         values = {Source.RESPONSE: response, Source.FOLLOWING_ERROR: following_error, Source.MONITORED: monitored}
         earliest: Trip | None = None

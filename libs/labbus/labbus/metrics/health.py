@@ -18,10 +18,7 @@ _KINDS: Final = {
 class HealthService:
     """Health of a process; its uptime counts from the construction of this object.
 
-    Parameters
-    ----------
-    metrics : Metrics
-        Metrics of the process.
+    `metrics`: Metrics of the process.
     """
 
     def __init__(self, metrics: Metrics) -> None:

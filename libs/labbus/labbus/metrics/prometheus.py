@@ -49,22 +49,9 @@ class _Collector:
 def serve_metrics(config: MetricsConfig, metrics: Metrics) -> Iterator[str]:
     """Serve the metrics to Prometheus until the `with` block ends.
 
-    Parameters
-    ----------
-    config : MetricsConfig
-        Host and port of the page.
-    metrics : Metrics
-        Metrics of the process.
-
-    Yields
-    ------
-    str
-        Address of the page.
-
-    Raises
-    ------
-    ConfigError
-        The host is none of this machine's, or the port is in use.
+    `config`: Host and port of the page. `metrics`: Metrics of the process.
+    Yields: Address of the page.
+    Raises `ConfigError`: The host is none of this machine's, or the port is in use.
     """
     # A tenth of a second to import, which a lab script need not wait for.
     from prometheus_client import start_http_server

@@ -23,23 +23,11 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 def configured(config_type: type[ConfigT], path: Path | str | None) -> ConfigT:
     """Return a configuration: what stands in the environment, else in the file, else the default.
 
-    Parameters
-    ----------
-    config_type : type
-        The pydantic model it must fit.
-    path : Path or str, optional
-        A YAML file with one mapping; the environment alone where not given.
-
-    Returns
-    -------
-    ConfigT
-        The checked configuration.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read or is not YAML, a variable is not JSON where it must be, or the whole does not fit; all
-        that does not fit is named at once.
+    `config_type`: The pydantic model it must fit. `path`: A YAML file with one mapping; the environment alone where not
+    given.
+    Returns: The checked configuration.
+    Raises `ConfigError`: The file cannot be read or is not YAML, a variable is not JSON where it must be, or the whole
+    does not fit; all that does not fit is named at once.
     """
     content: dict[str, Any] = {} if path is None else read_mapping(path)
     variables = {name: text for name, text in os.environ.items() if name.upper().startswith(ENVIRONMENT_PREFIX)}

@@ -15,11 +15,6 @@ def stacks() -> dict[str, list[str]]:
 
     Not by faulthandler, which reads the frames of threads while they run: of three dozen processes that were told to
     end meanwhile, one crashed.
-
-    Returns
-    -------
-    dict
-        By the thread's name and number: "<file>:<line> <function>" of each call.
     """
     names = {thread.ident: thread.name for thread in threading.enumerate()}
     return {

@@ -22,16 +22,8 @@ from duralab_proto.keys import Keys
 class AskingToken:
     """A declared token.
 
-    Parameters
-    ----------
-    asker : str
-        Its random id, which goes with the query.
-    session : zenoh.Session
-        On which it is declared.
-    token : zenoh.LivelinessToken
-        As Zenoh gave it.
-    answered : bool
-        Set by who asked when the service is done with the query: then another query may take the token.
+    `asker`: Its random id, which goes with the query. `session`: On which it is declared. `token`: As Zenoh gave it.
+    `answered`: Set by who asked when the service is done with the query: then another query may take the token.
     """
 
     asker: str

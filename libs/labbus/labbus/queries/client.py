@@ -101,16 +101,9 @@ class _Question(Generic[MessageT]):
 class QueryClient:
     """Client of the queries that one session sends.
 
-    Parameters
-    ----------
-    session : BusSession
-        Session on which it asks.
-    keys : Keys
-        Keys of the lab.
-    tracker : LivelinessTracker
-        Liveliness of the services: a query ends when its service vanishes.
-    largest_bytes : int
-        Largest request that is sent and largest answer that is accepted, in bytes.
+    `session`: Session on which it asks. `keys`: Keys of the lab. `tracker`: Liveliness of the services: a query ends
+    when its service vanishes. `largest_bytes`: Largest request that is sent and largest answer that is accepted, in
+    bytes.
     """
 
     def __init__(self, session: BusSession, keys: Keys, tracker: LivelinessTracker, *, largest_bytes: int) -> None:

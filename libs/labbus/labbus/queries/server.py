@@ -66,20 +66,9 @@ class Served:
 class QueryServer:
     """Server of the queries that one session receives.
 
-    Parameters
-    ----------
-    session : BusSession
-        Session on which the keys are served.
-    keys : Keys
-        Keys of the lab.
-    service : str
-        Service that is named in faults.
-    workers : int
-        Threads of a key that asks for no other number, 1 or more.
-    largest_bytes : int
-        Largest request that is accepted and largest answer that is sent, in bytes.
-    metrics : Metrics
-        Metrics of the process; the server adds its own.
+    `session`: Session on which the keys are served. `keys`: Keys of the lab. `service`: Service that is named in
+    faults. `workers`: Threads of a key that asks for no other number, 1 or more. `largest_bytes`: Largest request that
+    is accepted and largest answer that is sent, in bytes. `metrics`: Metrics of the process; the server adds its own.
     """
 
     def __init__(

@@ -29,14 +29,8 @@ JobT = TypeVar("JobT", bound=Job)
 class WorkerPool(Generic[JobT]):
     """Up to `workers` threads, started when needed; daemons, so that a stuck job does not keep the process alive.
 
-    Parameters
-    ----------
-    workers : int
-        1 or more.
-    name : str
-        Of the threads.
-    patience_seconds : float
-        How long a job waits for a worker before `take_overdue` returns it; infinite where none is to be refused.
+    `workers`: 1 or more. `name`: Of the threads. `patience_seconds`: How long a job waits for a worker before
+    `take_overdue` returns it; infinite where none is to be refused.
     """
 
     def __init__(self, workers: int, *, name: str, patience_seconds: float = PATIENCE_SECONDS) -> None:

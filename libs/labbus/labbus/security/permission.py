@@ -12,12 +12,7 @@ from labbus.session import Identity
 class Permission:
     """Tells whether a session may do something; one without a certificate may try everything.
 
-    Parameters
-    ----------
-    identity : Identity or None
-        Who the session is to a secured lab.
-    keys : Keys
-        Of the lab.
+    `identity`: Who the session is to a secured lab. `keys`: Of the lab.
     """
 
     def __init__(self, identity: Identity | None, keys: Keys) -> None:

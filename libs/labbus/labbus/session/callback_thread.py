@@ -21,12 +21,8 @@ class _End:
 class CallbackThread(Generic[T]):
     """Thread that calls one function for each item put, in order; the queue has no bound.
 
-    Parameters
-    ----------
-    deliver : callable
-        What it raises is logged; the next item is delivered all the same.
-    name : str
-        Of the thread, for logs and debuggers.
+    `deliver`: What it raises is logged; the next item is delivered all the same. `name`: Of the thread, for logs and
+    debuggers.
     """
 
     def __init__(self, deliver: Callable[[T], None], *, name: str) -> None:

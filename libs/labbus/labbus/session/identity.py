@@ -85,15 +85,7 @@ def check_identity(tls: TlsConfig) -> Identity:
 
 
 def explain_refusal(host: str, port: int, tls: TlsConfig) -> str:
-    """Return why a router that answers lets a session not in: Zenoh itself only says that it could not connect.
-
-    Parameters
-    ----------
-    host, port : str, int
-        Where it listens.
-    tls : TlsConfig
-        What the session shows, checked.
-    """
+    """Return why a router that answers lets a session not in: Zenoh itself only says that it could not connect."""
     name = _holder(_certificate(tls.certificate, "certificate"), tls.certificate).common_name
     context = ssl.create_default_context(cafile=str(tls.ca))
     context.load_cert_chain(tls.certificate, tls.key)

@@ -51,12 +51,7 @@ class LiveWatch:
 class LivelinessTracker:
     """Tracker of every liveliness token of the lab, including those declared before it.
 
-    Parameters
-    ----------
-    session : BusSession
-        Session that subscribes to the tokens.
-    keys : Keys
-        Keys of the lab.
+    `session`: Session that subscribes to the tokens. `keys`: Keys of the lab.
     """
 
     def __init__(self, session: BusSession, keys: Keys) -> None:

@@ -32,12 +32,7 @@ _ANY_PORT: Final = "0"
 class Reintroduction:
     """Watches over the links of one session; ended by `close`.
 
-    Parameters
-    ----------
-    config : BusConfig
-        Of the session.
-    tracker : LivelinessTracker
-        Tells who vanishes.
+    `config`: Of the session. `tracker`: Tells who vanishes.
     """
 
     def __init__(self, config: BusConfig, tracker: LivelinessTracker) -> None:

@@ -103,12 +103,7 @@ _AnyDeclaration = TypeVar("_AnyDeclaration", bound=Declaration[Any])
 class BusSession:
     """The session of a bus: Zenoh's, and for a client another one when its router was away.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-        Open.
-    config : BusConfig
-        How it was opened, and is again.
+    `session`: Open. `config`: How it was opened, and is again.
     """
 
     def __init__(self, session: zenoh.Session, config: BusConfig) -> None:
@@ -156,20 +151,9 @@ class BusSession:
     def declare(self, declare: Callable[[zenoh.Session], DeclaredT]) -> Declaration[DeclaredT]:
         """Declare something on this session and on each that takes its place.
 
-        Parameters
-        ----------
-        declare : callable
-            Given Zenoh's session, declares it there and returns it.
-
-        Returns
-        -------
-        Declaration
-            To be undeclared.
-
-        Raises
-        ------
-        zenoh.ZError
-            The session is closed, or refuses it.
+        `declare`: Given Zenoh's session, declares it there and returns it.
+        Returns: To be undeclared.
+        Raises `zenoh.ZError`: The session is closed, or refuses it.
         """
         return self._declared(Declaration(self, declare))
 

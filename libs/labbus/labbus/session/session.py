@@ -54,23 +54,11 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
 def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
     """Open a session.
 
-    Parameters
-    ----------
-    config : BusConfig
-        Mode, endpoints and certificates of the session.
-
-    Returns
-    -------
-    session : zenoh.Session
-        Connected to every endpoint of `config.connect`.
-    listening : tuple of str
-        The endpoints it accepts others at, with their actual ports.
-
-    Raises
-    ------
-    BusError
-        A port is in use, nothing answers at an endpoint of `connect`, the router lets this session not in, a
-        certificate or key is not usable, or Zenoh refuses the configuration.
+    `config`: Mode, endpoints and certificates of the session.
+    Returns: Connected to every endpoint of `config.connect`. The endpoints it accepts others at, with their actual
+    ports.
+    Raises `BusError`: A port is in use, nothing answers at an endpoint of `connect`, the router lets this session not
+    in, a certificate or key is not usable, or Zenoh refuses the configuration.
     """
     for attempt in range(1, _PORT_ATTEMPTS + 1):
         listening = () if config.mode is BusMode.CLIENT else tuple(_with_port(endpoint) for endpoint in config.listen)
@@ -158,17 +146,8 @@ def _answers(endpoint: str) -> bool:
 def explain_failure(error: str, config: BusConfig) -> str:
     """Turn a Zenoh error into one sentence with the value and what to do.
 
-    Parameters
-    ----------
-    error : str
-        Message of Zenoh's error.
-    config : BusConfig
-        Configuration of the session or router that could not be opened.
-
-    Returns
-    -------
-    str
-        One sentence.
+    `error`: Message of Zenoh's error. `config`: Configuration of the session or router that could not be opened.
+    Returns: One sentence.
     """
     if taken := re.search(r"listener bound to (\S+): \[?(.*?)(?: \(os error \d+\))? at /", error):
         if "in use" in taken[2]:

@@ -190,17 +190,9 @@ class Extent(NamedTuple):
 class Spool:
     """What is kept of one epoch, and how much of that somebody still waits for. Safe for threads.
 
-    Parameters
-    ----------
-    store : Store
-        Where it is kept.
-    held : bool
-        Whether a receiver stores the stream and says so by marks: then nothing unmarked gives way, and a full store
-        refuses. The oldest give way otherwise.
-    unheld_bytes : int
-        Bound while nobody does.
-    extent : Extent, optional
-        What the store holds already.
+    `store`: Where it is kept. `held`: Whether a receiver stores the stream and says so by marks: then nothing unmarked
+    gives way, and a full store refuses. The oldest give way otherwise. `unheld_bytes`: Bound while nobody does.
+    `extent`: What the store holds already.
     """
 
     def __init__(self, store: Store, *, held: bool, unheld_bytes: int, extent: Extent | None = None) -> None:
@@ -242,10 +234,8 @@ class Spool:
     def append(self, payload: bytes, encoding: str) -> int:
         """Keep the next message and return its number, the count of those before.
 
-        Raises
-        ------
-        SpoolFullError
-            It cannot be kept without giving up another one that is not marked, or the disk refuses it.
+        Raises `SpoolFullError`: It cannot be kept without giving up another one that is not marked, or the disk refuses
+        it.
         """
         with self._lock:
             seq = self._next

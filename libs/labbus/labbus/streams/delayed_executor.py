@@ -12,10 +12,7 @@ from collections.abc import Callable
 class DelayedExecutor:
     """Executor that runs each job after its delay; the thread starts with the first job.
 
-    Parameters
-    ----------
-    name : str
-        Name of the thread.
+    `name`: Name of the thread.
     """
 
     def __init__(self, name: str) -> None:

@@ -48,14 +48,8 @@ class StreamItem(NamedTuple, Generic[MessageT]):
 class RefusedItem(NamedTuple):
     """One message of a stream that came and is not what is expected.
 
-    Parameters
-    ----------
-    key : str
-        It was published on.
-    epoch, seq : int
-        Its position, as of a StreamItem.
-    fault : FaultError
-        INVALID_ARGUMENT: what is wrong with it.
+    `key`: It was published on. `epoch`, `seq`: Its position, as of a StreamItem. `fault`: INVALID_ARGUMENT: what is
+    wrong with it.
     """
 
     key: str
@@ -76,18 +70,7 @@ Received: TypeAlias = StreamItem[MessageT] | RefusedItem
 def read_item(
     sample: zenoh.Sample, *, key: str, message_type: type[MessageT], largest_bytes: int
 ) -> Received[MessageT]:
-    """Check and parse a stream message, live or replayed.
-
-    Returns
-    -------
-    StreamItem or RefusedItem
-        Refused where it is of another type, too large, or does not parse.
-
-    Raises
-    ------
-    FaultError
-        DATA_LOSS without epoch and sequence number: nobody knows which message it is.
-    """
+    """Check and parse a stream message, live or replayed."""
     attachment = sample.attachment
     position = b"" if attachment is None else attachment.to_bytes()
     if len(position) != POSITION.size:

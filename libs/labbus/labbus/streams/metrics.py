@@ -16,10 +16,7 @@ _BY_MESSAGE = ("message",)
 class StreamMetrics:
     """Metrics of the streams of one bus.
 
-    Parameters
-    ----------
-    metrics : Metrics
-        Metrics of its process.
+    `metrics`: Metrics of its process.
     """
 
     def __init__(self, metrics: Metrics) -> None:

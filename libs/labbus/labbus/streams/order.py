@@ -102,20 +102,7 @@ class StreamOrder(Generic[T]):
         return [item, *self._release()]
 
     def refuse(self, seq: int) -> tuple[bool, list[T]]:
-        """Take note of a message that came and cannot be read: it is lost, and what is behind it does not wait for it.
-
-        Parameters
-        ----------
-        seq : int
-            Its number.
-
-        Returns
-        -------
-        bool
-            Whether it is to be told of: not where it was before, or will be asked for again.
-        list
-            What may be handed on now, in order.
-        """
+        """Note a message that cannot be read: it is lost, and the messages behind it do not wait for it."""
         if seq in self._delivered or seq in self._held:
             return not any(seq in gap for gap in self._lost), []
         self._count = max(self._count, seq + 1)

@@ -138,10 +138,7 @@ class ReplayServer:
     that was ever declared on a key of its own, and every declaration takes longer for it (see
     `queries/asking_tokens.py`).
 
-    Parameters
-    ----------
-    session : BusSession
-        Session on which the spools are offered.
+    `session`: Session on which the spools are offered.
     """
 
     def __init__(self, session: BusSession) -> None:

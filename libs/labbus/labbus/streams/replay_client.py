@@ -27,12 +27,7 @@ Head = tuple[str, stream_pb2.StreamHead]
 class ReplayClient:
     """Client that requests kept messages from publishers.
 
-    Parameters
-    ----------
-    session : BusSession
-        Session on which it asks.
-    largest_bytes : int
-        Largest message that is accepted, in bytes.
+    `session`: Session on which it asks. `largest_bytes`: Largest message that is accepted, in bytes.
     """
 
     def __init__(self, session: BusSession, *, largest_bytes: int) -> None:
@@ -81,10 +76,7 @@ class ReplayClient:
     def ask_heads(self, key_expression: str, take: Callable[[Head], None]) -> zenoh.CancellationToken:
         """Ask how far the streams reach; each answer is handed over as it comes, on Zenoh's thread.
 
-        Returns
-        -------
-        CancellationToken
-            Ends the question, which otherwise ends by itself after 2 s.
+        Returns: Ends the question, which otherwise ends by itself after 2 s.
         """
 
         def on_reply(reply: zenoh.Reply) -> None:

@@ -13,20 +13,9 @@ FEWEST_LEVELS, MOST_LEVELS = 2, 8
 def level_series(request: identifier_pb2.LevelsRequest) -> tuple[identifier_pb2.IdentifyRequest, ...]:
     """Split a series into its experiments, from the lowest level to the highest.
 
-    Parameters
-    ----------
-    request
-        As received; nothing in it is trusted.
-
-    Returns
-    -------
-    tuple of IdentifyRequest
-        One for each level, with the seeds of the first and runs of their own: <run>.l1, <run>.l2, ...
-
-    Raises
-    ------
-    SettingsError
-        Where the factors are not allowed or the experiment has no levels.
+    `request`: As received; nothing in it is trusted.
+    Returns: One for each level, with the seeds of the first and runs of their own: <run>.l1, <run>.l2, ...
+    Raises `SettingsError`: Where the factors are not allowed or the experiment has no levels.
     """
     try:
         factors = from_array(request.factors, field="factors", shape=(None,), dtype=np.float64)

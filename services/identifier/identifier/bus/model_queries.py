@@ -26,22 +26,9 @@ LARGEST_CONVERGENCE_LINES: Final = 4096
 def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> identifier_pb2.Prediction:
     """Answer what a model expects of a drive.
 
-    Parameters
-    ----------
-    model
-        Of the rig.
-    request
-        As received; nothing in it is trusted.
-
-    Returns
-    -------
-    Prediction
-        As a message.
-
-    Raises
-    ------
-    SettingsError
-        Where the drive does not fit the model.
+    `model`: Of the rig. `request`: As received; nothing in it is trusted.
+    Returns: As a message.
+    Raises `SettingsError`: Where the drive does not fit the model.
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
     found = predict_response(
@@ -64,25 +51,11 @@ def converge(
 ) -> identifier_pb2.Convergence:
     """Answer how Time Waveform Replication with a model converges.
 
-    Parameters
-    ----------
-    model
-        Whose inverse makes the drives.
-    request
-        As received; nothing in it is trusted.
-    rig
-        The model that stands for the rig; None for `model` itself.
-
-    Returns
-    -------
-    Convergence
-        As a message.
-
-    Raises
-    ------
-    SettingsError
-        Where gains or band are not allowed, one of the models is not valid in the whole band, or the two do not belong
-        together.
+    `model`: Whose inverse makes the drives. `request`: As received; nothing in it is trusted. `rig`: The model that
+    stands for the rig; None for `model` itself.
+    Returns: As a message.
+    Raises `SettingsError`: Where gains or band are not allowed, one of the models is not valid in the whole band, or
+    the two do not belong together.
     """
     gain = _array(request.iteration_gain, field="iteration_gain", shape=(len(model.responses),))
     if rig is not None:
@@ -122,20 +95,9 @@ def converge(
 def drive_room(model: IdentifiedModel) -> NDArray[np.float64]:
     """Return how far each drive may go to both sides of 0.
 
-    Parameters
-    ----------
-    model
-        Of the rig.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (drives), each in its drive's unit, greater than 0.
-
-    Raises
-    ------
-    ValueError
-        Where the limits of a drive leave no room on one side.
+    `model`: Of the rig.
+    Returns: Shape (drives), each in its drive's unit, greater than 0.
+    Raises `ValueError`: Where the limits of a drive leave no room on one side.
     """
     room = np.array([min(-channel.minimum, channel.maximum) for channel in model.drives])
     for channel, free in zip(model.drives, room, strict=True):
@@ -152,24 +114,10 @@ def advise(
 ) -> identifier_pb2.LevelAdvice:
     """Answer which drive levels give responses like a target's.
 
-    Parameters
-    ----------
-    model
-        Of the rig.
-    request
-        As received; nothing in it is trusted.
-    room
-        Shape (drives), greater than 0: see `drive_room`.
-
-    Returns
-    -------
-    LevelAdvice
-        As a message.
-
-    Raises
-    ------
-    SettingsError
-        Where target, band or crest factor do not fit.
+    `model`: Of the rig. `request`: As received; nothing in it is trusted. `room`: Shape (drives), greater than 0: see
+    `drive_room`.
+    Returns: As a message.
+    Raises `SettingsError`: Where target, band or crest factor do not fit.
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
     band = _band(model, request.lowest_frequency, request.highest_frequency)
@@ -204,15 +152,8 @@ def advise(
 def difference(first: IdentifiedModel, second: IdentifiedModel) -> identifier_pb2.ModelDifference:
     """Compare two models of one rig from the same lines.
 
-    Parameters
-    ----------
-    first, second
-        Models of the same channels and lines.
-
-    Returns
-    -------
-    ModelDifference
-        As a message.
+    `first`, `second`: Models of the same channels and lines.
+    Returns: As a message.
     """
     _check_pair(first, second, field="")
     found = model_difference(

@@ -12,20 +12,9 @@ from spectra import hop_samples
 def settings_of(request: identifier_pb2.IdentifyRequest) -> IdentificationSettings:
     """Read and check a request.
 
-    Parameters
-    ----------
-    request
-        As received; nothing in it is trusted.
-
-    Returns
-    -------
-    IdentificationSettings
-        Sound by themselves, not yet checked against the rig.
-
-    Raises
-    ------
-    SettingsError
-        Where a name or value is not allowed.
+    `request`: As received; nothing in it is trusted.
+    Returns: Sound by themselves, not yet checked against the rig.
+    Raises `SettingsError`: Where a name or value is not allowed.
     """
     for field, check, name in (("rig", check_rig, request.rig), ("run", check_run, request.run)):
         try:

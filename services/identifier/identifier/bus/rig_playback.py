@@ -14,22 +14,9 @@ from labbus import Bus, Call, FaultError
 def describe_rig(bus: Bus, rig: str) -> RigUnderTest:
     """Ask a rig what it is.
 
-    Parameters
-    ----------
-    bus
-        Open.
-    rig
-        Its name.
-
-    Returns
-    -------
-    RigUnderTest
-        As it described itself.
-
-    Raises
-    ------
-    FaultError
-        Where it is not there, or describes itself in a way that cannot be worked with.
+    `bus`: Open. `rig`: Its name.
+    Returns: As it described itself.
+    Raises `FaultError`: Where it is not there, or describes itself in a way that cannot be worked with.
     """
     description = bus.query(bus.keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
     try:
@@ -49,32 +36,11 @@ def play_experiment(
 ) -> tuple[rig_pb2.PlayResult, NDArray[np.float64]]:
     """Play the drive of an experiment and wait for the response; break off when nobody waits for it any more.
 
-    Parameters
-    ----------
-    bus
-        Open.
-    request
-        Names the run and the rig's seed.
-    rig
-        What it is played on.
-    drive
-        Shape (drives, samples), each row in its channel's unit.
-    call
-        Takes the rig's progress.
-    progress
-        Share of the whole query before and after the playback, 0 to 1.
-
-    Returns
-    -------
-    played
-        The rig's answer.
-    response
-        Shape (responses, samples), each row in its channel's unit.
-
-    Raises
-    ------
-    FaultError
-        Where the rig does not play, answers something else, or the client gave up.
+    `bus`: Open. `request`: Names the run and the rig's seed. `rig`: What it is played on. `drive`: Shape (drives,
+    samples), each row in its channel's unit. `call`: Takes the rig's progress. `progress`: Share of the whole query
+    before and after the playback, 0 to 1.
+    Returns: The rig's answer. Shape (responses, samples), each row in its channel's unit.
+    Raises `FaultError`: Where the rig does not play, answers something else, or the client gave up.
     """
     given_up = threading.Event()
     if call.cancelled:

@@ -14,24 +14,11 @@ from spectra import CrossSpectra
 class AveragedSpectra:
     """Averaged one-sided densities; what the spectral estimators start from.
 
-    Parameters
-    ----------
-    frequency
-        Shape (lines), in hertz.
-    s_uu
-        Complex, shape (lines, drives, drives).
-    s_yu
-        Complex, shape (lines, responses, drives).
-    auto_y
-        Shape (lines, responses): the diagonal of ``S_yy``.
-    blocks
-        Blocks averaged.
-    independent_averages
-        Equivalent independent averages: Welch's formula under a window; captures where the drive is periodic.
-    lines
-        Shape (lines): the excited lines.
-    s_yy
-        Complex, shape (lines, responses, responses); None where it was not asked for.
+    `frequency`: Shape (lines), in hertz. `s_uu`: Complex, shape (lines, drives, drives). `s_yu`: Complex, shape (lines,
+    responses, drives). `auto_y`: Shape (lines, responses): the diagonal of ``S_yy``. `blocks`: Blocks averaged.
+    `independent_averages`: Equivalent independent averages: Welch's formula under a window; captures where the drive is
+    periodic. `lines`: Shape (lines): the excited lines. `s_yy`: Complex, shape (lines, responses, responses); None
+    where it was not asked for.
     """
 
     frequency: NDArray[np.float64]

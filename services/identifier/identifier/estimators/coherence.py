@@ -11,22 +11,6 @@ def multiple_coherence(
 
     It is high for dependent drives too: look at the condition number first.
 
-    Parameters
-    ----------
-    h1
-        ``S_yu S_uu^-1``, complex, shape (lines, responses, drives).
-    s_yu
-        Complex, shape (lines, responses, drives).
-    auto_y
-        Shape (lines, responses), greater than 0.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines, responses), 0 to 1.
-
-    Notes
-    -----
     Source: Bendat & Piersol, *Random Data*, section 7.3.
     """
     explained = np.einsum("fij,fij->fi", h1, s_yu.conj()).real
@@ -35,20 +19,7 @@ def multiple_coherence(
 
 
 def require_audible(auto_y: NDArray[np.float64], frequency: NDArray[np.float64]) -> None:
-    """Refuse a response that is silent at a line.
-
-    Parameters
-    ----------
-    auto_y
-        Shape (lines, responses).
-    frequency
-        Shape (lines), in hertz.
-
-    Raises
-    ------
-    ValueError
-        Where a response has no power.
-    """
+    """Refuse a response that is silent at a line."""
     silent = np.argwhere(auto_y <= 0.0)
     if silent.size:
         line, channel = silent[0]

@@ -10,26 +10,7 @@ LARGEST_CONDITION = 1e3
 def unit_diagonal(
     s_uu: NDArray[np.complex128], frequency: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Take the drives' units out of their cross-spectrum.
-
-    Parameters
-    ----------
-    s_uu
-        Complex, shape (lines, drives, drives).
-    frequency
-        Shape (lines), in hertz, for the refusal.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Amplitudes ``D``, shape (lines, drives), and ``R`` of unit diagonal, shape (lines, drives, drives), with
-        ``S_uu = D R D``.
-
-    Raises
-    ------
-    ValueError
-        Where a drive is silent at a line.
-    """
+    """Take the drives' units out of their cross-spectrum."""
     power = np.einsum("fjj->fj", s_uu).real
     silent = np.argwhere(power <= 0.0)
     if silent.size:
@@ -43,25 +24,7 @@ def unit_diagonal(
 
 
 def drive_condition(scaled: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Condition number of the drives' cross-spectrum at each line; dependent drives are refused.
-
-    Parameters
-    ----------
-    scaled
-        ``S_uu`` of unit diagonal, complex, shape (lines, drives, drives).
-    frequency
-        Shape (lines), in hertz, for the refusal.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines), from 1 to `LARGEST_CONDITION`.
-
-    Raises
-    ------
-    ValueError
-        Where it is larger; the two drives most alike are named.
-    """
+    """Condition number of the drives' cross-spectrum at each line; dependent drives are refused."""
     eigenvalues = np.linalg.eigvalsh(scaled)
     positive = eigenvalues[:, 0] > 0.0
     condition = np.divide(eigenvalues[:, -1], eigenvalues[:, 0], out=np.full(frequency.shape, np.inf), where=positive)

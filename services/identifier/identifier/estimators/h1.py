@@ -9,22 +9,6 @@ def h1(
 ) -> NDArray[np.complex128]:
     """FRF matrix by H1, ``S_yu S_uu^-1``, with ``S_uu = D R D`` solved through ``R``: units of drives do not matter.
 
-    Parameters
-    ----------
-    s_yu
-        Complex, shape (lines, responses, drives).
-    scaled_s_uu
-        ``R``, complex, shape (lines, drives, drives), well conditioned: see `condition.drive_condition`.
-    scale
-        ``D``, shape (lines, drives), greater than 0.
-
-    Returns
-    -------
-    numpy.ndarray
-        Complex, shape (lines, responses, drives), response unit per drive unit.
-
-    Notes
-    -----
     Source: Cornelis et al., ISMA 2014, Eq. 1; Bendat & Piersol, *Random Data*, chapter 7.
     """
     solved = np.linalg.solve(scaled_s_uu.transpose(0, 2, 1), (s_yu / scale[:, None, :]).transpose(0, 2, 1))

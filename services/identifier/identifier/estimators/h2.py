@@ -12,27 +12,6 @@ def h2(
 ) -> NDArray[np.complex128]:
     """FRF matrix by H2, ``S_yy S_uy^-1``.
 
-    Parameters
-    ----------
-    s_yy
-        Complex, shape (lines, responses, responses), each response with power.
-    s_yu
-        Complex, shape (lines, responses, drives); as many responses as drives.
-    frequency
-        Shape (lines), in hertz, for the refusal.
-
-    Returns
-    -------
-    numpy.ndarray
-        Complex, shape (lines, responses, drives).
-
-    Raises
-    ------
-    ValueError
-        Where it is not square, or ``S_uy`` is singular.
-
-    Notes
-    -----
     ``S_uy = S_yu^H`` is not Hermitian, so it is solved as a general matrix.
     Source: Bendat & Piersol, *Random Data*, chapter 7; method named as in Cornelis et al., ISMA 2014.
     """

@@ -15,29 +15,6 @@ def hv(
     Every channel is first divided by its own amplitude at the line, so noise is taken to be the same share of each
     channel's power and units do not matter. For one drive its magnitude is the geometric mean of H1 and H2.
 
-    Parameters
-    ----------
-    auto_y
-        Shape (lines, responses), greater than 0.
-    s_yu
-        Complex, shape (lines, responses, drives).
-    scaled_s_uu
-        ``S_uu`` of unit diagonal, complex, shape (lines, drives, drives).
-    scale
-        Amplitudes that were divided out of it, shape (lines, drives).
-
-    Returns
-    -------
-    numpy.ndarray
-        Complex, shape (lines, responses, drives).
-
-    Raises
-    ------
-    ValueError
-        Where a response's smallest eigenvector does not contain the response.
-
-    Notes
-    -----
     Source: Rocklin, Crowley, Vold, "A comparison of H1, H2, and Hv frequency response functions", IMAC 1985.
     """
     lines, n_y, n_u = s_yu.shape

@@ -12,26 +12,6 @@ def local_polynomial_model(
 ) -> LocalModel:
     """Choose the neighbourhood of the local polynomial method.
 
-    Parameters
-    ----------
-    drives
-        Channels, 1 or more.
-    segments
-        In the record, 1 or more.
-    order
-        Of FRF and transient; 2 where None.
-    half_width
-        Lines to either side; where None 16, or as many as give twice as many equations as unknowns.
-    segment_blocks
-        Blocks in a segment of noise.
-
-    Returns
-    -------
-    LocalModel
-        Without a denominator.
-
-    Notes
-    -----
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., chapter 7.
     """
     chosen = DEFAULT_ORDER if order is None else order

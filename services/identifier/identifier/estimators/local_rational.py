@@ -14,26 +14,6 @@ def local_rational_model(
     It is linear least squares of ``A Y - B U - T``: exact for a single resonance, and, as every such fit, a little
     biased by noise on the responses where the FRF bends within the neighbourhood.
 
-    Parameters
-    ----------
-    drives
-        Channels, 1 or more.
-    segments
-        In the record, 1 or more.
-    order
-        Of numerator, denominator and transient; 2 where None.
-    half_width
-        Lines to either side; where None 30, or as many as give twice as many equations as unknowns.
-    segment_blocks
-        Blocks in a segment of noise.
-
-    Returns
-    -------
-    LocalModel
-        With a denominator of the same order.
-
-    Notes
-    -----
     Source: McKelvey, Guérin, "Non-parametric frequency response estimation using a local rational model", SYSID 2012.
     """
     chosen = DEFAULT_ORDER if order is None else order

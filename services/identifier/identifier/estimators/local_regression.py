@@ -21,16 +21,9 @@ _LINES_TOGETHER = 32
 class LocalModel:
     """Which lines and which polynomials a local method takes.
 
-    Parameters
-    ----------
-    order
-        Of numerator and transient, 0 or more.
-    denominator_order
-        0 for the local polynomial method.
-    half_width
-        Lines of a segment to either side; of a capture of P periods, P times as many.
-    segment_blocks
-        Blocks in a segment of noise: more resolve a resonance more finely.
+    `order`: Of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method.
+    `half_width`: Lines of a segment to either side; of a capture of P periods, P times as many. `segment_blocks`:
+    Blocks in a segment of noise: more resolve a resonance more finely.
     """
 
     order: int
@@ -51,24 +44,9 @@ class LocalSums:
 
     Columns of the triangular factor: drives times ``r^0``, ``r^1``, …, then responses times ``r^0``, ``r^1``, ….
 
-    Parameters
-    ----------
-    layout
-        Of the experiment.
-    drives, responses
-        Channels, 1 or more.
-    model
-        Orders and widths.
-
-    Attributes
-    ----------
-    reach
-        Half of the neighbourhood's width, in hertz.
-
-    Raises
-    ------
-    ValueError
-        Where the neighbourhood is wider than the spectrum.
+    `layout`: Of the experiment. `drives`, `responses`: Channels, 1 or more. `model`: Orders and widths.
+    `reach`: Half of the neighbourhood's width, in hertz.
+    Raises `ValueError`: Where the neighbourhood is wider than the spectrum.
     """
 
     def __init__(self, layout: Layout, *, drives: int, responses: int, model: LocalModel) -> None:
@@ -95,18 +73,7 @@ class LocalSums:
         return self.drives * (self.model.order + 1) + self.model.denominator_order
 
     def fewest_half_width(self, surplus: float) -> int:
-        """Return the smallest half width that determines the unknowns.
-
-        Parameters
-        ----------
-        surplus
-            Equations at excited lines over unknowns.
-
-        Returns
-        -------
-        int
-            1 or more.
-        """
+        """Return the smallest half width that determines the unknowns."""
         captures = self._layout.captures
         segments = sum(self._layout.samples_of(each) // self._segments.length_of(each) for each in captures)
         return max(1, math.ceil((surplus * self.unknowns / segments + self.model.order) / 2.0))
@@ -122,20 +89,7 @@ class LocalSums:
         return total
 
     def add(self, drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
-        """Add the next samples of the whole record, fades and delay blocks included.
-
-        Parameters
-        ----------
-        drive
-            Shape (drives, samples), as `spectra.as_record` returns it: finite, which is not looked at again.
-        response
-            Shape (responses, samples), likewise, sampled at the same instants.
-
-        Raises
-        ------
-        ValueError
-            Where the record is longer than its layout.
-        """
+        """Add the next samples of the whole record, fades and delay blocks included."""
         for segment in self._segments.next_segments(np.concatenate((drive, response))):
             self._take(segment)
 

@@ -19,19 +19,11 @@ _ROUNDING = 1e-11
 class LocalSolution:
     """The FRF at the excited lines, and what tells how good it is.
 
-    Parameters
-    ----------
-    frf
-        Complex, shape (excited lines, responses, drives).
-    residual_psd
-        Shape (excited lines, responses), density of what is not explained, without the bias of the fit.
-    explained
-        Share of each response's power that the fit explains, without what it explains of any noise, shape (excited
-        lines, responses), 0 to 1.
-    drive_weight
-        Shape (excited lines, drives): variance of an FRF element over the residual density, by drive.
-    degrees_of_freedom
-        Complex, of the residual, greater than 0.
+    `frf`: Complex, shape (excited lines, responses, drives). `residual_psd`: Shape (excited lines, responses), density
+    of what is not explained, without the bias of the fit. `explained`: Share of each response's power that the fit
+    explains, without what it explains of any noise, shape (excited lines, responses), 0 to 1. `drive_weight`: Shape
+    (excited lines, drives): variance of an FRF element over the residual density, by drive. `degrees_of_freedom`:
+    Complex, of the residual, greater than 0.
     """
 
     frf: NDArray[np.complex128]
@@ -42,23 +34,7 @@ class LocalSolution:
 
 
 def solve_local(sums: LocalSums) -> LocalSolution:
-    """Solve the local regression at every excited line.
-
-    Parameters
-    ----------
-    sums
-        Of the whole record.
-
-    Returns
-    -------
-    LocalSolution
-        Owns its arrays.
-
-    Raises
-    ------
-    ValueError
-        Where there are too few equations, or they are not independent.
-    """
+    """Solve the local regression at every excited line."""
     n_u, n_y, poles = sums.drives, sums.responses, sums.model.denominator_order
     unknowns = sums.unknowns - poles
     freedom = degrees_of_freedom(sums, equations=sums.equations)
@@ -95,25 +71,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
 
 
 def degrees_of_freedom(sums: LocalSums, *, equations: int) -> int:
-    """Count the equations at a line beyond its unknowns.
-
-    Parameters
-    ----------
-    sums
-        Before or after the record.
-    equations
-        Of the whole record.
-
-    Returns
-    -------
-    int
-        1 or more.
-
-    Raises
-    ------
-    ValueError
-        Where there are too few equations.
-    """
+    """Count the equations at a line beyond its unknowns."""
     unknowns = sums.unknowns
     if equations <= unknowns:
         raise ValueError(

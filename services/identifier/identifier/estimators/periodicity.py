@@ -28,12 +28,8 @@ class PeriodicityCheck:
     A transient that outlasts a block hardly decays within it: it shows in the next period, see `SlowTransients`. For
     that three periods in a row and two captures are needed: in captures of a single period it remains unseen.
 
-    Parameters
-    ----------
-    layout
-        Of a periodic experiment; nothing is checked of another, nor where nothing was played before a single period.
-    responses
-        Channels, 1 or more.
+    `layout`: Of a periodic experiment; nothing is checked of another, nor where nothing was played before a single
+    period. `responses`: Channels, 1 or more.
     """
 
     def __init__(self, layout: Layout, *, responses: int) -> None:
@@ -47,13 +43,7 @@ class PeriodicityCheck:
         self._power = np.zeros(responses)
 
     def add(self, response: NDArray[np.float64]) -> None:
-        """Take the next samples of the whole record.
-
-        Parameters
-        ----------
-        response
-            Shape (responses, samples).
-        """
+        """Take the next samples of the whole record."""
         first, last = self._position, self._position + response.shape[1]
         self._position = last
         while self._waiting:
@@ -67,13 +57,7 @@ class PeriodicityCheck:
             self._waiting.pop(0)
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the captures so far.
-
-        Returns
-        -------
-        tuple of ModelWarning
-            One for each response whose transient is more than a hundredth of its RMS.
-        """
+        """Judge the captures so far."""
         decay = _ratio(self._difference[:, 0], self._difference[:, -1])
         share = np.sqrt(_ratio(self._carried, self._power))
         slow_share = np.sqrt(_ratio(self._slow.difference_power(share.size), self._power))

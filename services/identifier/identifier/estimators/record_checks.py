@@ -28,17 +28,9 @@ LARGEST_MAGNITUDE, SMALLEST_MAGNITUDE = 1e60, 1e-60
 class ChannelCheck:
     """Watches the channels of a record that arrives in pieces.
 
-    Parameters
-    ----------
-    channels
-        1 or more.
-    name
-        What a channel is called in a sentence: "drive" or "response".
-    of_drive
-        Whether the warnings concern drives.
-    taken_off
-        Shape (channels): what was taken off each channel before; sentences tell the values that were measured. Nothing
-        where not given.
+    `channels`: 1 or more. `name`: What a channel is called in a sentence: "drive" or "response". `of_drive`: Whether
+    the warnings concern drives. `taken_off`: Shape (channels): what was taken off each channel before; sentences tell
+    the values that were measured. Nothing where not given.
     """
 
     def __init__(
@@ -56,20 +48,7 @@ class ChannelCheck:
         self._bottoms = _FlatTops(channels, sign=-1.0)
 
     def add(self, samples: NDArray[np.float64]) -> None:
-        """Watch the next samples that are used.
-
-        Parameters
-        ----------
-        samples
-            Shape (channels, samples), a record.
-
-        Raises
-        ------
-        NotFiniteError
-            Where a value is not finite: which one, `spectra.as_record` says.
-        ValueError
-            Where a magnitude is beyond what can be computed with.
-        """
+        """Watch the next samples that are used."""
         largest = np.zeros(samples.shape[0])
         for row, channel in enumerate(samples):
             parts = [
@@ -93,18 +72,7 @@ class ChannelCheck:
         self._samples += samples.shape[1]
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the record so far.
-
-        Returns
-        -------
-        tuple of ModelWarning
-            One for each clipped channel.
-
-        Raises
-        ------
-        ValueError
-            Where channels never move; all of them are named.
-        """
+        """Judge the record so far."""
         highest, lowest = self._tops.extreme + 0.0, -self._bottoms.extreme  # never a minus zero in a sentence
         dead = np.flatnonzero(highest - lowest < SMALLEST_MAGNITUDE)
         if dead.size:

@@ -23,12 +23,8 @@ class RestCheck:
     A response that rings on decays from the third quarter of the rest to its last, and is taken to go on so into the
     next block. Noise does not decay.
 
-    Parameters
-    ----------
-    layout
-        Of bursts or sweeps, a block each; nothing is checked of another.
-    drives, responses
-        Channels, 1 or more.
+    `layout`: Of bursts or sweeps, a block each; nothing is checked of another. `drives`, `responses`: Channels, 1 or
+    more.
     """
 
     def __init__(self, layout: Layout, *, drives: int, responses: int) -> None:
@@ -42,15 +38,7 @@ class RestCheck:
         self._blocks_over_rest = 0.0
 
     def add(self, drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
-        """Take the next samples that are used.
-
-        Parameters
-        ----------
-        drive
-            Shape (drives, samples).
-        response
-            Shape (responses, samples).
-        """
+        """Take the next samples that are used."""
         size, taken = self._drive.shape[1], 0
         while self._active and taken < drive.shape[1]:
             piece = min(size - self._filled, drive.shape[1] - taken)
@@ -62,14 +50,7 @@ class RestCheck:
                 self._filled = 0
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the blocks so far.
-
-        Returns
-        -------
-        tuple of ModelWarning
-            One for each response that rings on with more than a hundredth of its RMS, or has more than a tenth of it
-            at the end of its blocks for whatever reason.
-        """
+        """Judge the blocks so far."""
         if not self._power.any():
             return ()
         power = np.where(self._power > 0.0, self._power, 1.0)

@@ -15,14 +15,8 @@ class Segments:
     A capture of periods, or a block of a burst, is a segment; an uninterrupted stretch of noise is divided into
     segments of one length, about as long as asked for, so that all of it is used.
 
-    Parameters
-    ----------
-    layout
-        Of the record.
-    channels
-        Drives and responses together, 1 or more.
-    segment_blocks
-        Blocks in a segment of noise, 1 or more.
+    `layout`: Of the record. `channels`: Drives and responses together, 1 or more. `segment_blocks`: Blocks in a segment
+    of noise, 1 or more.
     """
 
     def __init__(self, layout: Layout, *, channels: int, segment_blocks: int) -> None:
@@ -33,36 +27,14 @@ class Segments:
         self._filled = 0
 
     def length_of(self, capture: Capture) -> int:
-        """Count the samples of a segment of a capture.
-
-        Parameters
-        ----------
-        capture
-            One of the layout's.
-
-        Returns
-        -------
-        int
-            1 or more.
-        """
+        """Count the samples of a segment of a capture."""
         samples = self._layout.samples_of(capture)
         if self._layout.window is Window.NONE:
             return samples if self._layout.periodic else self._layout.block_samples
         return samples // max(1, round(samples / self._wanted))
 
     def next_segments(self, record: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Yield the segments that the next samples complete.
-
-        Parameters
-        ----------
-        record
-            Shape (channels, samples): the next of the whole record.
-
-        Yields
-        ------
-        numpy.ndarray
-            Shape (channels, samples of the segment); the next one overwrites it.
-        """
+        """Yield the segments that the next samples complete."""
         for capture, piece, ends in self._used.next_pieces(record.shape[1]):
             length = self.length_of(capture)
             samples = record[:, piece]

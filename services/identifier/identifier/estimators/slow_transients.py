@@ -24,14 +24,7 @@ class SlowTransients:
         self._energies: list[NDArray[np.float64]] = []
 
     def add(self, periods: NDArray[np.float64]) -> None:
-        """Take the periods of a capture.
-
-        Parameters
-        ----------
-        periods
-            Shape (responses, 3, samples): the steady state would be the same in all; of the first only the second half
-            is looked at.
-        """
+        """Take the periods of a capture."""
         half = periods.shape[2] // 2
         earlier = periods[:, 0, half:] - periods[:, 1, half:]
         later = periods[:, 1] - periods[:, 2]
@@ -39,19 +32,7 @@ class SlowTransients:
         self._energies.append(np.stack([np.mean(part**2, axis=1) for part in parts]))
 
     def difference_power(self, responses: int) -> NDArray[np.float64]:
-        """Say how much the last two periods differ by a transient.
-
-        Parameters
-        ----------
-        responses
-            Channels, 1 or more.
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (responses): mean square of that difference summed over the captures, without the noise in it; 0
-            where no transient was found.
-        """
+        """Say how much the last two periods differ by a transient."""
         if len(self._energies) < 2:
             return np.zeros(responses)
         earlier, first_half, second_half = np.moveaxis(np.stack(self._energies), 1, 0)

@@ -42,14 +42,8 @@ _LEFT_OUT = 0.05
 class Neighbourhood:
     """Lines that a local method took, and what it could take instead.
 
-    Parameters
-    ----------
-    half_width
-        Lines to either side.
-    hertz
-        Width of the whole neighbourhood.
-    fewest
-        Smallest half width that gives twice as many equations as unknowns.
+    `half_width`: Lines to either side. `hertz`: Width of the whole neighbourhood. `fewest`: Smallest half width that
+    gives twice as many equations as unknowns.
     """
 
     half_width: int
@@ -58,36 +52,14 @@ class Neighbourhood:
 
     @classmethod
     def of(cls, sums: LocalSums) -> "Neighbourhood":
-        """Return the neighbourhood of a regression.
-
-        Parameters
-        ----------
-        sums
-            Before or after the record.
-
-        Returns
-        -------
-        Neighbourhood
-            The same at every line.
-        """
+        """Return the neighbourhood of a regression."""
         return cls(
             half_width=sums.model.half_width, hertz=2.0 * sums.reach, fewest=sums.fewest_half_width(AMPLE_SURPLUS)
         )
 
 
 def few_equations(sums: LocalSums) -> tuple[ModelWarning, ...]:
-    """Warn of a neighbourhood that hardly determines its unknowns: noise is amplified.
-
-    Parameters
-    ----------
-    sums
-        Before or after the record.
-
-    Returns
-    -------
-    tuple of ModelWarning
-        One or none.
-    """
+    """Warn of a neighbourhood that hardly determines its unknowns: noise is amplified."""
     least, now = sums.fewest_half_width(SMALLEST_SURPLUS), sums.model.half_width
     if now >= least:
         return ()
@@ -112,27 +84,6 @@ def differences_from_h1(
     Both predict the response to the drives that were played. Chance moves H1's prediction by ``n_u / N`` of the
     residual spectrum, or, where the residual does not show it, by what changes from one line to the next. Beyond twice
     that, the local method is biased.
-
-    Parameters
-    ----------
-    spectra
-        Of captures without a window.
-    solution
-        Of the local method.
-    neighbourhood
-        That it took.
-    transients
-        Shape (responses): transient left in the captures, as a share of the RMS; 0 where there is none.
-    other_phases
-        Whether the captures hold several independent draws; nonlinear distortion is not in the residual otherwise.
-    sweeps
-        Whether the captures are swept sines.
-
-    Returns
-    -------
-    tuple of ModelWarning
-        One for each response concerned; `size` is the bias as a share of the response's RMS, `band` holds nine tenths
-        of its power.
     """
     lines = np.flatnonzero(spectra.lines)
     s_uu, s_yu, auto_y = spectra.s_uu[lines], spectra.s_yu[lines], spectra.auto_y[lines]
@@ -169,29 +120,7 @@ def differences_from_narrower(
     share: float,
     bias_order: int,
 ) -> tuple[ModelWarning, ...]:
-    """Compare a local estimate with one over fewer lines; name the responses where they disagree.
-
-    Parameters
-    ----------
-    spectra
-        Of the same record.
-    solution
-        Of the local method.
-    neighbourhood
-        That it took.
-    narrower
-        Of the same method over fewer lines.
-    share
-        Width of that over the width of the other, above 0 and below 1.
-    bias_order
-        Power of the width with which the bias grows.
-
-    Returns
-    -------
-    tuple of ModelWarning
-        One for each response concerned; `size` is the bias as a share of the response's RMS, `band` holds nine tenths
-        of its power.
-    """
+    """Compare a local estimate with one over fewer lines; name the responses where they disagree."""
     lines = np.flatnonzero(spectra.lines)
     s_uu, auto_y = spectra.s_uu[lines], spectra.auto_y[lines]
     # Least squares over more lines is the better one of two estimates: their difference varies by what it is better.

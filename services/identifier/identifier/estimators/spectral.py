@@ -22,25 +22,10 @@ def estimate_from_spectra(
 ) -> FrfEstimate:
     """Estimate an FRF matrix from averaged spectra.
 
-    Parameters
-    ----------
-    kind
-        H1, H2 or Hv.
-    spectra
-        As `SpectralSums` averaged them.
-    warnings
-        What was suspicious about the record.
-
-    Returns
-    -------
-    FrfEstimate
-        At the excited lines.
-
-    Raises
-    ------
-    ValueError
-        Where a drive or a response is silent at an excited line, the drives depend on each other, or the estimator does
-        not fit the channels.
+    `kind`: H1, H2 or Hv. `spectra`: As `SpectralSums` averaged them. `warnings`: What was suspicious about the record.
+    Returns: At the excited lines.
+    Raises `ValueError`: Where a drive or a response is silent at an excited line, the drives depend on each other, or
+    the estimator does not fit the channels.
     """
     lines = np.flatnonzero(spectra.lines)
     frequency = spectra.frequency[lines]
@@ -87,22 +72,7 @@ def estimate_from_spectra(
 
 
 def on_all_lines(values: NDArray[T], lines: NDArray[np.intp], size: int) -> NDArray[T]:
-    """Put what was estimated at some lines onto the whole grid, 0 elsewhere.
-
-    Parameters
-    ----------
-    values
-        Shape (estimated lines, ...).
-    lines
-        Shape (estimated lines): their indices.
-    size
-        Lines of the grid.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (size, ...).
-    """
+    """Put what was estimated at some lines onto the whole grid, 0 elsewhere."""
     result = np.zeros((size, *values.shape[1:]), dtype=values.dtype)
     result[lines] = values
     return result

@@ -29,15 +29,8 @@ class StandstillCheck:
     a block where not every frequency is there at every moment, as in a sweep, whose ends a coarse converter may not
     resolve. Only samples at which a drive moves count: a rig comes to rest between bursts.
 
-    Parameters
-    ----------
-    layout
-        Of the record.
-    responses
-        Channels, 1 or more.
-    taken_off
-        Shape (responses): what was taken off each channel before; sentences tell the values that were measured. Nothing
-        where not given.
+    `layout`: Of the record. `responses`: Channels, 1 or more. `taken_off`: Shape (responses): what was taken off each
+    channel before; sentences tell the values that were measured. Nothing where not given.
     """
 
     def __init__(self, layout: Layout, *, responses: int, taken_off: NDArray[np.float64] | None = None) -> None:
@@ -55,17 +48,7 @@ class StandstillCheck:
         self._found: list[_Run] = []
 
     def add(self, drive: NDArray[np.float64], response: NDArray[np.float64], *, first: int) -> None:
-        """Watch the next samples that are used.
-
-        Parameters
-        ----------
-        drive
-            Shape (drives, samples).
-        response
-            Shape (responses, samples).
-        first
-            Where in the record they begin.
-        """
+        """Watch the next samples that are used."""
         moving = self._moving(drive)
         self._samples += int(np.count_nonzero(moving))
         # Of two neighbours on this grid a run that counts holds both: where none are alike only the ends matter.
@@ -82,13 +65,7 @@ class StandstillCheck:
         self._drive_before = drive[:, -1].copy()
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the record so far.
-
-        Returns
-        -------
-        tuple of ModelWarning
-            One for each response that stood still, with its longest standstill.
-        """
+        """Judge the record so far."""
         rows = range(self._value.size)
         running = [self._run(row, stop=self._stop, moved=int(self._moved[row])) for row in rows]
         found = [*self._found, *(run for run in running if run.moved >= self._shortest)]

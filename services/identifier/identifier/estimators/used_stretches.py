@@ -8,10 +8,7 @@ from identifier.layout import Capture, Layout
 class UsedStretches:
     """Follows a record piece by piece and says which samples of each piece are used.
 
-    Parameters
-    ----------
-    layout
-        Of the record.
+    `layout`: Of the record.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -27,23 +24,7 @@ class UsedStretches:
         return self._position
 
     def next_pieces(self, samples: int) -> Iterator[tuple[Capture, slice, bool]]:
-        """Yield what is used of the next samples.
-
-        Parameters
-        ----------
-        samples
-            How many samples arrived.
-
-        Yields
-        ------
-        tuple
-            The capture, its samples within the piece, and whether it ends with them.
-
-        Raises
-        ------
-        ValueError
-            Where the record is longer than its layout.
-        """
+        """Yield what is used of the next samples."""
         first = self._position
         last = first + samples
         if last > self._samples:

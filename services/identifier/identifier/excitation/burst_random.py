@@ -25,30 +25,6 @@ def burst_random(
 
     A burst widens the band by about one over its length; that is the price of a block that begins and ends at rest.
 
-    Parameters
-    ----------
-    spectra
-        Shape of each drive's PSD before the burst is cut out.
-    bursts
-        Number of blocks, 1 or more.
-    block_samples
-        Samples in a block.
-    burst_samples
-        Samples of it that are not 0, its fades included, at most a block.
-    fade_samples
-        Samples of the linear fade at either end of a burst, at most half of it.
-    sample_rate
-        In hertz.
-    seed
-        Root of one independent stream per drive and burst.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (drives, bursts * block_samples); the scale means nothing.
-
-    Notes
-    -----
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 5.
     """
     gate = np.zeros(block_samples)

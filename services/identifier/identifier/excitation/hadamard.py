@@ -45,15 +45,8 @@ def hadamard_matrix(order: int) -> NDArray[np.float64]:
 def nearest_hadamard_order(drives: int) -> int:
     """Smallest order with at least as many rows as there are drives.
 
-    Parameters
-    ----------
-    drives
-        1 or more.
-
-    Returns
-    -------
-    int
-        An order that `hadamard_matrix` makes.
+    `drives`: 1 or more.
+    Returns: An order that `hadamard_matrix` makes.
     """
     order = drives
     while not _exists(order):

@@ -13,19 +13,7 @@ from identifier.layout import Layout
 def scale_to_levels(
     drive: NDArray[np.float64], *, layout: Layout, levels: Sequence[float], level_kind: LevelKind
 ) -> None:
-    """Scale each drive to its level, in place, with one factor each: `S_uu` stays diagonal.
-
-    Parameters
-    ----------
-    drive
-        Shape (drives, samples), no row all 0; is changed.
-    layout
-        Of the drive; an RMS is taken over its captures, a peak over everything.
-    levels
-        Of each drive, in its unit.
-    level_kind
-        What they are.
-    """
+    """Scale each drive to its level, in place, with one factor each: `S_uu` stays diagonal."""
     if level_kind is LevelKind.PEAK:
         present = np.max(np.abs(drive), axis=1)
     else:

@@ -20,28 +20,6 @@ def choose_lines(
     drawn at random, is left out: evenly spread, and with no pattern that a distortion could share. The choice holds for
     the whole experiment.
 
-    Parameters
-    ----------
-    spectrum
-        Whose band it is.
-    frequency
-        Shape (lines), of the block grid, in hertz; the first and the last line have no phase and are not excited.
-    odd
-        Leave out every even line: even distortion of odd lines falls on even lines only.
-    detection_share
-        Share of the lines left out at random, 0 to 0.5; 0 for none.
-    seed
-        Of the draw.
-
-    Returns
-    -------
-    excited
-        Shape (lines), boolean.
-    detection
-        Shape (lines), boolean: the rest of the band.
-
-    Notes
-    -----
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 4.
     """
     band = in_band(spectrum, frequency)
@@ -62,22 +40,7 @@ def choose_lines(
 def line_amplitudes(
     spectra: Sequence[PowerSpectrum], *, frequency: NDArray[np.float64], excited: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Amplitudes of the sines for a block of RMS 1, whatever their phases.
-
-    Parameters
-    ----------
-    spectra
-        Shape of each drive's PSD.
-    frequency
-        Shape (lines), in hertz.
-    excited
-        Shape (lines), boolean, at least one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (drives, lines); 0 where not excited, half the sum of squares is 1.
-    """
+    """Amplitudes of the sines for a block of RMS 1, whatever their phases."""
     power = np.stack([power_density(spectrum, frequency) for spectrum in spectra]) * excited
     return np.sqrt(2.0 * power / power.sum(axis=1, keepdims=True))
 
@@ -85,20 +48,6 @@ def line_amplitudes(
 def block_of(lines: NDArray[np.complex128], block_samples: int) -> NDArray[np.float64]:
     """One period of the sum of cosines with these complex amplitudes (Eq. 7).
 
-    Parameters
-    ----------
-    lines
-        Shape (..., lines), amplitude times ``e^{j phi}``; 0 at the first and the last line.
-    block_samples
-        Samples in the period, even, twice the number of lines less one.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (..., block_samples).
-
-    Notes
-    -----
     Source: Cornelis et al., ISMA 2014, Eq. 7.
     """
     return np.asarray(fft.irfft(lines * (block_samples / 2.0), block_samples, axis=-1), dtype=np.float64)

@@ -16,14 +16,9 @@ class PhaseSet:
 
     Everything in it has magnitude 1, so the amplitudes of the lines alone decide PSD and level.
 
-    Parameters
-    ----------
-    mixing
-        Complex, shape (drives, experiments); orthogonal rows make `S_uu` diagonal over the set.
-    rows
-        Complex, shape (drives or 1, 1, lines); 1 where all drives share one block.
-    columns
-        Complex, shape (1, experiments or 1, lines); 1 where the experiments have no phases of their own.
+    `mixing`: Complex, shape (drives, experiments); orthogonal rows make `S_uu` diagonal over the set. `rows`: Complex,
+    shape (drives or 1, 1, lines); 1 where all drives share one block. `columns`: Complex, shape (1, experiments or 1,
+    lines); 1 where the experiments have no phases of their own.
     """
 
     mixing: NDArray[np.complex128]
@@ -33,15 +28,8 @@ class PhaseSet:
     def lines(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Complex amplitudes of every drive in every experiment.
 
-        Parameters
-        ----------
-        amplitude
-            Shape (drives, lines).
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (drives, experiments, lines).
+        `amplitude`: Shape (drives, lines).
+        Returns: Shape (drives, experiments, lines).
         """
         return amplitude[:, None, :] * self.mixing[:, :, None] * self.rows * self.columns
 
@@ -49,15 +37,8 @@ class PhaseSet:
 def dft_matrix(order: int) -> NDArray[np.complex128]:
     """Matrix of the roots of unity, with orthogonal rows for every order.
 
-    Parameters
-    ----------
-    order
-        1 or more.
-
-    Returns
-    -------
-    numpy.ndarray
-        Complex, shape (order, order).
+    `order`: 1 or more.
+    Returns: Complex, shape (order, order).
     """
     index = np.arange(order)
     # The product is reduced before it becomes an angle, so that high orders lose no digits.
@@ -65,20 +46,7 @@ def dft_matrix(order: int) -> NDArray[np.complex128]:
 
 
 def experiments_of(kind: ExcitationKind, drives: int) -> int:
-    """Experiments in one realisation of a multisine kind.
-
-    Parameters
-    ----------
-    kind
-        A multisine kind.
-    drives
-        1 or more.
-
-    Returns
-    -------
-    int
-        Columns of the kind's matrix; 1 for independent phases.
-    """
+    """Experiments in one realisation of a multisine kind."""
     if kind is ExcitationKind.PSEUDO_RANDOM:
         return 1
     return nearest_hadamard_order(drives) if kind is ExcitationKind.HADAMARD else drives
@@ -87,27 +55,10 @@ def experiments_of(kind: ExcitationKind, drives: int) -> int:
 def draw_phases(kind: ExcitationKind, *, drives: int, lines: int, realisation: int, seed: int) -> PhaseSet:
     """Draw the phases of one realisation.
 
-    Parameters
-    ----------
-    kind
-        A multisine kind. `RANDOM_ORTHOGONAL` is ``D_row(e^{j phi}) W D_col(e^{j psi})`` with `W` the DFT matrix, which
-        exists for every number of drives, and new `phi` and `psi` for each realisation.
-    drives
-        1 or more.
-    lines
-        Of the block grid.
-    realisation
-        0 or more.
-    seed
-        Of the experiment.
-
-    Returns
-    -------
-    PhaseSet
-        With phases uniform on the circle.
-
-    Notes
-    -----
+    `kind`: A multisine kind. `RANDOM_ORTHOGONAL` is ``D_row(e^{j phi}) W D_col(e^{j psi})`` with `W` the DFT matrix,
+    which exists for every number of drives, and new `phi` and `psi` for each realisation. `drives`: 1 or more. `lines`:
+    Of the block grid. `realisation`: 0 or more. `seed`: Of the experiment.
+    Returns: With phases uniform on the circle.
     Source: Dobrowiecki & Schoukens, "Measuring a linear approximation to weakly nonlinear MIMO systems", Automatica 43
     (2007); Cornelis et al., ISMA 2014, Eqs. 8 and 9, for the signs.
     """

@@ -38,17 +38,8 @@ def power_density(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> ND
     A table is straight on logarithmic axes between its points, as test specifications draw a PSD: a constant number of
     decibels per octave.
 
-    Parameters
-    ----------
-    spectrum
-        Flat and falling, or a table.
-    frequency
-        Shape (lines), in hertz.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines), 0 outside the band; 1 on the flat part, or in the unit of the table.
+    `spectrum`: Flat and falling, or a table. `frequency`: Shape (lines), in hertz.
+    Returns: Shape (lines), 0 outside the band; 1 on the flat part, or in the unit of the table.
     """
     inside = in_band(spectrum, frequency)
     if isinstance(spectrum, TabulatedSpectrum):
@@ -61,18 +52,5 @@ def power_density(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> ND
 
 
 def in_band(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each frequency lies in a spectrum's band.
-
-    Parameters
-    ----------
-    spectrum
-        Whose band it is.
-    frequency
-        Shape (lines), in hertz.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (lines), boolean; the limits belong to the band.
-    """
+    """Whether each frequency lies in a spectrum's band."""
     return (frequency >= spectrum.lowest_frequency) & (frequency <= spectrum.highest_frequency)

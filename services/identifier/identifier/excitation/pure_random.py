@@ -72,29 +72,7 @@ def pure_random(
 def shaped_noise(
     spectrum: PowerSpectrum, *, samples: int, sample_rate: float, generator: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Gaussian noise whose PSD has a given shape; its scale means nothing.
-
-    Parameters
-    ----------
-    spectrum
-        Shape of the PSD.
-    samples
-        Length, which is also the period of the noise.
-    sample_rate
-        In hertz.
-    generator
-        Gives two numbers for each line.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (samples).
-
-    Raises
-    ------
-    ValueError
-        Where no line lies in the band.
-    """
+    """Gaussian noise whose PSD has a given shape; its scale means nothing."""
     density = power_density(spectrum, line_frequencies(samples, sample_rate))
     if not density.any():
         raise ValueError(

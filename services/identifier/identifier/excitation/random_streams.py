@@ -18,19 +18,5 @@ class Purpose(IntEnum):
 
 
 def random_stream(seed: int, *key: int) -> np.random.Generator:
-    """Make the stream of a key.
-
-    Parameters
-    ----------
-    seed
-        Of the experiment.
-    key
-        Purpose, realisation, drive and so on; what is not in the key cannot change the stream, so a drive's numbers do
-        not depend on how many other drives there are.
-
-    Returns
-    -------
-    numpy.random.Generator
-        At its beginning.
-    """
+    """Make the stream of a key."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))

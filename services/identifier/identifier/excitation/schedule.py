@@ -71,18 +71,9 @@ def schedule_experiment(settings: ExperimentSettings, *, drives: int, sample_rat
 def averages_of(layout: Layout) -> tuple[int, float]:
     """Count the blocks that a layout gives and what they are worth.
 
-    Parameters
-    ----------
-    layout
-        Of an experiment.
-
-    Returns
-    -------
-    blocks
-        Averaged (Eq. 10).
-    independent
-        Equivalent independent ones, overlap and window accounted for. Of periodic excitations each capture counts
-        once: its periods average noise, but hold the same distortion.
+    `layout`: Of an experiment.
+    Returns: Averaged (Eq. 10). Equivalent independent ones, overlap and window accounted for. Of periodic excitations
+    each capture counts once: its periods average noise, but hold the same distortion.
     """
     block = layout.block_samples
     counts = [count_blocks(layout.samples_of(capture), block, layout.overlap) for capture in layout.captures]
@@ -93,18 +84,7 @@ def averages_of(layout: Layout) -> tuple[int, float]:
 
 
 def burst_samples(settings: ExperimentSettings) -> int:
-    """Count the samples of a burst or sweep, its fades included.
-
-    Parameters
-    ----------
-    settings
-        Of a kind with bursts or sweeps.
-
-    Returns
-    -------
-    int
-        Whole samples, at most a block.
-    """
+    """Count the samples of a burst or sweep, its fades included."""
     return round(settings.burst_share * settings.block_samples)
 
 

@@ -26,27 +26,6 @@ def swept_sine(
     """Sweeps of all drives at once, each block with the signs of one column of a Hadamard matrix.
 
     Over a whole set of columns the drives are orthogonal whatever their sweeps, so `S_uu` is diagonal.
-
-    Parameters
-    ----------
-    spectra
-        Shape of each drive's PSD.
-    sets
-        How often all columns are played, 1 or more.
-    block_samples
-        Samples in a block, one sweep each.
-    sweep_samples
-        Samples of it that are not 0, its fades included, at most a block; the rest lets the response die out.
-    fade_samples
-        Samples of the linear fade at either end of a sweep, less than half of it; the frequency stands still meanwhile,
-        so that the band's edges are not weakened.
-    sample_rate
-        In hertz.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (drives, sets * columns * block_samples); the scale means nothing.
     """
     block = np.zeros((len(spectra), block_samples))
     fades = linear_fades(sweep_samples, fade_samples)

@@ -84,17 +84,8 @@ class RigUnderTest:
 def with_names(sentence: str, rig: RigUnderTest) -> str:
     """Put the names of channels for their numbers, which is all that estimators know of them.
 
-    Parameters
-    ----------
-    sentence
-        Of an estimator, e.g. "response 1 stays at 0".
-    rig
-        Whose channels they are.
-
-    Returns
-    -------
-    str
-        The same with names.
+    `sentence`: Of an estimator, e.g. "response 1 stays at 0". `rig`: Whose channels they are.
+    Returns: The same with names.
     """
 
     def name(match: re.Match[str]) -> str:

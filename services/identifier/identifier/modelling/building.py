@@ -39,19 +39,8 @@ _WARNING_CODES: Final = {
 def plan_message(settings: ExperimentSettings, *, rig: RigUnderTest, band: ValidBand) -> identifier_pb2.ExperimentPlan:
     """Say what an experiment takes and gives.
 
-    Parameters
-    ----------
-    settings
-        Checked against the rig.
-    rig
-        What it is for.
-    band
-        Where its model will be valid.
-
-    Returns
-    -------
-    ExperimentPlan
-        As a message.
+    `settings`: Checked against the rig. `rig`: What it is for. `band`: Where its model will be valid.
+    Returns: As a message.
     """
     plan = plan_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
     return identifier_pb2.ExperimentPlan(
@@ -82,27 +71,10 @@ def model_of(
 ) -> IdentifiedModel:
     """Put together what was asked, played and estimated.
 
-    Parameters
-    ----------
-    request
-        What was asked for.
-    settings
-        The same, read.
-    rig
-        What it was played on.
-    layout
-        Of the drive.
-    estimate
-        From that playback.
-    played
-        The playback's result, for its epoch and number of signal blocks.
-    levels
-        From `distortion_of`.
-
-    Returns
-    -------
-    IdentifiedModel
-        With its id.
+    `request`: What was asked for. `settings`: The same, read. `rig`: What it was played on. `layout`: Of the drive.
+    `estimate`: From that playback. `played`: The playback's result, for its epoch and number of signal blocks.
+    `levels`: From `distortion_of`.
+    Returns: With its id.
     """
     filled, band = fill_lines(estimate), valid_band(layout)
     names = [channel.name for channel in rig.responses]
@@ -155,19 +127,9 @@ def model_of(
 def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], layout: Layout) -> DistortionLevels | None:
     """Tell noise and distortion apart where the experiment allows it.
 
-    Parameters
-    ----------
-    drive
-        Shape (drives, samples), as played.
-    response
-        Shape (responses, samples), as measured.
-    layout
-        Of the drive.
-
-    Returns
-    -------
-    DistortionLevels or None
-        None where it does not.
+    `drive`: Shape (drives, samples), as played. `response`: Shape (responses, samples), as measured. `layout`: Of the
+    drive.
+    Returns: None where it does not.
     """
     return separate_distortion(drive, response, layout) if can_separate(layout, drives=drive.shape[0]) else None
 

@@ -9,15 +9,8 @@ from duralab_proto.v1 import identifier_pb2
 class ModelCache:
     """Cache of the models used last; the log, not this, is the memory of the lab.
 
-    Parameters
-    ----------
-    capacity
-        Models held, 1 or more.
-
-    Raises
-    ------
-    ValueError
-        Where the capacity is below 1.
+    `capacity`: Models held, 1 or more.
+    Raises `ValueError`: Where the capacity is below 1.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -33,10 +26,7 @@ class ModelCache:
     def put(self, model: identifier_pb2.Model) -> None:
         """Hold a model; drop the least recently used one if the cache is full.
 
-        Parameters
-        ----------
-        model
-            With its id.
+        `model`: With its id.
         """
         with self._lock:
             self._models[model.id] = model
@@ -47,15 +37,8 @@ class ModelCache:
     def get(self, id: str) -> identifier_pb2.Model | None:
         """Look up a model.
 
-        Parameters
-        ----------
-        id
-            Hash of its content.
-
-        Returns
-        -------
-        identifier_pb2.Model or None
-            None where it is not held.
+        `id`: Hash of its content.
+        Returns: None where it is not held.
         """
         with self._lock:
             model = self._models.get(id)

@@ -14,20 +14,9 @@ from identifier.uncertainty import ValidBand, row_covariance
 class FilledLines:
     """What an estimate says at every line of its band. All but `interpolated` are 0 outside it.
 
-    Parameters
-    ----------
-    frf
-        Complex, shape (lines, responses, drives).
-    coherence
-        Shape (lines, responses).
-    condition_number
-        Shape (lines).
-    residual_psd
-        Shape (lines, responses).
-    row_covariance
-        Complex, shape (lines, drives, drives), see the function of that name.
-    interpolated
-        Shape (lines): laid straight between the neighbours in place of estimated.
+    `frf`: Complex, shape (lines, responses, drives). `coherence`: Shape (lines, responses). `condition_number`: Shape
+    (lines). `residual_psd`: Shape (lines, responses). `row_covariance`: Complex, shape (lines, drives, drives), see the
+    function of that name. `interpolated`: Shape (lines): laid straight between the neighbours in place of estimated.
     """
 
     frf: NDArray[np.complex128]
@@ -41,16 +30,9 @@ class FilledLines:
 def valid_band(layout: Layout) -> ValidBand:
     """Tell where the model of an experiment will be valid.
 
-    Parameters
-    ----------
-    layout
-        Of the experiment.
-
-    Returns
-    -------
-    ValidBand
-        From the lower to the upper edge of the excitation; where lines next to an edge are left out, from the
-        first or to the last excited line.
+    `layout`: Of the experiment.
+    Returns: From the lower to the upper edge of the excitation; where lines next to an edge are left out, from the
+    first or to the last excited line.
     """
     excited = np.flatnonzero(layout.excited)
     in_band = np.flatnonzero((layout.frequency >= layout.lowest) & (layout.frequency <= layout.highest))
@@ -65,15 +47,8 @@ def valid_band(layout: Layout) -> ValidBand:
 def fill_lines(estimate: FrfEstimate) -> FilledLines:
     """Fill the lines between estimated ones.
 
-    Parameters
-    ----------
-    estimate
-        Valid at one line or more.
-
-    Returns
-    -------
-    FilledLines
-        The estimate itself where nothing is left out.
+    `estimate`: Valid at one line or more.
+    Returns: The estimate itself where nothing is left out.
     """
     known = np.flatnonzero(estimate.valid)
     wanted = np.arange(known[0], known[-1] + 1)

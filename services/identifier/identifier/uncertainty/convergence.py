@@ -18,19 +18,11 @@ DRAWS = 100
 class Convergence:
     """What becomes of the error in one iteration, at each line.
 
-    Parameters
-    ----------
-    frequency
-        Shape (lines), in hertz.
-    spectral_radius
-        Shape (lines): of ``I - H Hm^+ Q``, ``Hm`` the model, for the likeliest rig; it converges if and only if this is
-        below 1.
-    spectral_radius_95
-        Shape (lines): what 95 % of the rigs that the uncertainty allows stay below.
-    largest_singular_value
-        Shape (lines): of the same matrix, responses scaled to their RMS; below 1 the error falls in every iteration.
-    converging_share
-        Share of the rigs drawn that converge at every line, 0 to 1.
+    `frequency`: Shape (lines), in hertz. `spectral_radius`: Shape (lines): of ``I - H Hm^+ Q``, ``Hm`` the model, for
+    the likeliest rig; it converges if and only if this is below 1. `spectral_radius_95`: Shape (lines): what 95 % of
+    the rigs that the uncertainty allows stay below. `largest_singular_value`: Shape (lines): of the same matrix,
+    responses scaled to their RMS; below 1 the error falls in every iteration. `converging_share`: Share of the rigs
+    drawn that converge at every line, 0 to 1.
     """
 
     frequency: NDArray[np.float64]

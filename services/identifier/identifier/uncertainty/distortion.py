@@ -72,18 +72,9 @@ class DistortionLevels:
 def can_separate(layout: Layout, *, drives: int) -> bool:
     """Whether an experiment tells noise and distortion apart.
 
-    Parameters
-    ----------
-    layout
-        Of the experiment.
-    drives
-        Of the rig, 1 or more.
-
-    Returns
-    -------
-    bool
-        True for periodic excitations with two periods of each drive, two realisations, and more different experiments
-        than drives.
+    `layout`: Of the experiment. `drives`: Of the rig, 1 or more.
+    Returns: True for periodic excitations with two periods of each drive, two realisations, and more different
+    experiments than drives.
     """
     periods = _periods(layout)
     return (
@@ -97,15 +88,8 @@ def can_separate(layout: Layout, *, drives: int) -> bool:
 def has_other_phases(layout: Layout) -> bool:
     """Whether an experiment shows distortion at all, be it together with the noise.
 
-    Parameters
-    ----------
-    layout
-        Of the experiment.
-
-    Returns
-    -------
-    bool
-        False where every block repeats the same sweep or set of phases: distortion repeats itself, too.
+    `layout`: Of the experiment.
+    Returns: False where every block repeats the same sweep or set of phases: distortion repeats itself, too.
     """
     realisations = {capture.realisation for capture in layout.captures}
     return layout.window is Window.HANN or len(realisations) >= FEWEST_REALISATIONS

@@ -24,16 +24,9 @@ _ROUNDING = 1e-14
 class LevelAdvice:
     """RMS levels for the drives of an identification, each in its drive's unit.
 
-    Parameters
-    ----------
-    rms
-        Shape (drives): proposed, the smaller of the next two.
-    wanted_rms
-        Shape (drives): of the drive that the model says makes the target.
-    largest_rms
-        Shape (drives): at which a drive of that crest factor just reaches its limit.
-    response_ratio
-        Shape (responses): RMS of each response expected at the proposed levels, over the target's.
+    `rms`: Shape (drives): proposed, the smaller of the next two. `wanted_rms`: Shape (drives): of the drive that the
+    model says makes the target. `largest_rms`: Shape (drives): at which a drive of that crest factor just reaches its
+    limit. `response_ratio`: Shape (responses): RMS of each response expected at the proposed levels, over the target's.
     """
 
     rms: NDArray[np.float64]

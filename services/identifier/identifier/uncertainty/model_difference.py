@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 class ModelDifference:
     """Difference of two FRF matrices, seen in each response under the first experiment's drives.
 
-    Parameters
-    ----------
-    relative
-        Shape (lines, responses): RMS of the change over RMS of the response; 0 outside the lines of both.
-    by_chance
-        Same shape: what the random errors of both alone would make of it.
+    `relative`: Shape (lines, responses): RMS of the change over RMS of the response; 0 outside the lines of both.
+    `by_chance`: Same shape: what the random errors of both alone would make of it.
     """
 
     relative: NDArray[np.float64]
@@ -64,19 +60,9 @@ def difference_sentences(
 ) -> tuple[str, ...]:
     """Say in words where two models differ.
 
-    Parameters
-    ----------
-    difference
-        From `model_difference`.
-    frequency
-        Shape (lines), in hertz.
-    responses
-        Names of the channels, in order.
-
-    Returns
-    -------
-    tuple of str
-        One sentence for each.
+    `difference`: From `model_difference`. `frequency`: Shape (lines), in hertz. `responses`: Names of the channels, in
+    order.
+    Returns: One sentence for each.
     """
     held = np.flatnonzero(np.any(difference.relative > 0.0, axis=1))
     sentences = []

@@ -13,15 +13,9 @@ from spectra import as_record
 class Prediction:
     """The response that a model expects of a drive, in the model's band.
 
-    Parameters
-    ----------
-    response
-        Shape (responses, samples), without static part.
-    uncertainty_rms
-        Shape (responses): RMS of the error that the random errors of the FRF put into it, in the response's unit.
-    share_outside_band
-        Shape (drives): share of each drive's power, 0 to 1, that lies outside the band and is left out; its mean is no
-        part of either.
+    `response`: Shape (responses, samples), without static part. `uncertainty_rms`: Shape (responses): RMS of the error
+    that the random errors of the FRF put into it, in the response's unit. `share_outside_band`: Shape (drives): share
+    of each drive's power, 0 to 1, that lies outside the band and is left out; its mean is no part of either.
     """
 
     response: NDArray[np.float64]

@@ -25,14 +25,8 @@ SMALLEST_SHARE = 1e-6
 class Shares:
     """RMS of something over the RMS of the response, in the band, for each response; 0 where nothing was found.
 
-    Parameters
-    ----------
-    over_band
-        Shape (responses).
-    worst
-        Shape (responses): the largest over a third of an octave.
-    worst_frequency
-        Shape (responses): where, in hertz; 0 where nothing was found.
+    `over_band`: Shape (responses). `worst`: Shape (responses): the largest over a third of an octave.
+    `worst_frequency`: Shape (responses): where, in hertz; 0 where nothing was found.
     """
 
     over_band: NDArray[np.float64]
@@ -43,15 +37,8 @@ class Shares:
 def distortion_shares(levels: DistortionLevels) -> Shares:
     """Share of each response that is stochastic nonlinear distortion.
 
-    Parameters
-    ----------
-    levels
-        From the robust method.
-
-    Returns
-    -------
-    Shares
-        Found where it exceeds what noise alone would scatter by `SIGNIFICANCE` times.
+    `levels`: From the robust method.
+    Returns: Found where it exceeds what noise alone would scatter by `SIGNIFICANCE` times.
     """
     # What a linear rig would show: two estimates of its noise, from the experiments and from the periods.
     freedom = 1.0 / levels.degrees_of_freedom + 1.0 / (levels.experiments * (levels.periods - 1))
@@ -64,15 +51,8 @@ def distortion_shares(levels: DistortionLevels) -> Shares:
 def noise_shares(levels: DistortionLevels) -> Shares:
     """Share of each response that is noise, of one period.
 
-    Parameters
-    ----------
-    levels
-        From the robust method.
-
-    Returns
-    -------
-    Shares
-        Of every response.
+    `levels`: From the robust method.
+    Returns: Of every response.
     """
     return _shares(levels.frequency, levels.excited, levels.noise_psd, levels.response_psd)
 
@@ -86,19 +66,10 @@ def unexplained_shares(
 ) -> Shares:
     """Share of each response that the drives do not explain, noise and distortion together.
 
-    Parameters
-    ----------
-    frequency
-        Shape (lines), in hertz.
-    lines
-        Shape (lines): where something was estimated.
-    residual_psd, response_psd
-        Shape (lines, responses), one-sided densities; without bias the first may be the larger one by chance.
-
-    Returns
-    -------
-    Shares
-        Of every response, at most 1.
+    `frequency`: Shape (lines), in hertz. `lines`: Shape (lines): where something was estimated. `residual_psd`,
+    `response_psd`: Shape (lines, responses), one-sided densities; without bias the first may be the larger one by
+    chance.
+    Returns: Of every response, at most 1.
     """
     found = _shares(frequency, lines, residual_psd, response_psd)
     # Over all lines of a share and not at each: what is cut off at single lines is missed where it is summed.
@@ -110,19 +81,7 @@ def unexplained_shares(
 
 
 def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Odd and even distortion as shares of each response, from the lines that were left out.
-
-    Parameters
-    ----------
-    levels
-        From the robust method.
-
-    Returns
-    -------
-    tuple of numpy.ndarray or None
-        Odd and even, each of shape (responses), RMS over RMS as if all lines of the band were like those; 0 where
-        nothing was found beyond the noise. None where the excitation has even lines.
-    """
+    """Odd and even distortion as shares of each response, from the lines that were left out."""
     if levels.odd_psd is None or levels.even_psd is None or levels.left_out_noise_psd is None:
         return None
     freedom = (1.0 + 1.0 / (levels.periods - 1)) / levels.experiments
@@ -182,17 +141,8 @@ def separated_verdicts(
 def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[str, ...]:
     """Say how much of each response the model does not explain, where its causes cannot be told apart.
 
-    Parameters
-    ----------
-    shares
-        From `unexplained_shares`.
-    responses
-        Names of the channels, in order.
-
-    Returns
-    -------
-    tuple of str
-        One sentence for each.
+    `shares`: From `unexplained_shares`. `responses`: Names of the channels, in order.
+    Returns: One sentence for each.
     """
     return tuple(
         f"Unexplained {_percent(shares.worst[i])} of the response at {shares.worst_frequency[i]:.3g} Hz in "
@@ -207,15 +157,8 @@ def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[s
 def unknown_verdicts(*, responses: Sequence[str]) -> tuple[str, ...]:
     """Say that an experiment does not show how linear the rig is.
 
-    Parameters
-    ----------
-    responses
-        Names of the channels, in order.
-
-    Returns
-    -------
-    tuple of str
-        One sentence for each.
+    `responses`: Names of the channels, in order.
+    Returns: One sentence for each.
     """
     return tuple(
         f"This experiment does not show how linear {name.replace('_', ' ')} is: play two realisations of a multisine, "

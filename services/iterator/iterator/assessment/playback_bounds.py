@@ -84,15 +84,8 @@ class PlaybackBoundError(ValueError):
 def is_bounded(criteria: StopCriteria) -> bool:
     """Return whether any quantity of a playback is bounded.
 
-    Parameters
-    ----------
-    criteria : StopCriteria
-        Its bounds count.
-
-    Returns
-    -------
-    bool
-        False where every bound is None.
+    `criteria`: Its bounds count.
+    Returns: False where every bound is None.
     """
     return any(getattr(criteria, quantity.value) is not None for quantity in BoundedQuantity)
 
@@ -100,19 +93,9 @@ def is_bounded(criteria: StopCriteria) -> bool:
 def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: float) -> PassedBound | None:
     """Return the bound that a playback passes furthest, relative to the bound, or None.
 
-    Parameters
-    ----------
-    metrics : IterationMetrics
-        Of the playback, measured or predicted.
-    criteria : StopCriteria
-        Its bounds and its damage exponent count, relative to the whole target whatever the level.
-    level : float
-        Share of the target that it plays for, above 0 to 1.
-
-    Returns
-    -------
-    PassedBound or None
-        None if the playback passes no bound.
+    `metrics`: Of the playback, measured or predicted. `criteria`: Its bounds and its damage exponent count, relative to
+    the whole target whatever the level. `level`: Share of the target that it plays for, above 0 to 1.
+    Returns: None if the playback passes no bound.
     """
     exponent = float(criteria.damage_exponent)
     column = DAMAGE_EXPONENTS.index(exponent)

@@ -22,15 +22,8 @@ _NOT_AT_A_PART: Final = {"relative_rms_error": 0.0, "damage_ratio": None, "small
 def partial_playbacks(levels: Sequence[float]) -> int:
     """Return the number of playbacks before the first at full level.
 
-    Parameters
-    ----------
-    levels : sequence of float
-        Share of the target in each of the first playbacks, see `PlaybackSettings`.
-
-    Returns
-    -------
-    int
-        0 or more.
+    `levels`: Share of the target in each of the first playbacks, see `PlaybackSettings`.
+    Returns: 0 or more.
     """
     return int(np.count_nonzero(np.asarray(levels) < 1.0))
 
@@ -38,17 +31,8 @@ def partial_playbacks(levels: Sequence[float]) -> int:
 def level_of(number: int, levels: Sequence[float]) -> float:
     """Return the level of a playback.
 
-    Parameters
-    ----------
-    number : int
-        From 1.
-    levels : sequence of float
-        Of the first playbacks.
-
-    Returns
-    -------
-    float
-        Share of the target, above 0 to 1.
+    `number`: From 1. `levels`: Of the first playbacks.
+    Returns: Share of the target, above 0 to 1.
     """
     return float(levels[number - 1]) if number <= len(levels) else 1.0
 
@@ -58,17 +42,8 @@ def comparable_history(history: IterationHistory, levels: Sequence[float]) -> It
 
     Where friction sticks at half level, errors of two levels say nothing about each other.
 
-    Parameters
-    ----------
-    history : IterationHistory
-        All playbacks so far, each divided by its level.
-    levels : sequence of float
-        Of the first playbacks.
-
-    Returns
-    -------
-    IterationHistory
-        With the target and one playback at least, unless there is none yet.
+    `history`: All playbacks so far, each divided by its level. `levels`: Of the first playbacks.
+    Returns: With the target and one playback at least, unless there is none yet.
     """
     count = len(history.playbacks)
     level = level_of(count + 1, levels)
@@ -84,20 +59,10 @@ def best_at_full_level(
 ) -> int:
     """Return the number of the best playback of the whole target: the one that is judged, exported and confirmed.
 
-    Parameters
-    ----------
-    metrics : tuple of IterationMetrics
-        From the first playback to the last.
-    levels : sequence of float
-        Of the first playbacks.
-    outcome : Outcome, optional
-        How the iteration ended after the last playback; None before its end. Where the target was reached, the last
-        playback is the best: it is the one that fulfils all criteria, whatever the overall error of another.
-
-    Returns
-    -------
-    int
-        From 1; 0 where none was at full level yet.
+    `metrics`: From the first playback to the last. `levels`: Of the first playbacks. `outcome`: How the iteration ended
+    after the last playback; None before its end. Where the target was reached, the last playback is the best: it is the
+    one that fulfils all criteria, whatever the overall error of another.
+    Returns: From 1; 0 where none was at full level yet.
     """
     if outcome is Outcome.REACHED:
         return len(metrics)
@@ -111,19 +76,9 @@ def judge_end_at_levels(
 ) -> Outcome | None:
     """Say whether the iteration ends after the last playback, which may be at partial level.
 
-    Parameters
-    ----------
-    metrics : tuple of IterationMetrics
-        From the first playback to the last, one or more.
-    criteria : StopCriteria
-        When to end.
-    levels : sequence of float
-        Of the first playbacks.
-
-    Returns
-    -------
-    Outcome or None
-        None: go on.
+    `metrics`: From the first playback to the last, one or more. `criteria`: When to end. `levels`: Of the first
+    playbacks.
+    Returns: None: go on.
     """
     partial = partial_playbacks(levels)
     if len(metrics) <= partial:

@@ -87,17 +87,8 @@ def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> N
 def would_overspend(metrics: tuple[IterationMetrics, ...], criteria: StopCriteria) -> bool:
     """Return whether the next playback may pass the budget: it does the target's damage, or the last one's if more.
 
-    Parameters
-    ----------
-    metrics : tuple of IterationMetrics
-        Of all playbacks, one or more.
-    criteria : StopCriteria
-        Its damage budget and exponent count.
-
-    Returns
-    -------
-    bool
-        At any controlled response.
+    `metrics`: Of all playbacks, one or more. `criteria`: Its damage budget and exponent count.
+    Returns: At any controlled response.
     """
     exponent = criteria.damage_exponent
     last = metrics[-1]

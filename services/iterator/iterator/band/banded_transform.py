@@ -21,14 +21,8 @@ _PHASES: Final = (4, 2, 1)
 class BandedTransform:
     """Transforms records that are padded with zeros to one length; not to be used by two threads at once.
 
-    Parameters
-    ----------
-    length : int
-        Of a record with its zeros, samples; quickest as a multiple of four.
-    sample_rate : float
-        Hz.
-    lowest, highest : float
-        The band, Hz; at most half the sample rate. The line at `highest` is not in it.
+    `length`: Of a record with its zeros, samples; quickest as a multiple of four. `sample_rate`: Hz. `lowest`,
+    `highest`: The band, Hz; at most half the sample rate. The line at `highest` is not in it.
     """
 
     def __init__(self, length: int, *, sample_rate: float, lowest: float, highest: float) -> None:
@@ -46,17 +40,7 @@ class BandedTransform:
         """ndarray, shape (lines,): Hz, of the lines in the band."""
 
     def lines(self, samples: NDArray[np.float64], *, weight: NDArray[np.float64], out: NDArray[np.complex128]) -> None:
-        """Transform one channel.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (samples,)
-            At most as many as the length; the same number at each call.
-        weight : ndarray, shape (lines,)
-            Each line is multiplied with it.
-        out : ndarray, shape (lines,)
-            Takes the weighed lines.
-        """
+        """Transform one channel."""
         for phase, row in enumerate(self._padded):
             every = samples[phase :: self._phases]
             row[: every.size] = every
@@ -68,15 +52,7 @@ class BandedTransform:
         out *= weight
 
     def samples(self, lines: NDArray[np.complex128], *, out: NDArray[np.float64]) -> None:
-        """Transform the lines of one channel back; there is nothing outside the band.
-
-        Parameters
-        ----------
-        lines : ndarray, shape (lines,)
-            As `lines` makes them.
-        out : ndarray, shape (samples,)
-            Takes the first samples, at most as many as the length.
-        """
+        """Transform the lines of one channel back; there is nothing outside the band."""
         inside = self._whole[:, self._inside]
         np.multiply(lines, 1.0 / self._phases, out=inside[0])
         for before, phase in pairwise(inside):

@@ -18,19 +18,9 @@ _LARGEST_SHARE: Final = 0.125
 def faded(samples: NDArray[np.float64], *, sample_rate: float, seconds: float) -> NDArray[np.float64]:
     """Return a record that rises from 0 at its first sample and falls to 0 at its last one.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (channels, samples)
-        Around rest, in any unit.
-    sample_rate : float
-        Hz, greater than 0.
-    seconds : float
-        Duration of each fade, 0 or more; an eighth of the record at most. It rises as a squared sine.
-
-    Returns
-    -------
-    ndarray, shape (channels, samples)
-        A copy.
+    `samples`, shape (channels, samples): Around rest, in any unit. `sample_rate`: Hz, greater than 0. `seconds`:
+    Duration of each fade, 0 or more; an eighth of the record at most. It rises as a squared sine.
+    Returns: shape (channels, samples): A copy.
     """
     count = samples.shape[1]
     result = samples.copy()

@@ -19,17 +19,8 @@ _LONGEST_ID: Final = LONGEST_NAME - len(".i4294967295-999")
 def already_exists(campaign: str, *, field: str = "id") -> FaultError:
     """Return the fault for an id that is already used.
 
-    Parameters
-    ----------
-    campaign : str
-        The id.
-    field : str
-        Field of the request that holds it.
-
-    Returns
-    -------
-    FaultError
-        ALREADY_EXISTS; not raised here.
+    `campaign`: The id. `field`: Field of the request that holds it.
+    Returns: ALREADY_EXISTS; not raised here.
     """
     return FaultError(
         query_pb2.FAULT_CODE_ALREADY_EXISTS,
@@ -41,19 +32,9 @@ def already_exists(campaign: str, *, field: str = "id") -> FaultError:
 def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
     """Refuse a name that the contract does not allow.
 
-    Parameters
-    ----------
-    check : callable
-        Check of the contract, which raises ValueError.
-    name : str
-        As received.
-    field : str
-        Field of the request that holds it.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT with the field.
+    `check`: Check of the contract, which raises ValueError. `name`: As received. `field`: Field of the request that
+    holds it.
+    Raises `FaultError`: INVALID_ARGUMENT with the field.
     """
     try:
         check(name)
@@ -64,17 +45,8 @@ def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
 def require_id(id: str, *, field: str = "id") -> None:
     """Refuse an id that the contract does not allow, or that leaves no room for the names of the campaign's runs.
 
-    Parameters
-    ----------
-    id : str
-        Of a campaign, as received.
-    field : str
-        Field of the request that holds it.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT with the field.
+    `id`: Of a campaign, as received. `field`: Field of the request that holds it.
+    Raises `FaultError`: INVALID_ARGUMENT with the field.
     """
     require_name(check_id, id, field=field)
     if len(id) > _LONGEST_ID:
@@ -89,19 +61,8 @@ def require_id(id: str, *, field: str = "id") -> None:
 def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
     """Refuse an id that has a recording; refuse a campaign whose services are not on the bus.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where identifier and recorder are.
-    campaign : str
-        The id.
-    field : str
-        Field of the request that holds it.
-
-    Raises
-    ------
-    FaultError
-        ALREADY_EXISTS with the field, UNAVAILABLE for a missing service.
+    `bus`: Where identifier and recorder are. `campaign`: The id. `field`: Field of the request that holds it.
+    Raises `FaultError`: ALREADY_EXISTS with the field, UNAVAILABLE for a missing service.
     """
     bus.wait_for_live({("identifier", MAIN_INSTANCE)}, _DISCOVERY_SECONDS)
     try:
@@ -116,22 +77,10 @@ def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
 def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
     """Return the description of a rig that can play now.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the rig is.
-    rig : str
-        Its name.
-
-    Returns
-    -------
-    RigDescription
-        As the rig answers.
-
-    Raises
-    ------
-    FaultError
-        With the field `rig`: NOT_FOUND, FAILED_PRECONDITION for an interlocked rig, BUSY for one that plays.
+    `bus`: Where the rig is. `rig`: Its name.
+    Returns: As the rig answers.
+    Raises `FaultError`: With the field `rig`: NOT_FOUND, FAILED_PRECONDITION for an interlocked rig, BUSY for one that
+    plays.
     """
     keys = bus.keys
     try:
@@ -157,17 +106,8 @@ def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
 def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescription) -> None:
     """Refuse a rig that was changed since it was identified.
 
-    Parameters
-    ----------
-    model : Model
-        From the identification.
-    description : RigDescription
-        Of the rig now.
-
-    Raises
-    ------
-    FaultError
-        FAILED_PRECONDITION with the field `rig`.
+    `model`: From the identification. `description`: Of the rig now.
+    Raises `FaultError`: FAILED_PRECONDITION with the field `rig`.
     """
     if model.rig_content_hash != description.content_hash:
         raise FaultError(
@@ -181,22 +121,9 @@ def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescri
 def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
     """Read back the campaign that another one was taken up from, with all that is taken over from it.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the recorder is.
-    recorded : RecordedCampaign
-        The campaign that takes over.
-
-    Returns
-    -------
-    RecordedCampaign
-        Its parent.
-
-    Raises
-    ------
-    FaultError
-        FAILED_PRECONDITION where the parent is not there or does not hold as much.
+    `bus`: Where the recorder is. `recorded`: The campaign that takes over.
+    Returns: Its parent.
+    Raises `FaultError`: FAILED_PRECONDITION where the parent is not there or does not hold as much.
     """
     spec = recorded.spec
     try:
@@ -224,17 +151,8 @@ def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
 def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
     """Make sure that the recorder goes on with a recording; close it where only that is missing.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the recorder is.
-    recorded : RecordedCampaign
-        Not closed.
-
-    Raises
-    ------
-    FaultError
-        FAILED_PRECONDITION where the recorder cannot go on with it, because a file of it is damaged.
+    `bus`: Where the recorder is. `recorded`: Not closed.
+    Raises `FaultError`: FAILED_PRECONDITION where the recorder cannot go on with it, because a file of it is damaged.
     """
     log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)
     try:

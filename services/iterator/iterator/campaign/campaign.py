@@ -45,18 +45,9 @@ _PAUSED: Final = "paused"
 class Campaign:
     """Runs one campaign on a thread of its own. A motion is asked for once and never again.
 
-    Parameters
-    ----------
-    plan : CampaignPlan
-        Checked.
-    bus : Bus
-        Where rig, identifier and recorder are.
-    board : StatusBoard
-        Shows the others how it goes.
-    on_end : callable
-        Called on the campaign's thread when the rig is free again, before the final status shows.
-    resumption : Resumption, optional
-        What was done before; nothing where not given.
+    `plan`: Checked. `bus`: Where rig, identifier and recorder are. `board`: Shows the others how it goes. `on_end`:
+    Called on the campaign's thread when the rig is free again, before the final status shows. `resumption`: What was
+    done before; nothing where not given.
     """
 
     def __init__(
@@ -99,13 +90,8 @@ class Campaign:
     def stop(self, reason: str, *, latch: bool = True) -> None:
         """Ask it to end: a playback is broken off, nothing new is begun. Return at once.
 
-        Parameters
-        ----------
-        reason : str
-            In words; kept in the recording.
-        latch : bool
-            Latch the rig whatever it does then, also between two playbacks. Otherwise only a playback that is broken
-            off latches it.
+        `reason`: In words; kept in the recording. `latch`: Latch the rig whatever it does then, also between two
+        playbacks. Otherwise only a playback that is broken off latches it.
         """
         # First: the campaign's thread may end as soon as the event is set.
         self._latching = self._latching or latch

@@ -31,14 +31,8 @@ from labbus import FaultError
 class ConfirmationReport:
     """What is known after one of the playbacks that confirm the result.
 
-    Parameters
-    ----------
-    repeatability : Repeatability or None
-        Of all so far; None where there was no further one.
-    metrics : IterationMetrics or None
-        Figures of the last one, as a message; None where there was no further one.
-    remarks : tuple of str
-        Why not, one sentence.
+    `repeatability`: Of all so far; None where there was no further one. `metrics`: Figures of the last one, as a
+    message; None where there was no further one. `remarks`: Why not, one sentence.
     """
 
     repeatability: iterator_pb2.Repeatability | None = None
@@ -55,33 +49,7 @@ def confirmed(
     recorded: Sequence[iterator_pb2.ConfirmationStep],
     play: Callable[[Iteration, int], iterator_pb2.ConfirmationStep],
 ) -> Iterator[ConfirmationReport]:
-    """Play the best drive again, as often as the campaign asks and nothing speaks against it.
-
-    Parameters
-    ----------
-    best : Iteration
-        Whose drive is played.
-    plan : CampaignPlan
-        Of the campaign.
-    outcome : Outcome
-        Of the iteration.
-    metrics : sequence of IterationMetrics
-        Of all its playbacks.
-    recorded : sequence of ConfirmationStep
-        Those that were made before, with their samples, and are not made again.
-    play : callable
-        Plays the drive of `best` with a number, from 1, and returns the step that it stored, with its samples.
-
-    Yields
-    ------
-    ConfirmationReport
-        After each of them, the recorded ones too; the last one where a controlled response stood still.
-
-    Raises
-    ------
-    FaultError
-        DATA_LOSS: a recorded playback is damaged.
-    """
+    """Play the best drive again, as often as the campaign asks and nothing speaks against it."""
     asked, responses, spent = plan.spec.confirmations, [best.response_in_band], tuple(metrics)
     for number in range(1, asked + 1):
         if number <= len(recorded):
@@ -123,22 +91,7 @@ def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> 
 
 
 def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criteria: StopCriteria) -> str | None:
-    """Return why the best drive is not played once more, in words; None where nothing speaks against it.
-
-    Parameters
-    ----------
-    outcome : Outcome
-        Of the iteration.
-    spent : tuple of IterationMetrics
-        Of all playbacks so far, those that confirm included, one or more.
-    criteria : StopCriteria
-        Hold the damage budget.
-
-    Returns
-    -------
-    str or None
-        Half a sentence.
-    """
+    """Return why the best drive is not played once more, in words; None where nothing speaks against it."""
     if outcome is Outcome.DIVERGED:
         return "the iteration diverged"
     if outcome is Outcome.RESPONSE_STOOD_STILL:
@@ -151,20 +104,7 @@ def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criter
 
 
 def judge_confirmation(response_in_band: NDArray[np.float64], *, plan: CampaignPlan) -> IterationMetrics:
-    """Return the figures of a playback that confirms the result.
-
-    Parameters
-    ----------
-    response_in_band : ndarray, shape (n_y, samples)
-        As measured, in the control band.
-    plan : CampaignPlan
-        Holds the target.
-
-    Returns
-    -------
-    IterationMetrics
-        At full level.
-    """
+    """Return the figures of a playback that confirms the result."""
     return judge_response(plan.target_in_band, response_in_band, controlled=plan.response_weight > 0.0)
 
 
@@ -178,28 +118,7 @@ def confirmation_message(
     iteration: int,
     plan: CampaignPlan,
 ) -> iterator_pb2.ConfirmationStep:
-    """Return a playback of the best drive as it is committed: it names the samples of its run.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        As played.
-    response, response_in_band : ndarray, shape (n_y, samples)
-        As measured, and as judged.
-    played : PlayResult
-        As the rig answered.
-    number : int
-        Of the playback, from 1.
-    iteration : int
-        Whose drive it was.
-    plan : CampaignPlan
-        Of the campaign.
-
-    Returns
-    -------
-    ConfirmationStep
-        The message.
-    """
+    """Return a playback of the best drive as it is committed: it names the samples of its run."""
     metrics = judge_confirmation(response_in_band, plan=plan)
     return iterator_pb2.ConfirmationStep(
         number=number,
@@ -236,22 +155,7 @@ def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: Campaign
 def repeatability_message(
     responses_in_band: Sequence[NDArray[np.float64]], *, iteration: int, plan: CampaignPlan
 ) -> iterator_pb2.Repeatability:
-    """Return how far the rig repeats itself.
-
-    Parameters
-    ----------
-    responses_in_band : sequence of ndarray, shape (n_y, samples)
-        To the same drive: of its own iteration and of what confirms it, two or more.
-    iteration : int
-        Whose drive it is.
-    plan : CampaignPlan
-        Of the campaign.
-
-    Returns
-    -------
-    Repeatability
-        The message.
-    """
+    """Return how far the rig repeats itself."""
     found = judge_repeatability(plan.target_in_band, responses_in_band)
     return iterator_pb2.Repeatability(
         iteration=iteration,

@@ -9,15 +9,8 @@ from iterator.campaign import seeds
 def identification_run(spec: iterator_pb2.CampaignSpec) -> str:
     """Return the name of the first attempt at the identification's playback on the rig.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        Its id begins the name.
-
-    Returns
-    -------
-    str
-        Name of the run.
+    `spec`: Its id begins the name.
+    Returns: Name of the run.
     """
     return f"{spec.id}.identify"
 
@@ -27,19 +20,9 @@ def identification_request(
 ) -> identifier_pb2.IdentifyRequest:
     """Return the request that identifies the rig of a campaign.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        Checked; every seed is derived from its own.
-    run : str
-        Name of the playback on the rig.
-    check_only : bool
-        Only ask whether it could be played.
-
-    Returns
-    -------
-    IdentifyRequest
-        The message.
+    `spec`: Checked; every seed is derived from its own. `run`: Name of the playback on the rig. `check_only`: Only ask
+    whether it could be played.
+    Returns: The message.
     """
     request = identifier_pb2.IdentifyRequest(
         rig=spec.rig,

@@ -29,20 +29,7 @@ OUTCOMES: Final = {
 
 
 def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[iterator_pb2.ChannelMetrics]:
-    """Return the figures of one playback by channel.
-
-    Parameters
-    ----------
-    metrics : IterationMetrics
-        Of the playback.
-    plan : CampaignPlan
-        Names the channels, and tells which are watched.
-
-    Returns
-    -------
-    list of ChannelMetrics
-        One for each response.
-    """
+    """Return the figures of one playback by channel."""
     return [
         iterator_pb2.ChannelMetrics(
             channel=channel.name,
@@ -59,20 +46,7 @@ def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[it
 
 
 def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2.IterationMetrics:
-    """Return the figures of one playback, with the names of the rig's responses.
-
-    Parameters
-    ----------
-    iteration : Iteration
-        What was made of it.
-    plan : CampaignPlan
-        Names the channels.
-
-    Returns
-    -------
-    IterationMetrics
-        The message.
-    """
+    """Return the figures of one playback, with the names of the rig's responses."""
     return iterator_pb2.IterationMetrics(
         iteration=iteration.number,
         channels=channel_metrics(iteration.metrics, plan=plan),
@@ -82,22 +56,7 @@ def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2
 
 
 def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: CampaignPlan) -> iterator_pb2.IterationStep:
-    """Return one playback as it is committed: it names the samples of its run, which its signal blocks hold.
-
-    Parameters
-    ----------
-    iteration : Iteration
-        What was made of it.
-    played : PlayResult
-        As the rig answered.
-    plan : CampaignPlan
-        Of the campaign.
-
-    Returns
-    -------
-    IterationStep
-        The message.
-    """
+    """Return one playback as it is committed: it names the samples of its run, which its signal blocks hold."""
     return iterator_pb2.IterationStep(
         iteration=iteration.number,
         run=played.run,
@@ -119,22 +78,7 @@ StepT = TypeVar("StepT", bound=iterator_pb2.IterationStep | iterator_pb2.Confirm
 def with_samples(
     step: StepT, *, description: rig_pb2.RigDescription, drive: NDArray[np.float64], response: NDArray[np.float64]
 ) -> StepT:
-    """Return a step that carries the samples of its run.
-
-    Parameters
-    ----------
-    step : IterationStep or ConfirmationStep
-        Without them; it stays as it is.
-    description : RigDescription
-        Names the channels.
-    drive, response : ndarray, shape (channels, samples)
-        Of the run. The drive of a confirmation is in the step of its iteration.
-
-    Returns
-    -------
-    IterationStep or ConfirmationStep
-        A copy with them.
-    """
+    """Return a step that carries the samples of its run."""
     whole = type(step).FromString(step.SerializeToString())
     if isinstance(whole, iterator_pb2.IterationStep):
         to_record(description.drives, description.sample_rate, drive, into=whole.drive)
@@ -143,25 +87,7 @@ def with_samples(
 
 
 def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:
-    """Check a playback that was committed, and return it as the iteration takes it.
-
-    Parameters
-    ----------
-    step : IterationStep
-        As read back; nothing in it is trusted.
-    plan : CampaignPlan
-        Of the campaign.
-
-    Returns
-    -------
-    RecordedPlayback
-        Its drive and response.
-
-    Raises
-    ------
-    FaultError
-        DATA_LOSS: other channels, another rate or length, or values that are not finite.
-    """
+    """Check a playback that was committed, and return it as the iteration takes it."""
     description, samples = plan.description, plan.target_in_band.shape[1]
     records: list[NDArray[np.float64]] = []
     for field, message, wanted in (
@@ -190,29 +116,7 @@ def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -
 
 
 def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan: CampaignPlan) -> NDArray[np.float64]:
-    """Check what the rig answered to a playback.
-
-    Parameters
-    ----------
-    played : PlayResult
-        As received; nothing in it is trusted.
-    run : str
-        The playback that was asked for.
-    samples : int
-        Length of its drive.
-    plan : CampaignPlan
-        Names the channels.
-
-    Returns
-    -------
-    ndarray, shape (n_y, samples)
-        The response.
-
-    Raises
-    ------
-    FaultError
-        DATA_LOSS: another run, other channels, another rate or length, or values that are not finite.
-    """
+    """Check what the rig answered to a playback."""
     try:
         channels, sample_rate, response = from_record(played.response, field="response")
     except ArrayError as error:
@@ -236,37 +140,17 @@ def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan
 def run_played(
     played: identifier_pb2.Model | iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, *, rig: str
 ) -> recorder_pb2.RunPlayed:
-    """Return what tells the recorder how many blocks the run of a result has.
-
-    Parameters
-    ----------
-    played : Model, IterationStep or ConfirmationStep
-        What came of the run.
-    rig : str
-        Its name.
-    """
+    """Return what tells the recorder how many blocks the run of a result has."""
     return recorder_pb2.RunPlayed(run=played.run, rig=rig, epoch=played.signal_epoch, blocks=played.signal_blocks)
 
 
 def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigModel:
     """Check what the identifier answered and make the model that the iteration starts from.
 
-    Parameters
-    ----------
-    model : Model
-        As received; nothing in it is trusted.
-    plan : CampaignPlan
-        Of the campaign.
-
-    Returns
-    -------
-    RigModel
-        With its inverse.
-
-    Raises
-    ------
-    FaultError
-        DATA_LOSS where it is not the model that was asked for; FAILED_PRECONDITION where it cannot be inverted.
+    `model`: As received; nothing in it is trusted. `plan`: Of the campaign.
+    Returns: With its inverse.
+    Raises `FaultError`: DATA_LOSS where it is not the model that was asked for; FAILED_PRECONDITION where it cannot be
+    inverted.
     """
     description = plan.description
     for field, given, wanted in (

@@ -41,27 +41,12 @@ _S = TypeVar("_S", bound=BaseModel)
 class CampaignPlan:
     """A checked campaign.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        As it was sent.
-    description : RigDescription
-        The rig it was checked against.
-    target_in_band : ndarray, shape (n_y, samples)
-        What the responses are judged against.
-    settings : CampaignSettings
-        How to iterate and when to end.
-    limits : DriveLimits
-        Of the rig.
-    experiment : ExperimentPlan
-        Of the identification, as the identifier answered.
-    response_weight : ndarray, shape (n_y,)
-        The specification's over the target's RMS, so that responses count alike whatever their units; 0 for a response
-        that is watched.
-    target_energy_outside_band : ndarray, shape (n_y,)
-        Share of the energy of each target's dynamic part outside the control band, 0 to 1.
-    remarks : tuple of str
-        What a person should know before it begins, one sentence each.
+    `spec`: As it was sent. `description`: The rig it was checked against. `target_in_band`, shape (n_y, samples): What
+    the responses are judged against. `settings`: How to iterate and when to end. `limits`: Of the rig. `experiment`: Of
+    the identification, as the identifier answered. `response_weight`, shape (n_y,): The specification's over the
+    target's RMS, so that responses count alike whatever their units; 0 for a response that is watched.
+    `target_energy_outside_band`, shape (n_y,): Share of the energy of each target's dynamic part outside the control
+    band, 0 to 1. `remarks`: What a person should know before it begins, one sentence each.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -87,26 +72,11 @@ def plan_campaign(
 ) -> CampaignPlan:
     """Check a specification against the rig it is for.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        As received; nothing in it is trusted. Its id and rig are names that the contract allows.
-    description : RigDescription
-        Of that rig.
-    experiment : ExperimentPlan
-        Of the identification: the identifier has checked the excitation and the estimator.
-
-    Returns
-    -------
-    CampaignPlan
-        Ready to run.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where the rig does not allow the method.
-    ArrayError
-        An array or record of the specification is damaged; the bus makes it INVALID_ARGUMENT.
+    `spec`: As received; nothing in it is trusted. Its id and rig are names that the contract allows. `description`: Of
+    that rig. `experiment`: Of the identification: the identifier has checked the excitation and the estimator.
+    Returns: Ready to run.
+    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where the rig does not allow the
+    method. `ArrayError`: An array or record of the specification is damaged; the bus makes it INVALID_ARGUMENT.
     """
     if len(description.responses) < len(description.drives):
         raise FaultError(

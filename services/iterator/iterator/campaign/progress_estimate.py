@@ -14,12 +14,8 @@ _SMALLEST_SHARE = 0.05
 class Progress:
     """Where a campaign stands.
 
-    Parameters
-    ----------
-    fraction : float
-        Share of the whole campaign that is done, 0 to 1, by length of what is played.
-    remaining_seconds : float
-        Expected time to the end, s; -1 where unknown.
+    `fraction`: Share of the whole campaign that is done, 0 to 1, by length of what is played. `remaining_seconds`:
+    Expected time to the end, s; -1 where unknown.
     """
 
     fraction: float
@@ -32,14 +28,8 @@ class ProgressEstimate:
     An iteration is expected to last as long as those before it did; before the first, as long as the identification did
     for each second played.
 
-    Parameters
-    ----------
-    identification_seconds, playback_seconds : float
-        Length of what is played in the identification and in each iteration, s, greater than 0.
-    iterations : int
-        Most playbacks of the target.
-    clock : callable
-        Seconds that only rise.
+    `identification_seconds`, `playback_seconds`: Length of what is played in the identification and in each iteration,
+    s, greater than 0. `iterations`: Most playbacks of the target. `clock`: Seconds that only rise.
     """
 
     def __init__(
@@ -79,18 +69,7 @@ class ProgressEstimate:
             self._done += 1
 
     def at(self, share: float) -> Progress:
-        """Return where the campaign stands.
-
-        Parameters
-        ----------
-        share : float
-            Of the step that is under way, 0 to 1.
-
-        Returns
-        -------
-        Progress
-            Of the whole campaign.
-        """
+        """Return where the campaign stands."""
         total = self._identification_seconds + self._iterations * self._playback_seconds
         if not self._identified:
             played = share * self._identification_seconds

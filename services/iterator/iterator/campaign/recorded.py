@@ -35,16 +35,8 @@ _KINDS: Final = {
 class RecordedCampaign:
     """What a recording holds, in the order of a campaign.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        What was asked for.
-    steps : int
-        How many were committed; the number of the next one.
-    last : Message
-        The step committed last, as it was committed.
-    iterations, confirmations : list
-        The playbacks, with their samples.
+    `spec`: What was asked for. `steps`: How many were committed; the number of the next one. `last`: The step committed
+    last, as it was committed. `iterations`, `confirmations`: The playbacks, with their samples.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -60,13 +52,7 @@ class RecordedCampaign:
     closed: bool = False
 
     def take(self, message: Message, *, samples: tuple[array_pb2.Array, array_pb2.Array] | None = None) -> None:
-        """Add the next step; where it leaves out the samples of its run, they come beside it.
-
-        Raises
-        ------
-        ArrayError
-            The samples are damaged, or others than those of the step's hash.
-        """
+        """Add the next step; where it leaves out the samples of its run, they come beside it."""
         self.steps += 1
         self.last = message
         if isinstance(message, iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) and samples is not None:
@@ -107,22 +93,9 @@ class RecordedCampaign:
 def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
     """Read back everything that was committed to a campaign's recording.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the recorder is.
-    id : str
-        Of the campaign and its recording.
-
-    Returns
-    -------
-    RecordedCampaign
-        As far as it came.
-
-    Raises
-    ------
-    FaultError
-        NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no campaign's.
+    `bus`: Where the recorder is. `id`: Of the campaign and its recording.
+    Returns: As far as it came.
+    Raises `FaultError`: NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no campaign's.
     """
     messages = _messages(bus, id)
     spec, _ = next(messages, (None, None))

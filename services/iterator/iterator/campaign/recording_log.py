@@ -25,18 +25,10 @@ SAMPLES_LACK: Final = (query_pb2.FAULT_CODE_FAILED_PRECONDITION, "payload.sample
 class RecordingLog:
     """Commits the steps of one recording; used by one thread.
 
-    Parameters
-    ----------
-    bus : Bus
-        Where the recorder is.
-    recording : str
-        Its id, which is the campaign's.
-    next_step : int
-        Number of the first step to store; more than 0 where the recorder holds some already.
-    stop : threading.Event, optional
-        Where given, a step that the recorder's disk has no room for is sent again until it has, or until this is set.
-    on_wait : callable, optional
-        Told in words what is waited for; called with an empty text when it goes on.
+    `bus`: Where the recorder is. `recording`: Its id, which is the campaign's. `next_step`: Number of the first step to
+    store; more than 0 where the recorder holds some already. `stop`: Where given, a step that the recorder's disk has
+    no room for is sent again until it has, or until this is set. `on_wait`: Told in words what is waited for; called
+    with an empty text when it goes on.
     """
 
     def __init__(
@@ -65,34 +57,12 @@ class RecordingLog:
         return self._next_step > 0
 
     def commit(self, message: Message) -> None:
-        """Store a step durably; return when the recorder has acknowledged what it holds on disk.
-
-        Parameters
-        ----------
-        message : Message
-            One of the contract's steps.
-
-        Raises
-        ------
-        FaultError
-            The recorder refuses or is gone, or acknowledges something else than was sent.
-        """
+        """Store a step durably; return when the recorder has acknowledged what it holds on disk."""
         self._send(self._next_step, message)
         self._next_step += 1
 
     def confirm(self, last: Message) -> None:
-        """Have the recorder acknowledge the last step once more: proof that it goes on with this recording.
-
-        Parameters
-        ----------
-        last : Message
-            As it was stored.
-
-        Raises
-        ------
-        FaultError
-            The recorder does not write it any more.
-        """
+        """Have the recorder acknowledge the last step once more: proof that it goes on with this recording."""
         self._send(self._next_step - 1, last)
 
     def _send(self, step: int, message: Message) -> None:
@@ -144,20 +114,7 @@ class RecordingLog:
             self._on_wait(why)
 
     def close(self, last: Message, *, reason: str) -> None:
-        """Store the last message and close the recording.
-
-        Parameters
-        ----------
-        last : Message
-            The campaign's final status.
-        reason : str
-            Why, in words.
-
-        Raises
-        ------
-        FaultError
-            As `commit` does.
-        """
+        """Store the last message and close the recording."""
         try:
             self.commit(last)
         except FaultError as fault:

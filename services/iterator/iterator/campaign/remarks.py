@@ -19,24 +19,7 @@ _UNRELATED: Final = 0.1
 def remarks_of(
     iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
 ) -> list[str]:
-    """Return what a person should know of a playback, one sentence each.
-
-    Parameters
-    ----------
-    iteration : Iteration
-        What was made of it.
-    plan : CampaignPlan
-        Names the channels.
-    recorded : sequence of IterationStep
-        The first playbacks, where they were not made again: only these steps hold the remarks on their drives.
-
-    Returns
-    -------
-    list of str
-        Limits that its drive would have passed, how much it was changed to hold them, where the target was out of the
-        rig's reach, which responses stood still or reproduced nothing, and whether the next playback is predicted to
-        diverge.
-    """
+    """Return what a person should know of a playback, one sentence each."""
     if iteration.number < len(recorded):
         return list(recorded[iteration.number - 1].remarks)
     of_it = f"Playback {iteration.number}: "
@@ -65,22 +48,7 @@ def remarks_of(
 
 
 def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:
-    """Say which responses stood still, when, and what to do.
-
-    Parameters
-    ----------
-    found : sequence of Standstill
-        In one playback.
-    plan : CampaignPlan
-        Names the channels, and tells which are watched.
-    then : str
-        What follows a mended sensor of a controlled response, half a sentence.
-
-    Returns
-    -------
-    list of str
-        One sentence each.
-    """
+    """Say which responses stood still, when, and what to do."""
     sentences: list[str] = []
     for standstill in found:
         i, when = standstill.response, standstill.segment

@@ -15,22 +15,10 @@ from labbus import FaultError
 class Resumption:
     """The committed steps that a campaign begins with.
 
-    Parameters
-    ----------
-    steps : int
-        Those that its own recording holds: the number of the next one.
-    model : Model or None
-        As identified.
-    iterations : tuple of IterationStep
-        The playbacks that are not made again.
-    confirmations : tuple of ConfirmationStep
-        Nor are these, of the best drive.
-    planned : tuple of str
-        Runs on the rig that its own recording has announced.
-    played : frozenset of str
-        Those of which it is stored that they were played.
-    copies : tuple of Message
-        Steps of its parent that its own recording does not hold yet.
+    `steps`: Those that its own recording holds: the number of the next one. `model`: As identified. `iterations`: The
+    playbacks that are not made again. `confirmations`: Nor are these, of the best drive. `planned`: Runs on the rig
+    that its own recording has announced. `played`: Those of which it is stored that they were played. `copies`: Steps
+    of its parent that its own recording does not hold yet.
     """
 
     steps: int = 0
@@ -43,20 +31,7 @@ class Resumption:
 
 
 def run_name(stem: str, planned: tuple[str, ...]) -> str:
-    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt has a number.
-
-    Parameters
-    ----------
-    stem : str
-        Name of the first attempt.
-    planned : tuple of str
-        All names that were announced before.
-
-    Returns
-    -------
-    str
-        `stem`, or `stem-2` and so on.
-    """
+    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt has a number."""
     attempts = sum(1 for run in planned if run == stem or run.removeprefix(f"{stem}-").isdecimal())
     return f"{stem}-{attempts + 1}" if attempts else stem
 
@@ -64,15 +39,8 @@ def run_name(stem: str, planned: tuple[str, ...]) -> str:
 def lacks_copies(recorded: RecordedCampaign) -> bool:
     """Return whether a crash came while a campaign stored what it takes over from its parent.
 
-    Parameters
-    ----------
-    recorded : RecordedCampaign
-        As the recorder holds it.
-
-    Returns
-    -------
-    bool
-        False where it has ended: then nothing is to be done with them.
+    `recorded`: As the recorder holds it.
+    Returns: False where it has ended: then nothing is to be done with them.
     """
     spec = recorded.spec
     if not spec.parent or recorded.closed or recorded.final is not None:
@@ -83,22 +51,9 @@ def lacks_copies(recorded: RecordedCampaign) -> bool:
 def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = None) -> Resumption:
     """Return what a campaign that was broken off by a crash goes on from.
 
-    Parameters
-    ----------
-    recorded : RecordedCampaign
-        Not closed.
-    parent : RecordedCampaign, optional
-        Given where it `lacks_copies`; holds them.
-
-    Returns
-    -------
-    Resumption
-        All that it holds, and the copies that it lacks.
-
-    Raises
-    ------
-    FaultError
-        FAILED_PRECONDITION where it has ended.
+    `recorded`: Not closed. `parent`: Given where it `lacks_copies`; holds them.
+    Returns: All that it holds, and the copies that it lacks.
+    Raises `FaultError`: FAILED_PRECONDITION where it has ended.
     """
     if recorded.closed:
         how = recorded.final.activity if recorded.final is not None else "closed"
@@ -129,17 +84,9 @@ def finished_unseen(
 ) -> iterator_pb2.CampaignStatus | None:
     """Return the end of a campaign that finished while the recorder's answer was lost.
 
-    Parameters
-    ----------
-    recorded : RecordedCampaign
-        As the recorder holds it.
-    shown : CampaignStatus or None
-        How the campaign ended as far as this iterator knows; None where it does not know it.
-
-    Returns
-    -------
-    CampaignStatus or None
-        None where nothing is to be put right.
+    `recorded`: As the recorder holds it. `shown`: How the campaign ended as far as this iterator knows; None where it
+    does not know it.
+    Returns: None where nothing is to be put right.
     """
     finished = iterator_pb2.CAMPAIGN_PHASE_FINISHED
     if shown is None or shown.phase == finished or not recorded.closed or recorded.final is None:
@@ -152,22 +99,9 @@ def new_campaign(
 ) -> tuple[iterator_pb2.CampaignSpec, Resumption]:
     """Return the campaign that takes another one up again, and what it begins with.
 
-    Parameters
-    ----------
-    recorded : RecordedCampaign
-        The parent.
-    request : ResumeCampaignRequest
-        With `new_id`; nothing in it is trusted.
-
-    Returns
-    -------
-    CampaignSpec, Resumption
-        The parent's with other settings, and its model and first playbacks.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to take up.
+    `recorded`: The parent. `request`: With `new_id`; nothing in it is trusted.
+    Returns: The parent's with other settings, and its model and first playbacks.
+    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to take up.
     """
     parent, there = recorded.spec.id, len(recorded.iterations)
     if recorded.model is None:
@@ -206,15 +140,8 @@ def new_campaign(
 def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
     """Refuse other settings for a campaign that goes on in its own recording.
 
-    Parameters
-    ----------
-    request : ResumeCampaignRequest
-        Without `new_id`.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT naming the setting.
+    `request`: Without `new_id`.
+    Raises `FaultError`: INVALID_ARGUMENT naming the setting.
     """
     given = [
         name

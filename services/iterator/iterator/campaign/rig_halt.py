@@ -20,24 +20,7 @@ _UNKNOWN: Final = "it is not known whether the rig rests; look at it"
 
 
 def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
-    """Stop a rig, whatever it does: it ramps down where it plays, and is latched in any case.
-
-    Parameters
-    ----------
-    bus : Bus
-        Where the rig is.
-    rig : str
-        Its name.
-    run : str
-        The playback that may be under way; empty where there is none. A rig that plays another run is not stopped.
-    reason : str
-        Why, in words; kept as the latch's reason.
-
-    Returns
-    -------
-    str
-        Empty where the rig rests and is latched; else what is the matter with it, as a clause.
-    """
+    """Stop a rig, whatever it does: it ramps down where it plays, and is latched in any case."""
     try:
         state = _state_of(bus, rig)
         if state.run not in ("", run):
@@ -48,24 +31,7 @@ def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
 
 
 def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> str:
-    """Wait until a rig whose playback was cancelled rests; stop it, which latches it, where it plays on.
-
-    Parameters
-    ----------
-    bus : Bus
-        Where the rig is; nothing is done where it has left.
-    rig : str
-        Its name.
-    run : str
-        The playback that was cancelled; what others play is left alone.
-    reason : str
-        Why, in words; kept as the latch's reason.
-
-    Returns
-    -------
-    str
-        Empty where the rig rests; else what is the matter with it, as a clause.
-    """
+    """Wait until a rig whose playback was cancelled rests; stop it, which latches it, where it plays on."""
     begun = time.monotonic()
     until, resting_since = begun + _PATIENCE_SECONDS, begun
     try:

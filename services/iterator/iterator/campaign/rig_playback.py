@@ -27,20 +27,7 @@ _PLAYING: Final = "playing"
 
 
 def words_of(progress: query_pb2.Progress, *, run: str) -> str:
-    """Return what a rig or the identifier says that it does now, on one line.
-
-    Parameters
-    ----------
-    progress : Progress
-        Of the playback or the identification.
-    run : str
-        The playback; its name is no news.
-
-    Returns
-    -------
-    str
-        Empty where it says no more than that it plays; with an ellipsis at the end where it was too long.
-    """
+    """Return what a rig or the identifier says that it does now, on one line."""
     said = [text for text in (progress.phase, progress.detail) if text not in ("", _PLAYING, run)]
     # Foreign text goes to terminals, tables and logs: no line breaks, no control characters.
     printable = "".join(letter if letter.isprintable() else " " for letter in ", ".join(said))
@@ -51,18 +38,8 @@ def words_of(progress: query_pb2.Progress, *, run: str) -> str:
 class RigPlayback:
     """The rig of one campaign; used by its thread.
 
-    Parameters
-    ----------
-    plan : CampaignPlan
-        Names the rig and its channels.
-    bus : Bus
-        Where it is.
-    log : RecordingLog
-        Every motion is announced in it.
-    planned : tuple of str
-        Runs that were announced before this process.
-    cancel : threading.Event
-        Breaks a playback off.
+    `plan`: Names the rig and its channels. `bus`: Where it is. `log`: Every motion is announced in it. `planned`: Runs
+    that were announced before this process. `cancel`: Breaks a playback off.
     """
 
     def __init__(
@@ -93,20 +70,7 @@ class RigPlayback:
         return self._played
 
     def announce(self, stem: str, *, purpose: str) -> str:
-        """Store that a motion is about to be asked for.
-
-        Parameters
-        ----------
-        stem : str
-            Name of the run, where it is the first of that purpose.
-        purpose : str
-            In words.
-
-        Returns
-        -------
-        str
-            Name of the run.
-        """
+        """Store that a motion is about to be asked for."""
         run = run_name(stem, self._planned)
         if run != stem:
             structlog.get_logger("iterator").warning(
@@ -131,29 +95,7 @@ class RigPlayback:
         seed_index: int,
         on_progress: Callable[[query_pb2.Progress], None],
     ) -> NDArray[np.float64]:
-        """Play a drive once.
-
-        Parameters
-        ----------
-        drive : ndarray, shape (n_u, samples)
-            Drive units.
-        stem, purpose : str
-            See `announce`.
-        seed_index : int
-            Of what is random in the rig, see `seeds`.
-        on_progress : callable
-            Called while it plays.
-
-        Returns
-        -------
-        ndarray, shape (n_y, samples)
-            The response.
-
-        Raises
-        ------
-        FaultError
-            The rig refused, broke off, is gone or answered something else.
-        """
+        """Play a drive once."""
         description = self._plan.description
         run = self.announce(stem, purpose=purpose)
         with self.motion(run):

@@ -17,50 +17,15 @@ _CONFIRMATIONS: Final = 1 << 32
 
 
 def confirmation(number: int) -> int:
-    """Return the index of what is random in the rig in a playback that confirms the result: 2^32 + its number.
-
-    Parameters
-    ----------
-    number : int
-        From 1.
-
-    Returns
-    -------
-    int
-        Index for `derived_seed`; that of no iteration.
-    """
+    """Return the index of what is random in the rig in a playback that confirms the result: 2^32 + its number."""
     return _CONFIRMATIONS + number
 
 
 def playback(iteration: int) -> int:
-    """Return the index of what is random in the rig in an iteration's playback: 2 for the first, 3 for the second.
-
-    Parameters
-    ----------
-    iteration : int
-        From 1.
-
-    Returns
-    -------
-    int
-        Index for `derived_seed`.
-    """
+    """Return the index of what is random in the rig in an iteration's playback: 2 for the first, 3 for the second."""
     return IDENTIFICATION_PLAYBACK + iteration
 
 
 def derived_seed(campaign_seed: int, index: int) -> int:
-    """Return the seed of one part of a campaign: the first 64 bits of `numpy.random.SeedSequence([seed, index])`.
-
-    Parameters
-    ----------
-    campaign_seed : int
-        From the specification, 0 to 2^64 - 1.
-    index : int
-        `EXCITATION`, `IDENTIFICATION_PLAYBACK`, `playback(iteration)` or `confirmation(number)`.
-
-    Returns
-    -------
-    int
-        0 to 2^64 - 1; the same on every machine.
-    """
+    """Return the seed of one part of a campaign: the first 64 bits of `numpy.random.SeedSequence([seed, index])`."""
     return int(np.random.SeedSequence([campaign_seed, index]).generate_state(1, np.uint64)[0])

@@ -23,29 +23,7 @@ def static_remarks(
     band: ControlBand,
     description: rig_pb2.RigDescription,
 ) -> tuple[str, ...]:
-    """Say which static part of the target is not reproduced: a model in a band tells nothing of 0 Hz.
-
-    Parameters
-    ----------
-    target : ndarray, shape (n_y, samples)
-        As measured.
-    target_in_band : ndarray, shape (n_y, samples)
-        What is reproduced of it.
-    band : ControlBand
-        Of the campaign.
-    description : RigDescription
-        Tells what the rig carries at rest.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each, for the static part and for the drift; a channel whose target is silent is not reported.
-
-    Raises
-    ------
-    ArrayError
-        The description's static response is damaged.
-    """
+    """Say which static part of the target is not reproduced: a model in a band tells nothing of 0 Hz."""
     levels = band.static_levels(target)
     rest = from_array(description.static_response, field="static_response", shape=(target.shape[0],), dtype=np.float64)
     dynamic = rms(target_in_band)

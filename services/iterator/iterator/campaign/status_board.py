@@ -23,15 +23,8 @@ _FINAL_PHASES: Final = frozenset(
 def is_final(status: iterator_pb2.CampaignStatus) -> bool:
     """Return whether the campaign has ended.
 
-    Parameters
-    ----------
-    status : CampaignStatus
-        Its phase decides.
-
-    Returns
-    -------
-    bool
-        True if it finished, failed or was stopped.
+    `status`: Its phase decides.
+    Returns: True if it finished, failed or was stopped.
     """
     return status.phase in _FINAL_PHASES
 
@@ -39,14 +32,8 @@ def is_final(status: iterator_pb2.CampaignStatus) -> bool:
 class StatusBoard:
     """Status of one campaign. The campaign's thread changes it; any thread may read it.
 
-    Parameters
-    ----------
-    campaign : str
-        Id of the campaign.
-    publish : callable
-        Called with each CampaignStatus, one at a time, in order, until the final phase; it is not to be changed.
-    remarks : sequence of str
-        What a person should know from the start, one sentence each.
+    `campaign`: Id of the campaign. `publish`: Called with each CampaignStatus, one at a time, in order, until the final
+    phase; it is not to be changed. `remarks`: What a person should know from the start, one sentence each.
     """
 
     def __init__(
@@ -87,14 +74,7 @@ class StatusBoard:
     def show(self, activity: str, progress: Progress, *, phase: iterator_pb2.CampaignPhase | None = None) -> None:
         """Say what is done now and how far the campaign is.
 
-        Parameters
-        ----------
-        activity : str
-            In words.
-        progress : Progress
-            Of the whole campaign.
-        phase : CampaignPhase, optional
-            As before where not given.
+        `activity`: In words. `progress`: Of the whole campaign. `phase`: As before where not given.
         """
         with self._lock:
             status = self._copy()
@@ -144,16 +124,8 @@ class StatusBoard:
     ) -> iterator_pb2.CampaignStatus:
         """Return what the status will be at the end, without showing it yet: it is stored first.
 
-        Parameters
-        ----------
-        phase : CampaignPhase
-            FINISHED, FAULTED or STOPPED.
-        activity : str
-            How it ended, in words.
-        outcome : Outcome
-            Of a finished campaign.
-        fault : Fault, optional
-            Of one that is not finished.
+        `phase`: FINISHED, FAULTED or STOPPED. `activity`: How it ended, in words. `outcome`: Of a finished campaign.
+        `fault`: Of one that is not finished.
         """
         status = self._copy()
         status.phase, status.activity, status.outcome = phase, activity, outcome

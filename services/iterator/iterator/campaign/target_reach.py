@@ -23,26 +23,7 @@ def require_reach(
     description: rig_pb2.RigDescription,
     controlled: NDArray[np.bool_],
 ) -> None:
-    """Refuse a target beyond the range or the watchdog of a response.
-
-    Parameters
-    ----------
-    target_in_band : ndarray, shape (n_y, samples)
-        Dynamic part in the control band; the rig adds what it carries at rest.
-    steps : sequence of TargetStep
-        How the target was made: the unit that a file or the campaign states is named as the suspect.
-    description : RigDescription
-        Of the rig.
-    controlled : ndarray of bool, shape (n_y,)
-        False for a response whose target does not matter.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT: the peak that passes its bound furthest, in multiples of it.
-    ArrayError
-        The description's static response is damaged.
-    """
+    """Refuse a target beyond the range or the watchdog of a response."""
     rest = from_array(description.static_response, field="static_response", shape=controlled.shape, dtype=np.float64)
     found: list[tuple[float, int, float, float, str]] = []
     for i in np.flatnonzero(controlled):
@@ -82,22 +63,7 @@ def _suspect(name: str, steps: Sequence[iterator_pb2.TargetStep]) -> str:
 def tiny_target_remarks(
     target_in_band: NDArray[np.float64], *, description: rig_pb2.RigDescription, controlled: NDArray[np.bool_]
 ) -> tuple[str, ...]:
-    """Return a remark where targets are so small beside the range that their unit is doubtful.
-
-    Parameters
-    ----------
-    target_in_band : ndarray, shape (n_y, samples)
-        What is reproduced.
-    description : RigDescription
-        Of the rig.
-    controlled : ndarray of bool, shape (n_y,)
-        False for a response whose target does not matter.
-
-    Returns
-    -------
-    tuple of str
-        One sentence, or none.
-    """
+    """Return a remark where targets are so small beside the range that their unit is doubtful."""
     peaks = np.max(np.abs(target_in_band), axis=1)
     tiny = [
         f"{peaks[i]:.3g} {channel.unit} in {channel.name}"

@@ -120,19 +120,9 @@ class DriveOverrunError(ValueError):
 def require_small_overrun(drive: NDArray[np.float64], *, limits: DriveLimits, allowed: float) -> None:
     """Refuse a first drive that reaches beyond a multiple of a limit.
 
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        For the whole target, not projected.
-    limits : DriveLimits
-        Of the rig.
-    allowed : float
-        Multiple of each limit, 1 or more.
-
-    Raises
-    ------
-    DriveOverrunError
-        A value or a slew is beyond it.
+    `drive`, shape (n_u, samples): For the whole target, not projected. `limits`: Of the rig. `allowed`: Multiple of
+    each limit, 1 or more.
+    Raises `DriveOverrunError`: A value or a slew is beyond it.
     """
     worst = max(
         (
@@ -205,20 +195,7 @@ def require_within_limits(
 
 
 def drive_slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
-    """Rate of change of one drive.
-
-    Parameters
-    ----------
-    values : ndarray, shape (samples,)
-        Drive units.
-    sample_rate : float
-        Hz.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Drive units per second; the first from 0 to the first sample.
-    """
+    """Rate of change of one drive."""
     # From rest, all drives zero: a rig's description does not say whether it ramps to the first sample, and one that
     # does not begins with a step.
     return np.diff(values, prepend=0.0) * sample_rate
@@ -249,17 +226,8 @@ def _floor(value: float) -> float:
 def held_share(drive: NDArray[np.float64], limits: DriveLimits) -> float:
     """Share of the time for which a drive stands at its smallest or largest allowed value, or within 1 % of the range.
 
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        As played, drive units.
-    limits : DriveLimits
-        Of the rig.
-
-    Returns
-    -------
-    float
-        0 to 1; any channel counts.
+    `drive`, shape (n_u, samples): As played, drive units. `limits`: Of the rig.
+    Returns: 0 to 1; any channel counts.
     """
     reach = limits.maximum - limits.minimum
     near = np.where(np.isfinite(reach), _HELD_WITHIN * reach, 0.0)[:, None]

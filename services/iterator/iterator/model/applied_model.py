@@ -52,30 +52,12 @@ def stepped_drive(
 ) -> NDArray[np.float64]:
     """Return a drive and the step from it that makes by the model what is missing of the target, in one go.
 
-    Parameters
-    ----------
-    model : RigModel
-        Its identified band holds the control band.
-    target : array_like, shape (n_y, samples)
-        Response units.
-    response : array_like, shape (n_y, samples)
-        What the drive makes already, response units.
-    band : ControlBand
-        The step has energy in it only.
-    stepped_from : ndarray, shape (n_u, samples)
-        The drive, drive units.
-    step_gain : ndarray, shape (samples,), optional
-        Share of the step that is made at each instant; all of it where not given.
-
-    Returns
-    -------
-    ndarray, shape (n_u, samples)
-        Drive units.
-
-    Raises
-    ------
-    ValueError
-        A record does not fit the model, or the control band passes the identified lines.
+    `model`: Its identified band holds the control band. `target`, shape (n_y, samples): Response units. `response`,
+    shape (n_y, samples): What the drive makes already, response units. `band`: The step has energy in it only.
+    `stepped_from`, shape (n_u, samples): The drive, drive units. `step_gain`, shape (samples,): Share of the step that
+    is made at each instant; all of it where not given.
+    Returns: shape (n_u, samples): Drive units.
+    Raises `ValueError`: A record does not fit the model, or the control band passes the identified lines.
     """
     return _apply(
         model,
@@ -99,30 +81,12 @@ def drive_without(
 ) -> NDArray[np.float64]:
     """Return a drive less the one that makes by the model what further inputs add to the responses.
 
-    Parameters
-    ----------
-    model : RigModel
-        Its identified band holds the control band.
-    addition : array_like, shape (inputs, samples)
-        The further inputs, in units of their own.
-    by : ndarray, shape (lines, n_y, inputs)
-        What they add, response unit per unit of theirs; at the model's lines.
-    band : ControlBand
-        The correction has energy in it only.
-    drive : ndarray, shape (n_u, samples)
-        Drive units.
-    step_gain : ndarray, shape (samples,), optional
-        Share of the correction that is made at each instant; all of it where not given.
-
-    Returns
-    -------
-    ndarray, shape (n_u, samples)
-        Drive units.
-
-    Raises
-    ------
-    ValueError
-        A record does not fit the model, or the control band passes the identified lines.
+    `model`: Its identified band holds the control band. `addition`, shape (inputs, samples): The further inputs, in
+    units of their own. `by`, shape (lines, n_y, inputs): What they add, response unit per unit of theirs; at the
+    model's lines. `band`: The correction has energy in it only. `drive`, shape (n_u, samples): Drive units.
+    `step_gain`, shape (samples,): Share of the correction that is made at each instant; all of it where not given.
+    Returns: shape (n_u, samples): Drive units.
+    Raises `ValueError`: A record does not fit the model, or the control band passes the identified lines.
     """
     correction = -np.matmul(model.inverse_frf, by)
     return _apply(model, correction, addition, band=band, gain=step_gain, stepped_from=drive)

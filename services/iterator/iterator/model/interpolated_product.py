@@ -26,19 +26,6 @@ def interpolated_product(
     Between two known lines the matrix is `M_0 s³ + M_1 s² + M_2 s + M_3`, so its product with a line `x` is
     `[M_0 M_1 M_2 M_3]` times the stack of `s³ x`, `s² x`, `s x` and `x`: one product for all lines between two known
     ones is several times faster than to lay out a matrix for every line.
-
-    Parameters
-    ----------
-    known : ndarray, shape (known lines,)
-        Hz, rising; four or more.
-    matrix : ndarray, shape (known lines, n_out, n_in)
-        At those lines.
-    at : ndarray, shape (lines,)
-        Hz, rising, none below the first known line or above the last.
-    spectrum : ndarray, shape (n_in, lines)
-        At the lines `at`.
-    out : ndarray, shape (n_out, lines)
-        Takes the products.
     """
     spline = CubicSpline(known, matrix, axis=0)
     pieces, n_out, n_in = spline.c.shape[1:]

@@ -20,29 +20,7 @@ def weighted_inverse(
     frequency: NDArray[np.float64],
     response_weight: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Masked weighted pseudo-inverse; a response of weight 0 is watched and asks nothing of the drives.
-
-    Parameters
-    ----------
-    frf : ndarray, shape (lines, n_y, n_u)
-        Response unit per drive unit.
-    mask : ndarray, shape (lines,)
-        0 to 1; the result is 0 where it is 0.
-    frequency : ndarray, shape (lines,)
-        Hz, names a line in an error.
-    response_weight : ndarray, shape (n_y,)
-        0 or more, usually one over the target's RMS; at least `n_u` of them above 0.
-
-    Returns
-    -------
-    ndarray, shape (lines, n_u, n_y)
-        Drive unit per response unit.
-
-    Raises
-    ------
-    ValueError
-        Weights that are not allowed, fewer controlled responses than drives, or a singular line.
-    """
+    """Masked weighted pseudo-inverse; a response of weight 0 is watched and asks nothing of the drives."""
     weight = checked_response_weight(response_weight, responses=frf.shape[1], drives=frf.shape[2])
     controlled = weight > 0.0
     matrix = np.ascontiguousarray(frf[:, controlled])
@@ -71,22 +49,9 @@ def checked_response_weight(
 ) -> NDArray[np.float64]:
     """Check the weights of responses.
 
-    Parameters
-    ----------
-    response_weight : ndarray, shape (n_y,)
-        0 or more and finite.
-    responses, drives : int
-        Of the model.
-
-    Returns
-    -------
-    ndarray, shape (n_y,)
-        The weights.
-
-    Raises
-    ------
-    ValueError
-        Another number of weights, a negative or infinite one, or too few above 0.
+    `response_weight`, shape (n_y,): 0 or more and finite. `responses`, `drives`: Of the model.
+    Returns: shape (n_y,): The weights.
+    Raises `ValueError`: Another number of weights, a negative or infinite one, or too few above 0.
     """
     weight = np.asarray(response_weight, dtype=np.float64)
     if weight.shape != (responses,) or not np.all(np.isfinite(weight) & (weight >= 0.0)):
@@ -115,31 +80,13 @@ def cautious_inverse(
     Without uncertainty and regularisation it is the weighted pseudo-inverse. The expected squared error over all FRF
     matrices that the uncertainty allows is least with `E[δᴴδ]` beside `HᴴH`.
 
-    Parameters
-    ----------
-    frf : ndarray, shape (lines, n_y, n_u)
-        Lines to invert only, response unit per drive unit.
-    uncertainty : ndarray, shape (lines, n_u, n_u)
-        `E[δᴴδ]`, Hermitian, of weighted responses and scaled drives.
-    regularisation : float
-        `ρ`, 0 or more; `s̄` is the median over lines of `tr(HᴴH) / n_u`.
-    response_weight : ndarray, shape (n_y,)
-        0 or more; 0 watches.
-    drive_scale : ndarray, shape (n_u,)
-        Drive units that count alike, greater than 0: the identification's RMS.
-
-    Returns
-    -------
-    ndarray, shape (lines, n_u, n_y)
-        Drive unit per response unit.
-
-    Raises
-    ------
-    ValueError
-        A regularisation below 0, a line that is singular all the same, or an inverse that is not finite.
-
-    Notes
-    -----
+    `frf`, shape (lines, n_y, n_u): Lines to invert only, response unit per drive unit. `uncertainty`, shape (lines,
+    n_u, n_u): `E[δᴴδ]`, Hermitian, of weighted responses and scaled drives. `regularisation`: `ρ`, 0 or more; `s̄` is
+    the median over lines of `tr(HᴴH) / n_u`. `response_weight`, shape (n_y,): 0 or more; 0 watches. `drive_scale`,
+    shape (n_u,): Drive units that count alike, greater than 0: the identification's RMS.
+    Returns: shape (lines, n_u, n_y): Drive unit per response unit.
+    Raises `ValueError`: A regularisation below 0, a line that is singular all the same, or an inverse that is not
+    finite.
     Source: linear minimum mean square error; A. N. Tikhonov for the last term.
     """
     if not 0.0 <= regularisation < np.inf:

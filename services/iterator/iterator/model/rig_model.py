@@ -183,17 +183,8 @@ def _first_cautious_inverse(
 def driven_lines(model: RigModel, band: ControlBand) -> NDArray[np.intp]:
     """Return the identified lines at which drives get energy.
 
-    Parameters
-    ----------
-    model : RigModel
-        Its lines.
-    band : ControlBand
-        Drives get energy in it only.
-
-    Returns
-    -------
-    ndarray, shape (driven,)
-        Indices of lines, rising.
+    `model`: Its lines. `band`: Drives get energy in it only.
+    Returns: shape (driven,): Indices of lines, rising.
     """
     inside = np.zeros(model.frequency.size, dtype=bool)
     inside[model.identified] = True

@@ -19,14 +19,9 @@ SMOOTHED_LINES: Final = 5
 class StepSpectra:
     """Averaged spectra of steps of drive and response, one-sided densities.
 
-    Parameters
-    ----------
-    response_with_drive : ndarray, shape (lines, n_y, n_u or 2 n_u)
-        `S̄_ΔyΔu`; behind the drives their squares, where the steps were cut with them.
-    drive : ndarray, shape (lines, n_u or 2 n_u, n_u or 2 n_u)
-        `S̄_ΔuΔu`, likewise.
-    response : ndarray, shape (lines, n_y)
-        Diagonal of `S̄_ΔyΔy`.
+    `response_with_drive`, shape (lines, n_y, n_u or 2 n_u): `S̄_ΔyΔu`; behind the drives their squares, where the steps
+    were cut with them. `drive`, shape (lines, n_u or 2 n_u, n_u or 2 n_u): `S̄_ΔuΔu`, likewise. `response`, shape
+    (lines, n_y): Diagonal of `S̄_ΔyΔy`.
     """
 
     response_with_drive: NDArray[np.complex128]
@@ -38,18 +33,10 @@ class StepSpectra:
 class StepBlocks:
     """How steps are cut into blocks, and which lines of them are kept.
 
-    Parameters
-    ----------
-    block_samples : int
-        Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any length does.
-    overlap : float
-        Of the blocks, 0 up to but not including 1.
-    sample_rate : float
-        Hz.
-    first, last : int
-        Lines between which, and at which, the rig is fitted.
-    squares : bool
-        Whether the squares of the drives are further inputs, see `drive_squares`.
+    `block_samples`: Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any
+    length does. `overlap`: Of the blocks, 0 up to but not including 1. `sample_rate`: Hz. `first`, `last`: Lines
+    between which, and at which, the rig is fitted. `squares`: Whether the squares of the drives are further inputs, see
+    `drive_squares`.
     """
 
     block_samples: int
@@ -77,18 +64,8 @@ class StepBlocks:
 class SeenStep:
     """A step whose spectra are formed already.
 
-    Parameters
-    ----------
-    before : Playback or None
-        Where it started; None is zero.
-    after : Playback
-        Where it ended.
-    blocks : StepBlocks
-        As they were cut.
-    mean_square : ndarray, shape (n_y,)
-        Of the response's step.
-    spectra : StepSpectra
-        Not smoothed, at the lines `blocks.around`.
+    `before`: Where it started; None is zero. `after`: Where it ended. `blocks`: As they were cut. `mean_square`, shape
+    (n_y,): Of the response's step. `spectra`: Not smoothed, at the lines `blocks.around`.
     """
 
     before: Playback | None
@@ -103,20 +80,9 @@ def seen_steps(
 ) -> tuple[SeenStep, ...]:
     """Form the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`.
 
-    Parameters
-    ----------
-    history : IterationHistory
-        With one playback or more.
-    blocks : StepBlocks
-        How to cut the steps.
-    before : tuple of SeenStep
-        What an earlier call returned. Steps between the very same playbacks, cut alike, are taken from it: they would
-        come out the same, byte for byte.
-
-    Returns
-    -------
-    tuple of SeenStep
-        From the first step to the last.
+    `history`: With one playback or more. `blocks`: How to cut the steps. `before`: What an earlier call returned. Steps
+    between the very same playbacks, cut alike, are taken from it: they would come out the same, byte for byte.
+    Returns: From the first step to the last.
     """
     starts = (None, *history.playbacks[:-1])
     known = {(id(step.before), id(step.after)): step for step in before if step.blocks == blocks}
@@ -142,19 +108,9 @@ def averaged_steps(
     Each step counts by `φ^(k-j)` over its weighted mean square, so that small late steps count as much as the large
     first one. All records of a campaign have equally many blocks, which therefore need no weight.
 
-    Parameters
-    ----------
-    steps : tuple of SeenStep
-        One or more, cut alike.
-    forgetting : float
-        `φ`, in (0, 1].
-    response_weight : ndarray, shape (n_y,)
-        0 or more, one over the target's RMS.
-
-    Returns
-    -------
-    StepSpectra
-        At the lines to fit, smoothed over their neighbours with [1 2 3 2 1] / 9.
+    `steps`: One or more, cut alike. `forgetting`: `φ`, in (0, 1]. `response_weight`, shape (n_y,): 0 or more, one over
+    the target's RMS.
+    Returns: At the lines to fit, smoothed over their neighbours with [1 2 3 2 1] / 9.
     """
     kept = steps[0].spectra
     cross, drive, response = (np.zeros_like(kind) for kind in (kept.response_with_drive, kept.drive, kept.response))

@@ -27,27 +27,6 @@ FEWEST_BLOCKS: Final = 2
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Correct the model by the last playback, then update the drive with it as in Eq. 2.
 
-    Parameters
-    ----------
-    history : IterationHistory
-        Before the first playback there is nothing to learn from: the drive is that of basic TWR.
-    model : RigModel
-        As the previous update returned it.
-    settings : UpdateSettings
-        All are used.
-
-    Returns
-    -------
-    NextDrive
-        The drive, and the corrected model.
-
-    Raises
-    ------
-    ValueError
-        The playback is too short to average over, or shapes do not fit.
-
-    Notes
-    -----
     Source: Cornelis et al., ISMA 2014, Eqs. 12 and 13.
     """
     if not history.playbacks:

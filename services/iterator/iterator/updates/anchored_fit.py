@@ -23,20 +23,11 @@ _FURTHER_PRIOR: Final = 0.03
 class AnchoredSteps:
     """Spectra of inputs and responses, all in scaled units, with what is known of the matrix between them.
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (lines, n_v, n_v)
-        The drives' cross-spectra, behind them those of further inputs.
-    responses_with_inputs : ndarray, shape (lines, n_y, n_v)
-        Cross-spectra.
-    responses : ndarray, shape (lines, n_y)
-        Auto-spectra.
-    weight : ndarray, shape (n_y,)
-        How a response's energy counts among others, 0 or more.
-    anchor : ndarray, shape (lines, n_y, n_u)
-        Of the drives; of further inputs it is 0.
-    prior : ndarray, shape (lines, n_u, n_u)
-        The spectrum of the drives that the anchor was identified with, up to a factor.
+    `inputs`, shape (lines, n_v, n_v): The drives' cross-spectra, behind them those of further inputs.
+    `responses_with_inputs`, shape (lines, n_y, n_v): Cross-spectra. `responses`, shape (lines, n_y): Auto-spectra.
+    `weight`, shape (n_y,): How a response's energy counts among others, 0 or more. `anchor`, shape (lines, n_y, n_u):
+    Of the drives; of further inputs it is 0. `prior`, shape (lines, n_u, n_u): The spectrum of the drives that the
+    anchor was identified with, up to a factor.
     """
 
     inputs: NDArray[np.complex128]
@@ -64,23 +55,7 @@ class AnchoredSteps:
         )
 
     def fit(self, prior_strength: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Fit all inputs, the prior weakened where the steps contradict the anchor.
-
-        Parameters
-        ----------
-        prior_strength : float
-            The prior's share of the steps' energy, greater than 0.
-
-        Returns
-        -------
-        tuple of ndarray
-            The matrix, shape (lines, n_y, n_v), and `P`, shape (lines, n_v, n_v).
-
-        Raises
-        ------
-        ValueError
-            The identification's drives do not excite a line in every direction.
-        """
+        """Fit all inputs, the prior weakened where the steps contradict the anchor."""
         further = self.inputs.shape[1] - self.drives
         anchor = np.concatenate((self.anchor, np.zeros((*self.anchor.shape[:2], further), dtype=np.complex128)), axis=2)
         discrepancy = self.responses_with_inputs - np.matmul(anchor, self.inputs)
@@ -95,18 +70,7 @@ class AnchoredSteps:
         return anchor + np.matmul(discrepancy, spread), spread
 
     def unexplained(self, by: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return what a matrix leaves of the responses' energy; 0 where rounding would make it negative.
-
-        Parameters
-        ----------
-        by : ndarray, shape (lines, n_y, n_v)
-            From all inputs to the responses.
-
-        Returns
-        -------
-        ndarray, shape (lines, n_y)
-            Scaled response unit² per Hz.
-        """
+        """Return what a matrix leaves of the responses' energy; 0 where rounding would make it negative."""
         explained = 2.0 * np.einsum("fij,fij->fi", by.conj(), self.responses_with_inputs).real
         modelled = np.einsum("fij,fij->fi", np.matmul(by, self.inputs), by.conj()).real
         return np.maximum(self.responses - explained + modelled, 0.0)

@@ -21,27 +21,6 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     With segment acceptance, `U_k` and `E_k` are those of the best drive so far, and the step is smaller where the last
     one made it worse.
 
-    Parameters
-    ----------
-    history : IterationHistory
-        The last playback is the one corrected, or all of them with segment acceptance.
-    model : RigModel
-        Stays as it is.
-    settings : UpdateSettings
-        Its control band, gains and acceptance are used.
-
-    Returns
-    -------
-    NextDrive
-        The drive, and `model`.
-
-    Raises
-    ------
-    ValueError
-        Gain, target and model differ in their number of responses.
-
-    Notes
-    -----
     Source: Cornelis et al., ISMA 2014, Eqs. 2 and 3.
     """
     if not history.playbacks:
@@ -136,27 +115,7 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
 
 
 def weighed_by_gain(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
-    """Return the model with `Ĥ† Q` in place of `Ĥ†`.
-
-    Parameters
-    ----------
-    history : IterationHistory
-        Its length chooses from a schedule of gains.
-    model : RigModel
-        Of the step.
-    settings : UpdateSettings
-        Its gains are used.
-
-    Returns
-    -------
-    RigModel
-        All else as it was.
-
-    Raises
-    ------
-    ValueError
-        Gain, target and model differ in their number of responses.
-    """
+    """Return the model with `Ĥ† Q` in place of `Ĥ†`."""
     responses = model.frf.shape[1]
     if history.target.shape[0] != responses or settings.gains.size != responses:
         raise ValueError(
@@ -168,26 +127,7 @@ def weighed_by_gain(history: IterationHistory, model: RigModel, settings: Update
 
 
 def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:
-    """Weight with which a response's error is added to that of others.
-
-    Parameters
-    ----------
-    history : IterationHistory
-        Holds the target.
-    model : RigModel
-        Its weights count where they were given.
-
-    Returns
-    -------
-    ndarray, shape (n_y,)
-        Per response unit: the model's weights, or one over the target's RMS where it has none; 0 for a response that is
-        watched.
-
-    Raises
-    ------
-    ValueError
-        The target of a controlled response does not move.
-    """
+    """Weight with which a response's error is added to that of others."""
     level = rms(history.target)
     controlled = np.ones(level.size, dtype=bool) if model.response_weight is None else model.response_weight > 0.0
     silent = np.flatnonzero(controlled & (level <= 0.0))

@@ -27,22 +27,6 @@ def drive_for_squares(
     A suspension's arm moves its wheel on an arc: the lateral force follows from the square of the vertical stroke. A
     linear step meets it one playback later. Here `u = u_linear - Ĥ† Q B (u² - u_start²)` is solved by fixed point, `B`
     from `secant_fit`.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        `u_linear`, drive units.
-    start : StepStart
-        Where the step starts.
-    square_frf : ndarray, shape (lines, n_y, n_u)
-        `B`, response unit per drive unit².
-    band : ControlBand
-        Drives get energy in it only.
-
-    Returns
-    -------
-    ndarray, shape (n_u, samples)
-        Drive units. A correction after which more would be left to correct than before is halved, in the end left out.
     """
     before, level = np.square(start.drive), np.maximum(rms(drive), np.finfo(np.float64).tiny)
 

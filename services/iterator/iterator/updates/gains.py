@@ -9,23 +9,7 @@ from duralab_settings import ResolvedUpdate
 
 
 def gain_at(frequency: NDArray[np.float64], settings: ResolvedUpdate, *, playbacks: int) -> NDArray[np.float64]:
-    """Return the diagonal of `Q` of the next update at each line.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (lines,)
-        Hz.
-    settings : ResolvedUpdate
-        Its gain, times its schedule, which holds on to the last share, times its curve: straight lines between points,
-        level beyond the first and the last.
-    playbacks : int
-        Made so far, 0 or more.
-
-    Returns
-    -------
-    ndarray, shape (lines, n_y)
-        Each in (0, 1].
-    """
+    """Return the diagonal of `Q` of the next update at each line."""
     iteration_gain, schedule = np.array(settings.iteration_gain), settings.gain_schedule or (1.0,)
     gain = np.broadcast_to(iteration_gain, (frequency.size, iteration_gain.size))
     gain = gain * schedule[min(playbacks, len(schedule) - 1)]

@@ -19,12 +19,8 @@ LARGEST_CONDITION: Final = 1e8
 class PredictionSpectra:
     """Spectra of predicted and measured signal, channel by channel.
 
-    Parameters
-    ----------
-    predicted_with_measured : ndarray, shape (lines, n)
-        `S_ŷy`, complex, unit²/Hz; backward `S_uû`.
-    predicted, measured : ndarray, shape (lines, n)
-        `S_ŷŷ` and `S_yy`, unit²/Hz; backward `S_uu` and `S_ûû`.
+    `predicted_with_measured`, shape (lines, n): `S_ŷy`, complex, unit²/Hz; backward `S_uû`. `predicted`, `measured`,
+    shape (lines, n): `S_ŷŷ` and `S_yy`, unit²/Hz; backward `S_uu` and `S_ûû`.
     """
 
     predicted_with_measured: NDArray[np.complex128]
@@ -36,14 +32,8 @@ class PredictionSpectra:
 class FullPredictionSpectra:
     """The same of all channels with each other.
 
-    Parameters
-    ----------
-    predicted_with_measured : ndarray, shape (lines, n, n)
-        `S_ŷy`; backward `S_uû`.
-    measured : ndarray, shape (lines, n, n)
-        `S_yy`; backward `S_ûû`.
-    predicted : ndarray, shape (lines, n)
-        Diagonal of `S_ŷŷ`; backward of `S_uu`.
+    `predicted_with_measured`, shape (lines, n, n): `S_ŷy`; backward `S_uû`. `measured`, shape (lines, n, n): `S_yy`;
+    backward `S_ûû`. `predicted`, shape (lines, n): Diagonal of `S_ŷŷ`; backward of `S_uu`.
     """
 
     predicted_with_measured: NDArray[np.complex128]
@@ -57,19 +47,6 @@ def correction_from_spectra(spectra: PredictionSpectra, settings: UpdateSettings
     What the rig adds to the response by itself, unforeseen by the model, counts as noise in `S_yy` and biases the
     correction low. Corrections multiply, so even a mild bias would make the inverse fade away: incoherent lines are
     left alone, not just corrected less.
-
-    Parameters
-    ----------
-    spectra : PredictionSpectra
-        Averaged over blocks.
-    settings : UpdateSettings
-        Smoothing over lines, bounds, and the weight `w = max(0, (γ² - γ₀²) / (1 - γ₀²))`, `γ₀²` the lowest coherence
-        and `γ² = |S_ŷy|² / (S_ŷŷ S_yy)`.
-
-    Returns
-    -------
-    ndarray, shape (lines, n)
-        Complex; 1 at lines without any measured or predicted energy.
     """
     cross, predicted, measured = spectra.predicted_with_measured, spectra.predicted, spectra.measured
     if settings.smooth_lines:
@@ -83,21 +60,7 @@ def correction_from_spectra(spectra: PredictionSpectra, settings: UpdateSettings
 
 
 def full_correction_from_spectra(spectra: FullPredictionSpectra, settings: UpdateSettings) -> NDArray[np.complex128]:
-    """Full correction `C = S_ŷy S_yy⁻¹` (Eq. 12) with its safeguards.
-
-    Parameters
-    ----------
-    spectra : FullPredictionSpectra
-        Averaged over more blocks than there are channels.
-    settings : UpdateSettings
-        Smoothing over lines; each row of `C - I` is weighed by its multiple coherence; the singular values of `C`,
-        with channels scaled to equal energy, are bounded.
-
-    Returns
-    -------
-    ndarray, shape (lines, n, n)
-        Complex; the identity at lines that are silent, or ill-conditioned because the channels are alike.
-    """
+    """Full correction `C = S_ŷy S_yy⁻¹` (Eq. 12) with its safeguards."""
     cross, measured, predicted = spectra.predicted_with_measured, spectra.measured, spectra.predicted
     if settings.smooth_lines:
         cross, measured, predicted = smooth_lines(cross), smooth_lines(measured), smooth_lines(predicted)

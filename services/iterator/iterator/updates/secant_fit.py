@@ -26,14 +26,9 @@ _ROUNDING: Final = 1e-12
 class SecantFit:
     """The fitted FRF matrix and how little is known of it.
 
-    Parameters
-    ----------
-    frf : ndarray, shape (lines, n_y, n_u)
-        `H_k`, response unit per drive unit.
-    uncertainty : ndarray, shape (lines, n_u, n_u)
-        `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages.
-    square_frf : ndarray, shape (lines, n_y, n_u), or None
-        What the squares of the drives add, response unit per drive unit²; None where the steps have none.
+    `frf`, shape (lines, n_y, n_u): `H_k`, response unit per drive unit. `uncertainty`, shape (lines, n_u, n_u): `E[δᴴδ]
+    = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages. `square_frf`, shape (lines,
+    n_y, n_u): What the squares of the drives add, response unit per drive unit²; None where the steps have none.
     """
 
     frf: NDArray[np.complex128]
@@ -62,33 +57,6 @@ def fit_secant(
 
     Where the steps hold squares of the drives, both fits are made, with and without. At each line and for each response
     the squares count by how much less they leave unexplained than as many inputs of noise would.
-
-    Parameters
-    ----------
-    spectra : StepSpectra
-        From `averaged_steps`.
-    identified_frf : ndarray, shape (lines, n_y, n_u)
-        `H_0`.
-    identification_drive : ndarray, shape (lines, n_u, n_u)
-        `S_id`, the drives' spectrum in the identification up to a factor, positive definite.
-    prior_strength : float
-        `κ`: the prior's share of the steps' energy, greater than 0; as much where the steps do not contradict `H_0`.
-    response_weight : ndarray, shape (n_y,)
-        0 or more; watched responses of weight 0 are fitted but do not count as residual.
-    drive_scale : ndarray, shape (n_u,)
-        Drive units that count alike, greater than 0.
-    averages : float
-        Independent averages in the spectra of one step, 1 or more: distortion that no FRF explains averages out.
-
-    Returns
-    -------
-    SecantFit
-        At the same lines.
-
-    Raises
-    ------
-    ValueError
-        The identification's drives do not excite a line in every direction.
     """
     n_u, inputs = drive_scale.size, spectra.drive.shape[1]
     scale = np.concatenate((drive_scale, *(drive_scale**2 for _ in range(inputs // n_u - 1))))

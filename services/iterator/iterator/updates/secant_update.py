@@ -26,27 +26,6 @@ from spectra import rms
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Fit the model to all steps played, invert it cautiously, and update the drive as in Eq. 2.
 
-    Parameters
-    ----------
-    history : IterationHistory
-        Before the first playback there is nothing to learn from: the drive is that of basic TWR.
-    model : RigModel
-        Its identified FRF stays the anchor whatever came of it since.
-    settings : UpdateSettings
-        All but the correction are used.
-
-    Returns
-    -------
-    NextDrive
-        The drive, and the model with `H_k` and its cautious inverse.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, or a line cannot be inverted.
-
-    Notes
-    -----
     Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line.
     """
     if not history.playbacks:
@@ -60,27 +39,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
 
 
 def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
-    """Fit `H_k` and its cautious inverse to the steps of all playbacks.
-
-    Parameters
-    ----------
-    history : IterationHistory
-        With one playback or more.
-    model : RigModel
-        Its identified FRF is the anchor `H_0`.
-    settings : UpdateSettings
-        Control band and the secant's settings.
-
-    Returns
-    -------
-    RigModel
-        The same outside the control band.
-
-    Raises
-    ------
-    ValueError
-        A line cannot be inverted.
-    """
+    """Fit `H_k` and its cautious inverse to the steps of all playbacks."""
     secant = settings.secant
     weight = basic_twr.response_scale(history, model)
     lines = driven_lines(model, settings.band)

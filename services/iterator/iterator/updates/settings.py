@@ -100,21 +100,10 @@ Update = Callable[[IterationHistory, RigModel, UpdateSettings], NextDrive]
 def own_update(function: Update) -> Update:
     """Return a function as an update whose results are checked, and that cannot write to the history.
 
-    Parameters
-    ----------
-    function : callable
-        `(history, model, settings) -> NextDrive`, as each of `UPDATES`.
-
-    Returns
-    -------
-    callable
-        Raises TypeError or ValueError where the function returns anything but a `NextDrive` of finite drives as long
-        as the target, with a model of the same channels.
-
-    Raises
-    ------
-    TypeError
-        `function` cannot be called.
+    `function`: `(history, model, settings) -> NextDrive`, as each of `UPDATES`.
+    Returns: Raises TypeError or ValueError where the function returns anything but a `NextDrive` of finite drives as
+    long as the target, with a model of the same channels.
+    Raises `TypeError`: `function` cannot be called.
     """
     if not callable(function):
         raise TypeError(f"`update` is {function!r}; it must be a function (history, model, settings) -> NextDrive.")

@@ -15,15 +15,8 @@ from iterator.updates.settings import UpdateSettings
 def controlled_responses(model: RigModel) -> NDArray[np.bool_]:
     """Return which responses are controlled: all but those of weight 0.
 
-    Parameters
-    ----------
-    model : RigModel
-        Its weights tell.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_y,)
-        False for a response that is watched.
+    `model`: Its weights tell.
+    Returns: shape (n_y,): False for a response that is watched.
     """
     if model.response_weight is None:
         return np.ones(model.frf.shape[1], dtype=bool)
@@ -35,17 +28,9 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
 
     A full correction would otherwise answer for a controlled response with a watched one.
 
-    Parameters
-    ----------
-    model : RigModel
-        Of all responses; watched ones have no part in its inverse.
-    controlled : ndarray of bool, shape (n_y,)
-        From `controlled_responses`.
-
-    Returns
-    -------
-    RigModel
-        The same object where all are controlled.
+    `model`: Of all responses; watched ones have no part in its inverse. `controlled`, shape (n_y,): From
+    `controlled_responses`.
+    Returns: The same object where all are controlled.
     """
     if controlled.all():
         return model
@@ -70,19 +55,9 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
 def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np.bool_]) -> RigModel:
     """Return the model of all responses: those that an update bent, and the watched ones as identified.
 
-    Parameters
-    ----------
-    model : RigModel
-        Of the controlled responses.
-    identified : RigModel
-        Of all responses, before the first update.
-    controlled : ndarray of bool, shape (n_y,)
-        From `controlled_responses`.
-
-    Returns
-    -------
-    RigModel
-        The inverse takes nothing from watched responses; `model` itself where all are controlled.
+    `model`: Of the controlled responses. `identified`: Of all responses, before the first update. `controlled`, shape
+    (n_y,): From `controlled_responses`.
+    Returns: The inverse takes nothing from watched responses; `model` itself where all are controlled.
     """
     if controlled.all():
         return model
@@ -99,22 +74,9 @@ def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np
 def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_]) -> UpdateSettings:
     """Return the settings of the controlled responses alone.
 
-    Parameters
-    ----------
-    settings : UpdateSettings
-        With a gain for every response.
-    controlled : ndarray of bool, shape (n_y,)
-        From `controlled_responses`.
-
-    Returns
-    -------
-    UpdateSettings
-        The same object where all are controlled.
-
-    Raises
-    ------
-    ValueError
-        The settings are for another number of responses.
+    `settings`: With a gain for every response. `controlled`, shape (n_y,): From `controlled_responses`.
+    Returns: The same object where all are controlled.
+    Raises `ValueError`: The settings are for another number of responses.
     """
     if settings.gains.size != controlled.size:
         raise ValueError(

@@ -36,36 +36,14 @@ _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 class Content:
     """What was found so far; `take` adds to it, file by file.
 
-    Parameters
-    ----------
-    steps : dict of int to (str, str)
-        Full name of the message and SHA-256 of the payload of each step.
-    last_step_type : str
-        Full name of the message of the step read last.
-    blocks : dict of (str, str, int) to Continuity
-        The signal blocks of each rig, run and epoch.
-    samples : dict of (str, str, int) to SampleOrder
-        Whether their samples follow each other.
-    named : list of (str, int, str)
-        Run, epoch and hash of the samples that steps leave out.
-    streams : dict of (str, int) to Continuity
-        The states and events of each key and epoch.
-    planned, played : list
-        The playbacks announced, and the proofs of what they consist of.
-    summary : Summary or None
-        The last one.
-    part : dict of str to str
-        What the file read last says about its place.
-    descriptions : dict of str to RigDescription
-        The rigs, by name.
-    attachments : dict of str to str
-        SHA-256 of each attachment, by name; there are some in recordings of format version 1.
-    scenario : dict of str to str
-        Metadata of the campaign's YAML.
-    story : Story
-        Rig, target, phase and outcome, as the steps tell them.
-    messages : int
-        Number of messages found so far.
+    `steps`: Full name of the message and SHA-256 of the payload of each step. `last_step_type`: Full name of the
+    message of the step read last. `blocks`: The signal blocks of each rig, run and epoch. `samples`: Whether their
+    samples follow each other. `named`: Run, epoch and hash of the samples that steps leave out. `streams`: The states
+    and events of each key and epoch. `planned`, `played`: The playbacks announced, and the proofs of what they consist
+    of. `summary`: The last one. `part`: What the file read last says about its place. `descriptions`: The rigs, by
+    name. `attachments`: SHA-256 of each attachment, by name; there are some in recordings of format version 1.
+    `scenario`: Metadata of the campaign's YAML. `story`: Rig, target, phase and outcome, as the steps tell them.
+    `messages`: Number of messages found so far.
     """
 
     steps: dict[int, tuple[str, str]] = field(default_factory=dict)

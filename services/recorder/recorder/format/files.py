@@ -32,22 +32,9 @@ _SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
 def checked_name(name: str, *, field: str) -> str:
     """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it.
 
-    Parameters
-    ----------
-    name : str
-        As it was received.
-    field : str
-        Path of the request's field that holds it.
-
-    Returns
-    -------
-    str
-        The name itself.
-
-    Raises
-    ------
-    RefusedError
-        It is not a valid id.
+    `name`: As it was received. `field`: Path of the request's field that holds it.
+    Returns: The name itself.
+    Raises `RefusedError`: It is not a valid id.
     """
     try:
         return check_id(name)
@@ -58,21 +45,9 @@ def checked_name(name: str, *, field: str) -> str:
 def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
     """Return where a file of a recording lies; the id is checked again here, where it becomes a path.
 
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-    part : Part
-        Log or live view.
-    number : int
-        Number of the file within the recording, from 1.
-
-    Returns
-    -------
-    Path
-        The file need not exist.
+    `folder`: The recorder's. `name`: Id of the recording. `part`: Log or live view. `number`: Number of the file within
+    the recording, from 1.
+    Returns: The file need not exist.
     """
     place = f".part{number:02d}" if number > 1 else ""
     return folder / (checked_name(name, field="recording") + place + _SUFFIX[part])
@@ -105,17 +80,8 @@ def files_of(folder: Path, name: str) -> list[Path]:
 def files_after_a_gap(folder: Path, name: str) -> list[Path]:
     """Return the MCAP files of a recording that lie behind a missing one, in their order.
 
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-
-    Returns
-    -------
-    list of Path
-        Empty where no number is missing.
+    `folder`: The recorder's. `name`: Id of the recording.
+    Returns: Empty where no number is missing.
     """
     known = len(files_of(folder, name))
     found: dict[int, Path] = {}
@@ -155,26 +121,10 @@ def recordings_in(folder: Path) -> list[str]:
 def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
     """Return a file of a recording, or refuse with NOT_FOUND.
 
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-    part : Part
-        Log or live view.
-    number : int
-        Number of the file within the recording, from 1.
-
-    Returns
-    -------
-    Path
-        A regular file in the folder.
-
-    Raises
-    ------
-    RefusedError
-        NOT_FOUND: there is no such file, or it is a link.
+    `folder`: The recorder's. `name`: Id of the recording. `part`: Log or live view. `number`: Number of the file within
+    the recording, from 1.
+    Returns: A regular file in the folder.
+    Raises `RefusedError`: NOT_FOUND: there is no such file, or it is a link.
     """
     path = recording_path(folder, name, part, number=number)
     # A link could lead out of the folder.
@@ -190,15 +140,8 @@ def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, numbe
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 (hexadecimal) of a file.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
-    Returns
-    -------
-    str
-        64 digits.
+    `path`: Of the file.
+    Returns: 64 digits.
     """
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -26,14 +26,8 @@ def ranges_of(continuity: Continuity) -> list[range]:
 class PlannedRun:
     """A playback that was announced.
 
-    Parameters
-    ----------
-    recording : str
-        Id of the recording that its blocks go to.
-    played : recorder_pb2.RunPlayed or None
-        The proof of what it consists of, once it was played.
-    epochs : dict of int to Continuity
-        The blocks stored, for each epoch of their publisher.
+    `recording`: Id of the recording that its blocks go to. `played`: The proof of what it consists of, once it was
+    played. `epochs`: The blocks stored, for each epoch of their publisher.
     """
 
     recording: str

@@ -16,17 +16,7 @@ class SampleOrder:
         self._misfit: tuple[int, int, int] | None = None
 
     def take(self, number: int, *, first: int, count: int) -> None:
-        """Take note of a block that was not taken before.
-
-        Parameters
-        ----------
-        number : int
-            Its sequence number, from 0.
-        first : int
-            Its first sample within the run.
-        count : int
-            How many samples it has.
-        """
+        """Take note of a block that was not taken before."""
         self._compare(number, self._expected.pop(number, None), first, keep=self._found)
         self._compare(number + 1, self._found.pop(number + 1, None), first + count, keep=self._expected)
 

@@ -24,16 +24,8 @@ LONGEST_TYPE_NAME: Final = 200
 class Step:
     """A committed step whose content was checked.
 
-    Parameters
-    ----------
-    number : int
-        Place within its recording, from 0.
-    message : Message
-        The decoded payload.
-    payload : bytes
-        Exactly what was sent; the log keeps these bytes.
-    payload_hash : str
-        SHA-256 of `payload`, hexadecimal.
+    `number`: Place within its recording, from 0. `message`: The decoded payload. `payload`: Exactly what was sent; the
+    log keeps these bytes. `payload_hash`: SHA-256 of `payload`, hexadecimal.
     """
 
     number: int
@@ -50,15 +42,8 @@ class Step:
 def type_name_of(kind: type[Message]) -> str:
     """Return the full name of a message, e.g. "duralab.v1.Model".
 
-    Parameters
-    ----------
-    kind : type of Message
-        Of the contract.
-
-    Returns
-    -------
-    str
-        With its package.
+    `kind`: Of the contract.
+    Returns: With its package.
     """
     return kind.DESCRIPTOR.full_name
 
@@ -112,15 +97,8 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
     """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them.
 
-    Parameters
-    ----------
-    message : Message
-        A step.
-
-    Returns
-    -------
-    bool
-        False for a step that carries samples, and for one of another kind.
+    `message`: A step.
+    Returns: False for a step that carries samples, and for one of another kind.
     """
     return isinstance(message, PlaybackStep) and not message.HasField("response")
 
@@ -190,19 +168,9 @@ STEP_TYPES: Final[dict[str, type[Message]]] = {kind.DESCRIPTOR.full_name: kind f
 def decode_step(request: recorder_pb2.CommitRequest) -> Step:
     """Decode the payload of a commit and check it.
 
-    Parameters
-    ----------
-    request : recorder_pb2.CommitRequest
-        What was received; nothing in it is trusted.
-
-    Returns
-    -------
-    Step
-
-    Raises
-    ------
-    RefusedError
-        INVALID_ARGUMENT: an unknown type, bytes that are no such message, or arrays that do not fit together.
+    `request`: What was received; nothing in it is trusted.
+    Raises `RefusedError`: INVALID_ARGUMENT: an unknown type, bytes that are no such message, or arrays that do not fit
+    together.
     """
     kind = STEP_TYPES.get(request.message_type)
     if kind is None:

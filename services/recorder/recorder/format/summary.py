@@ -30,14 +30,8 @@ Streams = dict[tuple[str, int], Continuity]
 class Story:
     """What a recording was about, for who looks for it; empty or 0 where it is not known.
 
-    Parameters
-    ----------
-    rig, target : str
-        From the campaign's specification: the rig, and where the target comes from.
-    begun : int
-        When the first step was stored, in nanoseconds since 1970 UTC.
-    phase, outcome : CampaignPhase, Outcome
-        How the campaign ended.
+    `rig`, `target`: From the campaign's specification: the rig, and where the target comes from. `begun`: When the
+    first step was stored, in nanoseconds since 1970 UTC. `phase`, `outcome`: How the campaign ended.
     """
 
     rig: str = ""
@@ -51,24 +45,10 @@ class Story:
 class Summary:
     """What a recording says about itself at the end of a file.
 
-    Parameters
-    ----------
-    recording : str
-        Its id.
-    reason : str
-        Why the file ends.
-    step_types, step_hashes : tuple of str
-        Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
-    runs : dict
-        The playbacks announced so far and their blocks that are stored.
-    attachments : dict of str to str
-        Name and SHA-256 of the attachments of all files.
-    story : Story
-        What it was about.
-    streams : dict
-        Which states and events are stored.
-    next_file : str
-        Name of the file that goes on; empty in the last one.
+    `recording`: Its id. `reason`: Why the file ends. `step_types`, `step_hashes`: Full name of each step's message, and
+    SHA-256 (hexadecimal) of its payload. `runs`: The playbacks announced so far and their blocks that are stored.
+    `attachments`: Name and SHA-256 of the attachments of all files. `story`: What it was about. `streams`: Which states
+    and events are stored. `next_file`: Name of the file that goes on; empty in the last one.
     """
 
     recording: str
@@ -178,15 +158,8 @@ def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) ->
 def read_summary(path: Path) -> Summary | None:
     """Read what a file says about its recording, through its index; None where it says nothing.
 
-    Parameters
-    ----------
-    path : Path
-        An MCAP file of a recording.
-
-    Returns
-    -------
-    Summary or None
-        None also where the file is not finished or its index is damaged.
+    `path`: An MCAP file of a recording.
+    Returns: None also where the file is not finished or its index is damaged.
     """
     if not is_finished(path):
         return None

@@ -44,20 +44,9 @@ _NEARER: Final = 0.7
 class Stage:
     """What a campaign is about, as far as the layout needs it.
 
-    Parameters
-    ----------
-    campaign : str
-        Its name.
-    drives, responses : sequence of array_pb2.Channel
-        In the rig's order.
-    detail : tuple of float
-        Start and end of the stretch that the first tab shows magnified, in seconds.
-    duration : float
-        Length of the target, in seconds.
-    outline : Outline, optional
-        Where the rig is; None where it has no looks.
-    watched : bool
-        Whether somebody watches while it happens.
+    `campaign`: Its name. `drives`, `responses`: In the rig's order. `detail`: Start and end of the stretch that the
+    first tab shows magnified, in seconds. `duration`: Length of the target, in seconds. `outline`: Where the rig is;
+    None where it has no looks. `watched`: Whether somebody watches while it happens.
     """
 
     campaign: str
@@ -128,20 +117,7 @@ def _bars(origin: str, *, name: str, legend: bool) -> rrb.BarChartView:
 
 
 def make_blueprint(stage: Stage) -> rrb.Blueprint:
-    """Lay out the live view of a campaign.
-
-    Parameters
-    ----------
-    stage : Stage
-        The campaign's channels.
-
-    Returns
-    -------
-    rrb.Blueprint
-        Tabs: the target against the response at the target's peak with the rig, the error of each iteration and the
-        state beside it; the rig; the whole run; drives with their limits; signals as measured while they play; the FRF;
-        the log. The panels for experts are folded.
-    """
+    """Lay out the live view of a campaign."""
     start, end = stage.detail
     whole = _from_to(0.0, stage.duration)
     everything = _shown(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())

@@ -30,16 +30,9 @@ CANVAS: Final = (1600.0, 1000.0)
 class Axes:
     """A rectangle of the canvas with a logarithmic frequency axis.
 
-    Parameters
-    ----------
-    left, top, width, height : float
-        Place on the canvas.
-    frequencies : tuple of float
-        Ends of the frequency axis, in hertz, greater than 0.
-    values : tuple of float
-        Ends of the value axis: of log10(value) where `decades`, else of the value itself.
-    decades : bool
-        Whether the value axis is logarithmic.
+    `left`, `top`, `width`, `height`: Place on the canvas. `frequencies`: Ends of the frequency axis, in hertz, greater
+    than 0. `values`: Ends of the value axis: of log10(value) where `decades`, else of the value itself. `decades`:
+    Whether the value axis is logarithmic.
     """
 
     left: float

@@ -29,29 +29,7 @@ def draw_frf(
     drive_ranges: Sequence[float],
     band: tuple[float, float],
 ) -> Drawing:
-    """Draw an FRF matrix and the coherence.
-
-    Parameters
-    ----------
-    frequency : np.ndarray, shape (lines,)
-        In hertz.
-    frf : np.ndarray, shape (lines, responses, drives)
-        Complex, response unit per drive unit.
-    coherence : np.ndarray, shape (lines, responses)
-        Multiple coherence, 0 to 1.
-    responses, drives : sequence of str
-        Names with units.
-    drive_ranges : sequence of float
-        Upper less lower limit of each drive, in its unit: what it can do. The drive that can move a response most is
-        drawn broad, and it alone has its phase drawn.
-    band : tuple of float
-        Lowest and highest frequency shown, in hertz, greater than 0.
-
-    Returns
-    -------
-    Drawing
-        On a canvas of `CANVAS`.
-    """
+    """Draw an FRF matrix and the coherence."""
     drawing = Drawing()
     shown = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0)
     lines = frequency[shown]

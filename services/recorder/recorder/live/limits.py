@@ -21,12 +21,8 @@ _MOST_POINTS: Final = 100_000
 class DriveLimits:
     """Draws the limits of a rig's drives.
 
-    Parameters
-    ----------
-    stream : rr.RecordingStream
-        Where they are drawn.
-    drives : sequence of array_pb2.Channel
-        A drive without two finite limits, the lower one below the upper one, has no lines.
+    `stream`: Where they are drawn. `drives`: A drive without two finite limits, the lower one below the upper one, has
+    no lines.
     """
 
     def __init__(self, stream: rr.RecordingStream, drives: Sequence[array_pb2.Channel]) -> None:

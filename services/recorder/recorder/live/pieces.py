@@ -15,10 +15,7 @@ ItemT = TypeVar("ItemT")
 class Piece(Generic[ItemT]):
     """What came since the last piece was drawn.
 
-    Parameters
-    ----------
-    clock : callable
-        Returns the time in s; it never goes backwards.
+    `clock`: Returns the time in s; it never goes backwards.
     """
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -17,14 +17,8 @@ _ITERATION = re.compile(r"i(?P<number>\d{1,6})(-(?P<attempt>\d{1,6}))?")
 class Playback:
     """A playback, as the view names it.
 
-    Parameters
-    ----------
-    name : str
-        In the legend: "iteration 02", or the run's own name within its campaign.
-    attempt : int
-        From 1.
-    is_iteration : bool
-        Whether the target's drive is played.
+    `name`: In the legend: "iteration 02", or the run's own name within its campaign. `attempt`: From 1. `is_iteration`:
+    Whether the target's drive is played.
     """
 
     name: str
@@ -42,20 +36,7 @@ class Playback:
 
 
 def playback_of(run: str, *, recording: str) -> Playback:
-    """Return what a run is called.
-
-    Parameters
-    ----------
-    run : str
-        Its name: "demo.i02", or "demo.i02-2" where it is asked for again.
-    recording : str
-        Id of the recording, "demo".
-
-    Returns
-    -------
-    Playback
-        An iteration, or anything else under its own name.
-    """
+    """Return what a run is called."""
     own = run.removeprefix(f"{recording}.")
     match = _ITERATION.fullmatch(own)
     return Playback(own) if match is None else iteration(int(match["number"]), attempt=int(match["attempt"] or 1))

@@ -58,12 +58,7 @@ class UnreadableFileError(Exception):
 class Shown:
     """What of a recording is shown.
 
-    Parameters
-    ----------
-    messages : int
-        How many of them have a picture.
-    cut : list of Path
-        Files without an end, which are shown as far as they are whole.
+    `messages`: How many of them have a picture. `cut`: Files without an end, which are shown as far as they are whole.
     """
 
     messages: int = 0
@@ -73,24 +68,10 @@ class Shown:
 def show_log(view: LiveView, files: Sequence[Path]) -> Shown:
     """Show what a recording holds, with all checksums, files of a killed recorder as far as they are whole.
 
-    Parameters
-    ----------
-    view : LiveView
-        Where it is shown.
-    files : sequence of Path
-        The recording's, in their order.
-
-    Returns
-    -------
-    Shown
-        How much it was.
-
-    Raises
-    ------
-    UnreadableFileError
-        A file is damaged or no recording's; what lies before the damage is shown.
-    OSError
-        A file cannot be read.
+    `view`: Where it is shown. `files`: The recording's, in their order.
+    Returns: How much it was.
+    Raises `UnreadableFileError`: A file is damaged or no recording's; what lies before the damage is shown. `OSError`:
+    A file cannot be read.
     """
     shown = Shown()
     for path in files:
@@ -117,22 +98,10 @@ def show_log(view: LiveView, files: Sequence[Path]) -> Shown:
 def recording_of(files: Sequence[Path]) -> str:
     """Return the id of the recording that the files hold; where they name none, the first file's name.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The recording's, in their order.
-
-    Returns
-    -------
-    str
-        Id of the recording.
-
-    Raises
-    ------
-    UnreadableFileError
-        A file is damaged, or no recording's, before it names its recording.
-    OSError
-        A file cannot be read.
+    `files`: The recording's, in their order.
+    Returns: Id of the recording.
+    Raises `UnreadableFileError`: A file is damaged, or no recording's, before it names its recording. `OSError`: A file
+    cannot be read.
     """
     for path in files:
         try:

@@ -45,14 +45,8 @@ _ROD_RADIUS: Final = 0.008
 class RigDrawing:
     """Draws one rig into a stream of the viewer.
 
-    Parameters
-    ----------
-    stream : rr.RecordingStream
-        Where it is drawn.
-    scene : Scene
-        What it looks like.
-    now : bool
-        Whether somebody watches: then the rig is drawn as it is now as well.
+    `stream`: Where it is drawn. `scene`: What it looks like. `now`: Whether somebody watches: then the rig is drawn as
+    it is now as well.
     """
 
     def __init__(self, stream: rr.RecordingStream, scene: Scene, *, now: bool) -> None:
@@ -78,20 +72,7 @@ class RigDrawing:
         return outline_of(self._scene)
 
     def show(self, block: rig_pb2.PoseBlock, *, on_run_time: bool) -> None:
-        """Move the rig; poses of playbacks are drawn half a second's worth at a time, `catch_up` draws what waits.
-
-        Parameters
-        ----------
-        block : rig_pb2.PoseBlock
-            Poses of the rig's bodies.
-        on_run_time : bool
-            Whether they belong to a playback of the target's drive, whose poses replace those of the one before.
-
-        Raises
-        ------
-        ArrayError
-            Times and poses do not fit the rig or each other.
-        """
+        """Move the rig; poses of playbacks are drawn half a second's worth at a time, `catch_up` draws what waits."""
         time = from_array(block.time, field="time", shape=(None,), dtype=np.float64)
         poses = from_array(block.poses, field="poses", shape=(len(time), self._scene.bodies, 7)).astype(float)
         if not len(time):

@@ -25,18 +25,9 @@ Solid: TypeAlias = rig_pb2.BoxShape | rig_pb2.CylinderShape | rig_pb2.SphereShap
 class Placed:
     """A solid on a body.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    role : int
-        Value of `duralab.v1.ShapeRole`.
-    body : int
-        Place of its body in the poses; the number of bodies for the world.
-    pose : np.ndarray, shape (7)
-        Shape to body: metres, then the unit quaternion w, x, y, z.
-    solid : Solid
-        Its form and sizes.
+    `name`: Its name. `role`: Value of `duralab.v1.ShapeRole`. `body`: Place of its body in the poses; the number of
+    bodies for the world. `pose`, shape (7): Shape to body: metres, then the unit quaternion w, x, y, z. `solid`: Its
+    form and sizes.
     """
 
     name: str
@@ -62,14 +53,7 @@ class Line:
 class Scene:
     """What is drawn of a rig.
 
-    Parameters
-    ----------
-    bodies : int
-        How many poses there are for an instant.
-    rest : np.ndarray, shape (bodies, 7)
-        Poses at rest.
-    solids : tuple of Placed
-    lines : tuple of Line
+    `bodies`: How many poses there are for an instant. `rest`, shape (bodies, 7): Poses at rest.
     """
 
     bodies: int
@@ -115,13 +99,7 @@ def _reach(solid: Solid) -> float:
 
 
 def read_scene(description: rig_pb2.RigDescription) -> Scene | None:
-    """Return what a rig's description says of its looks, checked; None where it says nothing.
-
-    Raises
-    ------
-    ArrayError
-        A shape or a link names no body, has no form, or numbers that do not fit.
-    """
+    """Return what a rig's description says of its looks, checked; None where it says nothing."""
     if not description.bodies or not (description.shapes or description.links):
         return None
     places = {name: place for place, name in enumerate(description.bodies)} | {"": len(description.bodies)}
@@ -178,51 +156,18 @@ def _body(name: str, places: Mapping[str, int], field: str) -> int:
 
 
 def with_world(poses: np.ndarray) -> np.ndarray:
-    """Put the world's own pose behind those of the bodies.
-
-    Parameters
-    ----------
-    poses : np.ndarray, shape (instants, bodies, 7)
-        As in `PoseBlock`.
-
-    Returns
-    -------
-    np.ndarray, shape (instants, bodies + 1, 7)
-    """
+    """Put the world's own pose behind those of the bodies."""
     return np.concatenate([poses, np.broadcast_to(STAND_STILL, (len(poses), 1, 7))], axis=1)
 
 
 def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Turn vectors.
-
-    Parameters
-    ----------
-    quaternions : np.ndarray, shape (…, 4)
-        Unit, w, x, y, z.
-    vectors : np.ndarray, shape (…, 3)
-        Of any unit.
-
-    Returns
-    -------
-    np.ndarray, shape (…, 3)
-    """
+    """Turn vectors."""
     w, axis = quaternions[..., :1], quaternions[..., 1:]
     return vectors + 2.0 * np.cross(axis, np.cross(axis, vectors) + w * vectors)
 
 
 def chained(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Multiply quaternions: `inner` turns first, then `outer`.
-
-    Parameters
-    ----------
-    outer, inner : np.ndarray, shape (…, 4)
-        Unit, w, x, y, z.
-
-    Returns
-    -------
-    np.ndarray, shape (…, 4)
-        Unit again.
-    """
+    """Multiply quaternions: `inner` turns first, then `outer`."""
     w, v = outer[..., :1], outer[..., 1:]
     x, u = inner[..., :1], inner[..., 1:]
     real = w * x - np.sum(v * u, axis=-1, keepdims=True)
@@ -230,40 +175,14 @@ def chained(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
 
 
 def solid_poses(poses: np.ndarray, solids: Sequence[Placed]) -> tuple[np.ndarray, np.ndarray]:
-    """Return where solids are.
-
-    Parameters
-    ----------
-    poses : np.ndarray, shape (instants, bodies + 1, 7)
-        Of `with_world`.
-    solids : sequence of Placed
-
-    Returns
-    -------
-    centres : np.ndarray, shape (instants, solids, 3)
-        In m.
-    quaternions : np.ndarray, shape (instants, solids, 4)
-        Unit, w, x, y, z.
-    """
+    """Return where solids are."""
     on = poses[:, [solid.body for solid in solids]]
     own = np.broadcast_to(np.array([solid.pose for solid in solids]).reshape(len(solids), 7), on.shape)
     return on[..., :3] + turned(on[..., 3:], own[..., :3]), chained(on[..., 3:], own[..., 3:])
 
 
 def line_ends(poses: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    """Return where lines begin and end.
-
-    Parameters
-    ----------
-    poses : np.ndarray, shape (instants, bodies + 1, 7)
-        Of `with_world`.
-    lines : sequence of Line
-
-    Returns
-    -------
-    np.ndarray, shape (instants, lines, 2, 3)
-        In m, in the world.
-    """
+    """Return where lines begin and end."""
     bodies = [[line.body_a, line.body_b] for line in lines]
     points = np.array([[line.point_a, line.point_b] for line in lines])
     on = poses[:, bodies]

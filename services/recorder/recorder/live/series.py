@@ -69,14 +69,8 @@ class Look(Enum):
 class Curve:
     """One curve of one playback.
 
-    Parameters
-    ----------
-    group : Group
-        What it is.
-    channel : str
-        Name of the channel, as the rig describes it.
-    playback : Playback
-        `TARGET`, or a playback of the campaign.
+    `group`: What it is. `channel`: Name of the channel, as the rig describes it. `playback`: `TARGET`, or a playback of
+    the campaign.
     """
 
     group: Group

@@ -40,21 +40,7 @@ class LiveStream:
 
 
 def open_stream(recording: str, *, file: Path | None, viewer: str | None) -> LiveStream:
-    """Open a stream.
-
-    Parameters
-    ----------
-    recording : str
-        Id of the recording.
-    file : Path, optional
-        Where everything shown is kept; what is there is replaced.
-    viewer : str, optional
-        Address of a running viewer; left out where nobody listens there.
-
-    Returns
-    -------
-    LiveStream
-    """
+    """Open a stream."""
     stream = rr.RecordingStream(APPLICATION, recording_id=recording)
     sinks: list[rr.FileSink | rr.GrpcSink] = []
     if file is not None:

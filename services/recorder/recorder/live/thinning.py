@@ -16,20 +16,7 @@ def bucket_samples(sample_rate: float, highest_frequency: float) -> int:
 
 
 def keep_extremes(samples: np.ndarray, bucket: int) -> np.ndarray:
-    """Choose the samples that are drawn: the smallest and the largest of each bucket.
-
-    Parameters
-    ----------
-    samples : np.ndarray, shape (samples,)
-        One channel.
-    bucket : int
-        Samples in a bucket, 2 or more; what is left over at the end is a bucket too.
-
-    Returns
-    -------
-    np.ndarray of int, shape (chosen,)
-        Ascending indices, among them the first and the last sample, so that neighbouring pieces join without a gap.
-    """
+    """Choose the samples that are drawn: the smallest and the largest of each bucket."""
     count = samples.size
     if bucket <= 2 or count <= bucket:
         return np.arange(count)

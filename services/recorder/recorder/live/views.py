@@ -29,14 +29,8 @@ CLOSE_SECONDS: Final = 10.0
 class LiveViews:
     """Draws what is recorded.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the views' files go.
-    files : bool
-        Whether each view is kept in a file beside its recording.
-    viewer : str or None
-        Address of a running viewer.
+    `folder`: Where the views' files go. `files`: Whether each view is kept in a file beside its recording. `viewer`:
+    Address of a running viewer.
     """
 
     def __init__(self, folder: Path, *, files: bool, viewer: str | None) -> None:

@@ -35,10 +35,7 @@ _Files = tuple[tuple[str, int, int, int], ...]
 class RecentlyClosed:
     """The steps of the recordings that ended last, so that one that is sent again is acknowledged without their files.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the files are; who deletes, moves or changes one there takes away what was acknowledged of it.
+    `folder`: Where the files are; who deletes, moves or changes one there takes away what was acknowledged of it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -67,14 +64,9 @@ class RecentlyClosed:
 class Archive:
     """The recordings that are written now, and those that may be gone on with.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the files go; it exists.
-    split_bytes : int
-        A file that is as large is finished, and the recording goes on in the next.
-    least_free_bytes : int
-        No playback is begun, and no interrupted recording taken up, while less is free on the disk.
+    `folder`: Where the files go; it exists. `split_bytes`: A file that is as large is finished, and the recording goes
+    on in the next. `least_free_bytes`: No playback is begun, and no interrupted recording taken up, while less is free
+    on the disk.
     """
 
     def __init__(
@@ -124,20 +116,10 @@ class Archive:
     def commit(self, name: str, step: Step, *, samples_hash: str = "") -> Placement:
         """Store a step and return when it is on the disk, or find that it is there already.
 
-        Parameters
-        ----------
-        name : str
-            Id of the recording, checked; its first step makes it.
-        step : Step
-            Decoded and checked.
-        samples_hash : str
-            Of the samples on disk of the run that the step leaves its samples to; empty where they are not whole.
-
-        Raises
-        ------
-        RefusedError
-            The step does not follow, or leaves out samples that are not here: FAILED_PRECONDITION; or the disk refuses
-            it: RESOURCE_EXHAUSTED, and it may be sent again.
+        `name`: Id of the recording, checked; its first step makes it. `step`: Decoded and checked. `samples_hash`: Of
+        the samples on disk of the run that the step leaves its samples to; empty where they are not whole.
+        Raises `RefusedError`: The step does not follow, or leaves out samples that are not here: FAILED_PRECONDITION;
+        or the disk refuses it: RESOURCE_EXHAUSTED, and it may be sent again.
         """
         self.go_on(name)
         recording = self._open.get(name)
@@ -256,12 +238,8 @@ class Archive:
     def places(self, name: str, topic: str, *, epoch: int) -> list[BlockPlace]:
         """Return where the signal blocks of a run are on the disk; none where its recording is not written now.
 
-        Raises
-        ------
-        DiskError
-            The disk refuses what is not yet on it.
-        RecordingError
-            A finished file is damaged or cannot be read.
+        Raises `DiskError`: The disk refuses what is not yet on it. `RecordingError`: A finished file is damaged or
+        cannot be read.
         """
         recording = self._open.get(name)
         if recording is None:
@@ -417,17 +395,7 @@ class Archive:
 
 
 def _check_block(block: rig_pb2.SignalBlock, *, run: str, description: rig_pb2.RigDescription | None) -> str:
-    """Return what is wrong with a block in a sentence, or an empty string.
-
-    Parameters
-    ----------
-    block : rig_pb2.SignalBlock
-        What was received; nothing in it is trusted.
-    run : str
-        The run that its key names.
-    description : rig_pb2.RigDescription or None
-        The rig's, where it was committed: the block must have its channels and its rate.
-    """
+    """Return what is wrong with a block in a sentence, or an empty string."""
     if block.run != run:
         return f"The block of run {block.run!r} came on the key of run {run!r}."
     if not (math.isfinite(block.sample_rate) and block.sample_rate > 0):

@@ -21,20 +21,9 @@ def exclusive_folder(folder: Path) -> Iterator[None]:
 
     A second one would take the files that the first writes for those of a dead one, and cut them off.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the recordings.
-
-    Yields
-    ------
-    None
-        The folder belongs to this process until the context ends.
-
-    Raises
-    ------
-    ConfigError
-        It cannot be written, or another recorder has it.
+    `folder`: Of the recordings.
+    Yields: The folder belongs to this process until the context ends.
+    Raises `ConfigError`: It cannot be written, or another recorder has it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

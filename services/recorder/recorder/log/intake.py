@@ -16,10 +16,7 @@ _OVERHEAD_BYTES: Final = 1024
 class Intake:
     """Counts the stream messages between their delivery and the disk. Safe for threads.
 
-    Parameters
-    ----------
-    most_bytes : int
-        From here on deliverers wait; what they do not deliver stays in the publishers' spools.
+    `most_bytes`: From here on deliverers wait; what they do not deliver stays in the publishers' spools.
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:

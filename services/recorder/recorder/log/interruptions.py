@@ -47,18 +47,7 @@ class Interruptions:
         return len(self._waiting)
 
     def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
-        """Note that a recording waits.
-
-        Parameters
-        ----------
-        name : str
-            Its id.
-        why : str
-            What the disk said.
-        file : tuple of Path and int, optional
-            The file that could not be written, and how many of its bytes are on the disk for certain. What follows
-            them may be in memory only, though it reads well: it is cut off, now or when the disk allows.
-        """
+        """Note that a recording waits."""
         self._waiting[name] = _Interruption(why, file)
         with contextlib.suppress(OSError):
             self.cut(name)
@@ -68,13 +57,6 @@ class Interruptions:
 
         Where the disk has no room, that is soon mended, and all that may be of it is kept until then. A file that
         cannot be read, perhaps of years ago, must not hold up the lab.
-
-        Parameters
-        ----------
-        name : str
-            Its id.
-        error : OSError or DiskError
-            What the disk said.
         """
         said = error.__cause__ if isinstance(error, DiskError) else error
         no_room = not isinstance(said, OSError) or said.errno in _NO_ROOM

@@ -71,14 +71,8 @@ def as_disk_error(recording: str) -> Iterator[None]:
 class Stored:
     """What the finished files of a recording hold.
 
-    Parameters
-    ----------
-    files : int
-        How many there are.
-    previous_sha256 : str
-        Of the last; worked out when it is needed where empty.
-    streams : dict of (str, int) to Continuity
-        The states and events of each key and epoch, also those that are only written.
+    `files`: How many there are. `previous_sha256`: Of the last; worked out when it is needed where empty. `streams`:
+    The states and events of each key and epoch, also those that are only written.
     """
 
     files: int = 0
@@ -92,16 +86,8 @@ class Stored:
 class Recording:
     """A recording that is written. Used by one thread.
 
-    Parameters
-    ----------
-    name : str
-        Its id.
-    folder : Path
-        Where its files go; the next one is made when there is something to write.
-    order : StepOrder, optional
-        The steps stored before.
-    stored : Stored, optional
-        The files there are.
+    `name`: Its id. `folder`: Where its files go; the next one is made when there is something to write. `order`: The
+    steps stored before. `stored`: The files there are.
     """
 
     def __init__(
@@ -130,13 +116,7 @@ class Recording:
         return self.order.place(step)
 
     def store(self, step: Step) -> None:
-        """Write a step that was found new, and return when it is on the disk.
-
-        Raises
-        ------
-        DiskError
-            It is not.
-        """
+        """Write a step that was found new, and return when it is on the disk."""
 
         def write() -> None:
             log = self._writing()
@@ -213,15 +193,7 @@ class Recording:
         return begin + round(_NANOSECONDS * seconds) if 0.0 <= seconds < _LONGEST_SECONDS else None
 
     def places(self, topic: str, *, epoch: int) -> list[BlockPlace]:
-        """Return where the messages of a topic and epoch are in all files, once they are on the disk.
-
-        Raises
-        ------
-        DiskError
-            What was added is not.
-        RecordingError
-            A finished file is damaged or cannot be read.
-        """
+        """Return where the messages of a topic and epoch are in all files, once they are on the disk."""
         self.sync()
         files = [recording_path(self._folder, self.name, number=number + 1) for number in range(self._stored.files)]
         found = [place for path in files for key, of, place in block_places(path) if (key, of) == (topic, epoch)]

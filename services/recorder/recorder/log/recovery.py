@@ -51,12 +51,7 @@ LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
 class FreeSpaceGuard:
     """Space on the recordings' disk that must be free before something is begun.
 
-    Parameters
-    ----------
-    folder : Path
-        On the disk in question.
-    least_bytes : int
-        0 or more.
+    `folder`: On the disk in question. `least_bytes`: 0 or more.
     """
 
     folder: Path
@@ -76,14 +71,7 @@ class FreeSpaceGuard:
 class Reopened:
     """A recording as its files hold it.
 
-    Parameters
-    ----------
-    recording : Recording
-        Goes on with the next file.
-    runs : dict
-        Its playbacks.
-    descriptions : dict of str to RigDescription
-        Its rigs.
+    `recording`: Goes on with the next file. `runs`: Its playbacks. `descriptions`: Its rigs.
     """
 
     recording: Recording
@@ -105,34 +93,7 @@ def is_ended(folder: Path, name: str) -> bool:
 def reopen(
     folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED, least_free_bytes: int = 0
 ) -> Reopened | None:
-    """Take a recording up again; a file without an end is given one.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its files are.
-    name : str
-        Its id.
-    keep_original : bool
-        Whether a file that is repaired is copied as it is before.
-    reason : str
-        Why the file has no end.
-    least_free_bytes : int
-        How much has to be free on the disk beside the copy.
-
-    Returns
-    -------
-    Reopened or None
-        None where there is nothing to take up: no file, or one that was begun and holds no step, which is put aside.
-
-    Raises
-    ------
-    RefusedError
-        ALREADY_EXISTS: what lies there is no recording that this recorder can go on with, a copy of another one, or one
-        of its files is gone.
-    OSError
-        The disk refuses the repair; nothing is lost by that.
-    """
+    """Take a recording up again; a file without an end is given one."""
     files = files_of(folder, name)
     if stranded := files_after_a_gap(folder, name):
         missing = recording_path(folder, name, number=len(files) + 1)

@@ -29,10 +29,7 @@ class _Stored:
 class StepOrder:
     """The steps stored so far.
 
-    Parameters
-    ----------
-    recording : str
-        Id of the recording, for the refusals.
+    `recording`: Id of the recording, for the refusals.
     """
 
     def __init__(self, recording: str) -> None:
@@ -64,13 +61,7 @@ class StepOrder:
         return bool(self._steps) and self._steps[-1].type_name == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
 
     def place(self, step: Step) -> Placement:
-        """Decide what is to be done with a step; nothing is changed.
-
-        Raises
-        ------
-        RefusedError
-            The step leaves a gap, differs from the stored one of its number, or follows the last.
-        """
+        """Decide what is to be done with a step; nothing is changed."""
         if step.number < self.count:
             if self._steps[step.number] == _Stored(step.type_name, step.payload_hash):
                 return Placement.STORED

@@ -24,19 +24,8 @@ _FOOTER_START: Final = struct.Struct("<BQQQ")
 def finish(path: Path, found: Unfinished, *, metadata: Mapping[str, Mapping[str, str]]) -> None:
     """Cut off what is not whole, write an ending in its place, and return when it is on the disk.
 
-    Parameters
-    ----------
-    path : Path
-        The file that was scanned.
-    found : Unfinished
-        What the scan found.
-    metadata : mapping of str to mapping of str to str
-        Put in before the ending.
-
-    Raises
-    ------
-    OSError
-        The disk refuses it; the file is left as it was found, without what was not whole.
+    `path`: The file that was scanned. `found`: What the scan found. `metadata`: Put in before the ending.
+    Raises `OSError`: The disk refuses it; the file is left as it was found, without what was not whole.
     """
     with path.open("r+b") as stream:
         stream.truncate(found.end)

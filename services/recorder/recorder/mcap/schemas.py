@@ -17,16 +17,7 @@ _DOUBLES: Final = frozenset({array_pb2.ELEMENT_TYPE_FLOAT64, array_pb2.ELEMENT_T
 
 
 def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
-    """Return the serialised FileDescriptorSet of a message: its file and all that it imports, dependencies first.
-
-    Parameters
-    ----------
-    kind : type
-        The message.
-    doubles : bool
-        Whether the elements of its arrays are described as `repeated double` in place of bytes. Both are the same
-        bytes on the wire, little-endian and packed, and a tool that knows nothing of arrays then shows numbers.
-    """
+    """Return the serialised FileDescriptorSet of a message: its file and all that it imports, dependencies first."""
     # Of either implementation of the protobuf package, which share no type.
     files: dict[str, Any] = {}
 
@@ -52,15 +43,8 @@ def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
 def holds_doubles_only(message: Message) -> bool:
     """Tell whether every array within a message is of float64 or complex128, so that its elements read as doubles.
 
-    Parameters
-    ----------
-    message : Message
-        Of any depth.
-
-    Returns
-    -------
-    bool
-        True also where it holds no array, or only empty ones.
+    `message`: Of any depth.
+    Returns: True also where it holds no array, or only empty ones.
     """
     if isinstance(message, array_pb2.Array):
         return not message.data or message.element_type in _DOUBLES

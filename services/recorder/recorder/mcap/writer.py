@@ -30,10 +30,7 @@ _LARGEST_SEQUENCE: Final = 2**32
 def sync_folder(folder: Path) -> None:
     """Make the names within a folder durable: fsync of a file alone does not keep its name through a power cut.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the files.
+    `folder`: Of the files.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

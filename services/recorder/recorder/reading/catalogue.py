@@ -116,17 +116,8 @@ def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.Recordi
 def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:
     """Tell whether a recording is one of those that are looked for.
 
-    Parameters
-    ----------
-    information : recorder_pb2.RecordingInfo
-        The description of the recording.
-    request : recorder_pb2.ListRecordingsRequest
-        What is looked for; an empty field allows everything.
-
-    Returns
-    -------
-    bool
-        Whether every condition holds.
+    `information`: The description of the recording. `request`: What is looked for; an empty field allows everything.
+    Returns: Whether every condition holds.
     """
     return (
         (not request.rig or information.rig == request.rig)
@@ -141,24 +132,9 @@ def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListReco
 def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingRequest) -> recorder_pb2.RecordingPart:
     """Read a piece of a recording's file.
 
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-    request : recorder_pb2.ReadRecordingRequest
-        Which file, from which byte, and how many bytes.
-
-    Returns
-    -------
-    recorder_pb2.RecordingPart
-        The bytes, fewer at the end of the file, and the file's size.
-
-    Raises
-    ------
-    RefusedError
-        No such file, or a piece that is not in it.
+    `folder`: The recorder's. `name`: Id of the recording. `request`: Which file, from which byte, and how many bytes.
+    Returns: The bytes, fewer at the end of the file, and the file's size.
+    Raises `RefusedError`: No such file, or a piece that is not in it.
     """
     try:
         part = Part(request.part)

@@ -97,17 +97,9 @@ class Audit:
 def audit(files: Sequence[Path], *, name: str = "") -> Audit:
     """Read a recording from its first byte to its last, with all checksums, in bounded memory.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The recorder's MCAP files of one recording in their order, whole or not.
-    name : str
-        Which recording they have to be; any where it is empty.
-
-    Returns
-    -------
-    Audit
-        Without findings where the recording is whole.
+    `files`: The recorder's MCAP files of one recording in their order, whole or not. `name`: Which recording they have
+    to be; any where it is empty.
+    Returns: Without findings where the recording is whole.
     """
     found = Audit()
     before: Path | None = None

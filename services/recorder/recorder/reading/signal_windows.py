@@ -33,26 +33,12 @@ _MOST_SAMPLES: Final = 2.0**53
 def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowRequest) -> recorder_pb2.SignalWindow:
     """Read a part of the signals of one run.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the recording's files are; those that are finished are read.
-    name : str
-        Id of the recording.
-    request : SignalWindowRequest
-        Run, time within it, channels.
-
-    Returns
-    -------
-    recorder_pb2.SignalWindow
-        With as many samples as the run has in that time.
-
-    Raises
-    ------
-    RefusedError
-        INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run, FAILED_PRECONDITION where
-        it may lie in a file that is not finished, DATA_LOSS where blocks are
-        missing within the window or a file is damaged.
+    `folder`: Where the recording's files are; those that are finished are read. `name`: Id of the recording. `request`:
+    Run, time within it, channels.
+    Returns: With as many samples as the run has in that time.
+    Raises `RefusedError`: INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run,
+    FAILED_PRECONDITION where it may lie in a file that is not finished, DATA_LOSS where blocks are missing within the
+    window or a file is damaged.
     """
     _check_time(request)
     try:

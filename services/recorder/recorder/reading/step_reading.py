@@ -33,25 +33,11 @@ def read_steps(
 ) -> recorder_pb2.RecordedSteps:
     """Read the committed steps of a recording from its files.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The recording's files in their order.
-    request : ReadStepsRequest
-        The first step wanted.
-    written : int or None
-        Steps that are known to be in the files: reading ends there, since what follows may be only half there. None
-        where its recorder was killed: reading ends with the last whole record.
-
-    Returns
-    -------
-    RecordedSteps
-        As many as fit into 16 MiB, one at least.
-
-    Raises
-    ------
-    RefusedError
-        INVALID_ARGUMENT where there is no such step, DATA_LOSS where a file is damaged.
+    `files`: The recording's files in their order. `request`: The first step wanted. `written`: Steps that are known to
+    be in the files: reading ends there, since what follows may be only half there. None where its recorder was killed:
+    reading ends with the last whole record.
+    Returns: As many as fit into 16 MiB, one at least.
+    Raises `RefusedError`: INVALID_ARGUMENT where there is no such step, DATA_LOSS where a file is damaged.
     """
     name = files[0].stem
     try:

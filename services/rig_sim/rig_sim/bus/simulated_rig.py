@@ -30,15 +30,8 @@ _KINDS = {
 def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
     """Return what a simulated rig says of itself.
 
-    Parameters
-    ----------
-    rig : PlayableRig
-        At rest.
-
-    Returns
-    -------
-    rig_pb2.RigDescription
-        With the shapes of a multibody rig.
+    `rig`: At rest.
+    Returns: With the shapes of a multibody rig.
     """
     specimen = rig.specimen
     description = rig_pb2.RigDescription(
@@ -62,15 +55,8 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
 def simulated(rig: PlayableRig) -> SimulatedRig:
     """Return a rig as the gateway serves it; one that knows its FRF says it.
 
-    Parameters
-    ----------
-    rig : PlayableRig
-        At rest.
-
-    Returns
-    -------
-    SimulatedRig
-        With a `sampled_frf` where the rig has one.
+    `rig`: At rest.
+    Returns: With a `sampled_frf` where the rig has one.
     """
     return SimulatedLinearRig(rig) if isinstance(rig, KnowsItsFrf) else SimulatedRig(rig)
 
@@ -78,10 +64,7 @@ def simulated(rig: PlayableRig) -> SimulatedRig:
 class SimulatedRig:
     """A rig of this simulator behind a gateway; it has nothing to stop and nothing to make ready.
 
-    Parameters
-    ----------
-    rig : PlayableRig
-        At rest.
+    `rig`: At rest.
     """
 
     def __init__(self, rig: PlayableRig) -> None:

@@ -40,12 +40,7 @@ _KINDS: Final = {
 def describe_view(rig: Rig, description: rig_pb2.RigDescription) -> None:
     """Add to a rig's description what a 3-D view needs.
 
-    Parameters
-    ----------
-    rig : Rig
-        At rest.
-    description : rig_pb2.RigDescription
-        Gets bodies, shapes, links and the poses at rest.
+    `rig`: At rest. `description`: Gets bodies, shapes, links and the poses at rest.
     """
     bodies = rig.poses.bodies
     description.bodies.extend(bodies)

@@ -22,24 +22,11 @@ class NoEquilibriumError(ValueError):
 def find_equilibrium(model: RigModel, derivative: Derivative, inputs: np.ndarray) -> np.ndarray:
     """Return the state in which nothing moves.
 
-    Parameters
-    ----------
-    model : RigModel
-        Says what the states are and where to begin.
-    derivative : callable
-        Takes the state (states,) and the inputs (drives,), returns the rates (states,).
-    inputs : (drives,)
-        Held constant, each in its channel's unit.
-
-    Returns
-    -------
-    ndarray, (states,)
-        Velocities are zero, and so is the hysteretic friction: it has no unique value at rest.
-
-    Raises
-    ------
-    NoEquilibriumError
-        Where Newton's method from the design position ends with something still moving; names the state.
+    `model`: Says what the states are and where to begin. `derivative`: Takes the state (states,) and the inputs
+    (drives,), returns the rates (states,). `inputs`: Held constant, each in its channel's unit.
+    Returns: Velocities are zero, and so is the hysteretic friction: it has no unique value at rest.
+    Raises `NoEquilibriumError`: Where Newton's method from the design position ends with something still moving; names
+    the state.
     """
     state = model.design_state.copy()
     free = _unknowns(model)

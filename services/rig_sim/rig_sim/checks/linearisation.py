@@ -19,23 +19,10 @@ def linearise(
 ) -> np.ndarray:
     """Return the Jacobian of the rates by central differences.
 
-    Parameters
-    ----------
-    derivative : callable
-        Takes the state (states,) and the inputs (drives,), returns the rates (states,).
-    state : (states,)
-        Where it is linearised.
-    inputs : (drives,)
-        Held constant, each in its channel's unit.
-    step : float
-        Of the differences, in each state's own unit.
-    columns : sequence of int, optional
-        States to differentiate by; all where not given.
-
-    Returns
-    -------
-    ndarray, (states, columns)
-        In 1/s times the ratio of two states' units.
+    `derivative`: Takes the state (states,) and the inputs (drives,), returns the rates (states,). `state`: Where it is
+    linearised. `inputs`: Held constant, each in its channel's unit. `step`: Of the differences, in each state's own
+    unit. `columns`: States to differentiate by; all where not given.
+    Returns: In 1/s times the ratio of two states' units.
     """
     chosen = range(len(state)) if columns is None else columns
     differences = np.empty((len(state), len(chosen)))

@@ -37,16 +37,9 @@ class ProofError(RuntimeError):
 class Proof:
     """Largest differences over all random states, relative to the largest value of each kind at its state.
 
-    Parameters
-    ----------
-    position_rate_error, acceleration_error : float
-        Of the rates of the positions, and of the accelerations of the freedoms.
-    force_error : float
-        Of the responses, each kind by itself.
-    element_rate_error : float
-        Of the rates of the elements' own states, against plain numpy.
-    states : int
-        Number of random states.
+    `position_rate_error`, `acceleration_error`: Of the rates of the positions, and of the accelerations of the
+    freedoms. `force_error`: Of the responses, each kind by itself. `element_rate_error`: Of the rates of the elements'
+    own states, against plain numpy. `states`: Number of random states.
     """
 
     position_rate_error: float
@@ -68,26 +61,10 @@ class DrakeAnswers:
 def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
     """Compare the compiled player with Drake at random states around the design position.
 
-    Parameters
-    ----------
-    model : RigModel
-        The equations, evaluated with floats for the elements' own states.
-    compiled : CompiledModel
-        The same equations as machine code.
-    plant : MultibodyPlant
-        Drake's, finalised.
-    seed : int
-        Of the random states.
-
-    Returns
-    -------
-    Proof
-        The largest differences.
-
-    Raises
-    ------
-    ProofError
-        Where one is above 1e-9; names the freedom or channel and both values.
+    `model`: The equations, evaluated with floats for the elements' own states. `compiled`: The same equations as
+    machine code. `plant`: Drake's, finalised. `seed`: Of the random states.
+    Returns: The largest differences.
+    Raises `ProofError`: Where one is above 1e-9; names the freedom or channel and both values.
     """
     rng = np.random.default_rng(seed)
     n_q, n_v = model.position_count, model.assembly.tree.velocity_count
@@ -134,13 +111,7 @@ def _compare_responses(model: RigModel, own: np.ndarray, right: np.ndarray) -> f
 
 
 def random_state(model: RigModel, rng: np.random.Generator) -> np.ndarray:
-    """Return a state near the design position: centimetres, degrees, metres per second, bars.
-
-    Returns
-    -------
-    ndarray, (states,)
-        With quaternions of length one.
-    """
+    """Return a state near the design position: centimetres, degrees, metres per second, bars."""
     n_q, n_v = model.position_count, model.assembly.tree.velocity_count
     state = model.design_state.copy()
     state[:n_q] += 0.02 * rng.standard_normal(n_q)
@@ -158,24 +129,7 @@ def _random_inputs(model: RigModel, rng: np.random.Generator) -> np.ndarray:
 
 
 def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, evaluation: Evaluation) -> DrakeAnswers:
-    """Ask Drake about a state in which the elements of the YAML do what `evaluation` says.
-
-    Parameters
-    ----------
-    model : RigModel
-        Says where positions and velocities are in the state, and what is measured.
-    plant : MultibodyPlant
-        Finalised; the one whose tree the model has.
-    state : (states,)
-        Of the model.
-    evaluation : Evaluation
-        The model at this state and the inputs in question.
-
-    Returns
-    -------
-    DrakeAnswers
-        In Drake's order of positions and velocities, and the model's order of responses.
-    """
+    """Ask Drake about a state in which the elements of the YAML do what `evaluation` says."""
     # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
     drake = cast(Any, plant)
     context = plant.CreateDefaultContext()

@@ -20,21 +20,8 @@ class UnstableError(ValueError):
 def check_stability(linearisation: np.ndarray, names: Sequence[str]) -> None:
     """Check that nothing grows from the rest.
 
-    Parameters
-    ----------
-    linearisation : (states, states)
-        Rates by states at rest, in 1/s times the ratio of two states' units.
-    names : sequence of str
-        Of the states.
-
-    Returns
-    -------
-    None
-
-    Raises
-    ------
-    UnstableError
-        Where a motion grows; names the state with most of it, and how fast.
+    `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.
+    Raises `UnstableError`: Where a motion grows; names the state with most of it, and how fast.
     """
     values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(linearisation))
     fastest = int(np.argmax(values.real))

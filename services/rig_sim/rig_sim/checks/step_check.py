@@ -54,16 +54,8 @@ class StepError(ValueError):
 def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
     """Return the longest step with which no decaying motion grows, the margin included.
 
-    Parameters
-    ----------
-    eigenvalues : ndarray, (n,)
-        In 1/s. What grows by itself is not the step's fault and counts as undamped.
-    method : Method
-
-    Returns
-    -------
-    float
-        In s; infinite where nothing moves.
+    `eigenvalues`: In 1/s. What grows by itself is not the step's fault and counts as undamped.
+    Returns: In s; infinite where nothing moves.
     """
     decaying = MARGIN * (np.minimum(eigenvalues.real, 0.0) + 1j * eigenvalues.imag)
     fastest = float(np.max(np.abs(decaying), initial=0.0))
@@ -89,23 +81,10 @@ def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
 def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Stepped) -> None:
     """Check that the player's step is stable at rest.
 
-    Parameters
-    ----------
-    linearisation : (states, states)
-        Rates by states at rest, in 1/s times the ratio of two states' units.
-    names : sequence of str
-        Of the states.
-    specimen : Stepped
-        Says the step.
-
-    Returns
-    -------
-    None
-
-    Raises
-    ------
-    StepError
-        Where a motion that decays grows in the player; names the state with most of it, and the step to take.
+    `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.
+    `specimen`: Says the step.
+    Raises `StepError`: Where a motion that decays grows in the player; names the state with most of it, and the step to
+    take.
     """
     longest = largest_stable_step(np.linalg.eigvals(linearisation).astype(np.complex128), specimen.integrator)
     rate, substeps = specimen.sample_rate, specimen.substeps

@@ -39,13 +39,8 @@ class Playback:
 class CompiledModel:
     """A model as machine code. Made by :func:`compile_model`; may be called from several threads at once.
 
-    Attributes
-    ----------
-    state_names, input_names, output_names : tuple of str
-    operation_count : int
-        Operations of one evaluation of the derivative, both sides of a mirrored model counted.
-    lanes : int
-        2 where both sides of the model are computed as lanes of vectors, else 1.
+    `operation_count`: Operations of one evaluation of the derivative, both sides of a mirrored model counted. `lanes`:
+    2 where both sides of the model are computed as lanes of vectors, else 1.
     """
 
     def __init__(
@@ -72,17 +67,7 @@ class CompiledModel:
         self._places = np.argsort(self._order)
 
     def derivative(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
-        """Evaluate the time derivative of the state.
-
-        Parameters
-        ----------
-        state : array_like, (states,)
-        inputs : array_like, (inputs,)
-
-        Returns
-        -------
-        ndarray, (states,)
-        """
+        """Evaluate the time derivative of the state."""
         values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
@@ -90,17 +75,7 @@ class CompiledModel:
         return derivative[self._places]
 
     def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
-        """Evaluate the outputs.
-
-        Parameters
-        ----------
-        state : array_like, (states,)
-        inputs : array_like, (inputs,)
-
-        Returns
-        -------
-        ndarray, (outputs,)
-        """
+        """Evaluate the outputs."""
         values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
@@ -122,30 +97,12 @@ class CompiledModel:
 
         Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call.
 
-        Parameters
-        ----------
-        state : array_like, (states,)
-            At the first sample.
-        commands : array_like, (inputs, samples + 1)
-            A line between two samples. The extra sample is the one after the record, which the last interval is
-            interpolated towards: the first of the next chunk, or the last once more.
-        sample_interval : float
-            [s], > 0.
-        substeps : int
-            Steps per sample interval, ≥ 1.
-        method : Method
-            How each step is taken.
-        bounds : array_like, (states,), optional
-            The largest magnitude of each state, checked at the sample instants; any finite one by default.
-
-        Returns
-        -------
-        Playback
-
-        Raises
-        ------
-        ValueError
-            When an array has the wrong shape, a command is not finite, or a number is out of its range.
+        `state`: At the first sample. `commands`: A line between two samples. The extra sample is the one after the
+        record, which the last interval is interpolated towards: the first of the next chunk, or the last once more.
+        `sample_interval`: [s], > 0. `substeps`: Steps per sample interval, ≥ 1. `method`: How each step is taken.
+        `bounds`: The largest magnitude of each state, checked at the sample instants; any finite one by default.
+        Raises `ValueError`: When an array has the wrong shape, a command is not finite, or a number is out of its
+        range.
         """
         inner = self._vector(state, self.state_names, "state")[self._order]
         command = np.ascontiguousarray(commands, dtype=np.float64)

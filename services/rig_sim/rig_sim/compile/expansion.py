@@ -46,17 +46,7 @@ _ARCTANGENT = [(-1.0) ** k / (2 * k + 1) for k in range(1, 21)]
 
 
 def expanded(traced: TracedModel) -> TracedModel:
-    """Return the model with every transcendental function written out.
-
-    Parameters
-    ----------
-    traced : TracedModel
-
-    Returns
-    -------
-    TracedModel
-        In a graph of its own, equal to a few units in the last place.
-    """
+    """Return the model with every transcendental function written out."""
     graph = Graph()
     made: dict[int, Expression] = {}
     arguments = (*traced.state, *traced.inputs)

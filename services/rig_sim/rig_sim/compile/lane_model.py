@@ -19,12 +19,8 @@ Pair = tuple[int, int]
 class LaneTexts:
     """The functions of a model in lanes.
 
-    Attributes
-    ----------
-    text : str
-        LLVM IR of ``derivative`` and ``observe``, whose state and derivative have the order below.
-    state_order : tuple of int
-        Which state of the model is at each place: the lanes of a pair side by side, then what has no partner.
+    `text`: LLVM IR of ``derivative`` and ``observe``, whose state and derivative have the order below. `state_order`:
+    Which state of the model is at each place: the lanes of a pair side by side, then what has no partner.
     """
 
     text: str

@@ -18,17 +18,8 @@ _VECTOR = PAIR.numbers
 class LaneFunction:
     """A planned function of arrays, ``void name(const double *argument…, double *result…)``.
 
-    Attributes
-    ----------
-    name : str
-        Its symbol.
-    plan : LanePlan
-    places : dict of int to (int, int)
-        The argument and the position in it of every leaf, by its index.
-    arguments : int
-        How many argument arrays there are.
-    pairs, singles : per result array, tuples of (position, expression…)
-        A pair is stored at its position and the one after it.
+    `name`: Its symbol. `places`: The argument and the position in it of every leaf, by its index. `arguments`: How many
+    argument arrays there are. `pairs`, `singles`: A pair is stored at its position and the one after it.
     """
 
     name: str
@@ -40,13 +31,7 @@ class LaneFunction:
 
 
 def lane_function_text(function: LaneFunction, *, contract: bool) -> str:
-    """Write one function.
-
-    Raises
-    ------
-    ValueError
-        When the plan's vectors need each other.
-    """
+    """Write one function."""
     writer = _Writer(function, " contract" if contract else "")
     for item in function.plan.order():
         if isinstance(item, tuple):

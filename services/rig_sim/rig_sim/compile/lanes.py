@@ -44,14 +44,8 @@ class Form(Enum):
 class Vector:
     """Two expressions in one register: expression i is signs[i] times lane i.
 
-    Attributes
-    ----------
-    expressions : (Expression, Expression)
-        Neither is a negation.
-    operands : tuple of Key
-        Of an operation, in the order of lane 0; of a swap the vector whose lanes are exchanged.
-    factors : tuple of Signs
-        In a sum, the signs with which the operands' expressions enter.
+    `expressions`: Neither is a negation. `operands`: Of an operation, in the order of lane 0; of a swap the vector
+    whose lanes are exchanged. `factors`: In a sum, the signs with which the operands' expressions enter.
     """
 
     form: Form
@@ -64,14 +58,8 @@ class Vector:
 class LanePlan:
     """Vectors and single numbers that together give some results.
 
-    Attributes
-    ----------
-    vectors : dict of Key to Vector
-    signs : dict of Key to Signs
-    scalars : dict of int to Expression
-        Expressions computed one at a time, by index; not leaves, not what is a lane of a vector.
-    lane_of : dict of int to (Key, int)
-        Where an expression is a lane of a computed vector.
+    `scalars`: Expressions computed one at a time, by index; not leaves, not what is a lane of a vector. `lane_of`:
+    Where an expression is a lane of a computed vector.
     """
 
     vectors: dict[Key, Vector] = field(default_factory=dict)
@@ -90,13 +78,7 @@ class LanePlan:
         return total
 
     def order(self) -> Iterator[Key | int]:
-        """Return vectors (by key) and single numbers (by index), operands first, near the order of creation.
-
-        Raises
-        ------
-        ValueError
-            When two vectors need each other.
-        """
+        """Return vectors (by key) and single numbers (by index), operands first, near the order of creation."""
         needs = {key: set(self._vector_needs(vector)) for key, vector in self.vectors.items()}
         needs |= {index: set(self._scalar_needs(node.operands)) for index, node in self.scalars.items()}
         users: dict[Key | int, list[Key | int]] = {item: [] for item in needs}

@@ -17,22 +17,13 @@ _LIBM = ("fma", "floor")
 class CompiledModule:
     """Machine code; it stays in memory as long as this object, and no address may outlive it.
 
-    Attributes
-    ----------
-    engine : llvmlite.binding.ExecutionEngine
-        The owner of the code.
+    `engine`: The owner of the code.
     """
 
     engine: llvm.ExecutionEngine
 
     def address(self, symbol: str) -> int:
-        """Return the address of a function.
-
-        Raises
-        ------
-        ValueError
-            When the module has no such function.
-        """
+        """Return the address of a function."""
         address = self.engine.get_function_address(symbol)
         if not address:
             raise ValueError(f"The compiled module has no function {symbol!r}; name one that its text defines.")
@@ -40,25 +31,7 @@ class CompiledModule:
 
 
 def compile_module(text: str, *, optimization: int = 2) -> CompiledModule:
-    """Compile a module.
-
-    Parameters
-    ----------
-    text : str
-        LLVM IR.
-    optimization : int
-        0 to 3, as a compiler's -O.
-
-    Returns
-    -------
-    CompiledModule
-        The same text gives the same code, hence the same bits, in every process on one machine.
-
-    Raises
-    ------
-    RuntimeError
-        When LLVM rejects the text.
-    """
+    """Compile a module."""
     _initialize()
     context = llvm.create_context()
     module = llvm.parse_assembly(text, context)

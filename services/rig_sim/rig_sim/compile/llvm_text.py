@@ -36,14 +36,8 @@ _TO_LAST_BITS = 2.0**52 + 1023.0
 class TracedFunction:
     """A function of arrays: ``void name(const double *argument…, double *result…)``.
 
-    Attributes
-    ----------
-    name : str
-        Its symbol.
-    arguments : tuple of tuple of Expression
-        For every argument array the inputs that its elements are.
-    results : tuple of tuple of Expression
-        For every result array the expressions of its elements.
+    `name`: Its symbol. `arguments`: For every argument array the inputs that its elements are. `results`: For every
+    result array the expressions of its elements.
     """
 
     name: str
@@ -60,13 +54,8 @@ def literal(value: float) -> str:
 class Kind:
     """What an operation works on: doubles, or vectors of them.
 
-    Attributes
-    ----------
-    numbers, bits, truth : str
-        LLVM's types of the numbers, of integers as large, and of comparisons.
-    suffix : str
-        Of the intrinsics.
-    lanes : int
+    `numbers`, `bits`, `truth`: LLVM's types of the numbers, of integers as large, and of comparisons. `suffix`: Of the
+    intrinsics.
     """
 
     numbers: str
@@ -93,20 +82,7 @@ def declarations(kind: Kind = DOUBLE) -> str:
 
 
 def function_text(function: TracedFunction, *, contract: bool) -> str:
-    """Write one function.
-
-    Parameters
-    ----------
-    function : TracedFunction
-    contract : bool
-        Whether a product and a sum may become one fused operation with one rounding. No other freedom is ever given:
-        without reassociation and approximations the same IR gives the same bits on one machine, and a NaN stays one.
-
-    Raises
-    ------
-    ValueError
-        When a result depends on an input that is in no argument array.
-    """
+    """Write one function."""
     flags = " contract" if contract else ""
     places = {
         expression.index: (array, position)

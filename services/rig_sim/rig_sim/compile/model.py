@@ -22,23 +22,11 @@ ModelFunction = Callable[[np.ndarray, np.ndarray], tuple[Sequence[Scalar], Seque
 def trace_model(function: ModelFunction, *, state_names: Sequence[str], input_names: Sequence[str]) -> TracedModel:
     """Run a model once on expressions.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(state, inputs) -> (derivative, outputs)``: takes object arrays (states,) and (inputs,), returns
-        sequences of scalars. It uses operators and :mod:`rig_sim.compile.numeric`, and never branches on a value.
-    state_names, input_names : sequence of str
-        Their order is the order of the arrays.
-
-    Returns
-    -------
-    TracedModel
-        The function's arguments and results as expressions.
-
-    Raises
-    ------
-    ValueError
-        When a name is given twice, or there is not one derivative per state.
+    `function`: ``function(state, inputs) -> (derivative, outputs)``: takes object arrays (states,) and (inputs,),
+    returns sequences of scalars. It uses operators and :mod:`rig_sim.compile.numeric`, and never branches on a value.
+    `state_names`, `input_names`: Their order is the order of the arrays.
+    Returns: The function's arguments and results as expressions.
+    Raises `ValueError`: When a name is given twice, or there is not one derivative per state.
     """
     for kind, names in (("state", state_names), ("input", input_names)):
         twice = sorted({name for name in names if list(names).count(name) > 1})
@@ -74,30 +62,12 @@ def compile_model(
 ) -> CompiledModel:
     """Compile a model.
 
-    Parameters
-    ----------
-    function : callable
-        See :func:`trace_model`.
-    state_names, input_names : sequence of str
-        Their order is the order of the arrays.
-    output_names : sequence of str, optional
-        One per output; ``output_0``, … by default.
-    contract : bool
-        Whether products and sums may be fused into one operation with one rounding; faster, and as exact.
-    lanes : bool
-        Whether two sides that mirror each other may be computed as lanes of vectors, where that saves operations.
-    optimization : int
-        0 to 3, as a compiler's -O.
-
-    Returns
-    -------
-    CompiledModel
-        Ready to be evaluated and played.
-
-    Raises
-    ------
-    ValueError
-        When names and results do not fit together.
+    `function`: See :func:`trace_model`. `state_names`, `input_names`: Their order is the order of the arrays.
+    `output_names`: One per output; ``output_0``, … by default. `contract`: Whether products and sums may be fused into
+    one operation with one rounding; faster, and as exact. `lanes`: Whether two sides that mirror each other may be
+    computed as lanes of vectors, where that saves operations. `optimization`: 0 to 3, as a compiler's -O.
+    Returns: Ready to be evaluated and played.
+    Raises `ValueError`: When names and results do not fit together.
     """
     traced = expanded(trace_model(function, state_names=state_names, input_names=input_names))
     names = (

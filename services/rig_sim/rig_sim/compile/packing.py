@@ -21,21 +21,7 @@ def plan_lanes(
     singles: Sequence[Expression],
     side_by_side: Iterable[Key],
 ) -> LanePlan:
-    """Plan the computation of some results.
-
-    Parameters
-    ----------
-    mirror : Mirror
-        Says what belongs into one vector.
-    pairs, singles : sequences of Expression
-        The results that are wanted as vectors, and those wanted as numbers.
-    side_by_side : iterable of Key
-        The pairs of leaves that lie beside each other in memory.
-
-    Returns
-    -------
-    LanePlan
-    """
+    """Plan the computation of some results."""
     plan = LanePlan()
     loads = frozenset(side_by_side)
     stack = [(stripped(a)[0], stripped(b)[0]) for a, b in reversed(pairs)]

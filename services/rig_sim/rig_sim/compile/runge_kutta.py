@@ -17,16 +17,9 @@ Rational = Fraction | int
 class Tableau:
     """What a method takes from which stage (Butcher's tableau).
 
-    Attributes
-    ----------
-    order : int
-        The power of the step with which its error falls.
-    nodes : tuple of Rational
-        Where in the step each stage lies, 0 to 1.
-    stages : tuple of tuple of Rational
-        For each stage after the first, the shares of the slopes before it.
-    weights : tuple of Rational
-        The shares of all slopes in the step.
+    `order`: The power of the step with which its error falls. `nodes`: Where in the step each stage lies, 0 to 1.
+    `stages`: For each stage after the first, the shares of the slopes before it. `weights`: The shares of all slopes in
+    the step.
     """
 
     order: int
@@ -65,19 +58,7 @@ class Method(Enum):
 
 
 def amplification(z: np.ndarray, method: Method) -> np.ndarray:
-    """Return by how much one step multiplies a motion.
-
-    Parameters
-    ----------
-    z : ndarray
-        Eigenvalue times step, complex, any shape.
-    method : Method
-
-    Returns
-    -------
-    ndarray
-        Magnitudes, in the shape of `z`; up to 1 is stable.
-    """
+    """Return by how much one step multiplies a motion."""
     total: np.ndarray[Any, Any] = np.zeros_like(z)
     for coefficient in reversed(_growth(method)):
         total = total * z + coefficient

@@ -29,12 +29,8 @@ Colours = dict[int, int]
 class Mirror:
     """Pairs of leaves, the first of each in lane 0, and colours that are equal for what belongs into one vector.
 
-    Attributes
-    ----------
-    pairs : tuple of (Expression, Expression)
-        States and inputs; a leaf in no pair belongs to both sides, as a rack or a body does.
-    first, second : dict of int to int
-        Colours of all expressions by their index, seen from lane 0 and from lane 1.
+    `pairs`: States and inputs; a leaf in no pair belongs to both sides, as a rack or a body does. `first`, `second`:
+    Colours of all expressions by their index, seen from lane 0 and from lane 1.
     """
 
     pairs: tuple[tuple[Expression, Expression], ...]

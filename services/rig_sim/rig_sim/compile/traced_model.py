@@ -9,12 +9,7 @@ from rig_sim.compile.tracing import Expression
 class TracedModel:
     """A model as expressions.
 
-    Attributes
-    ----------
-    state, inputs : tuple of Expression
-        The arguments.
-    derivative, outputs : tuple of Expression
-        The results.
+    `state`, `inputs`: The arguments. `derivative`, `outputs`: The results.
     """
 
     state: tuple[Expression, ...]

@@ -29,18 +29,8 @@ class Expression:
 
     Created by operators and by :mod:`rig_sim.compile.numeric`, never directly. Equality is identity.
 
-    Attributes
-    ----------
-    graph : Graph
-        The graph that owns the node.
-    index : int
-        Position in the order of creation; operands always come before.
-    operation : Operation
-    operands : tuple of Expression
-    value : float or None
-        The number of a constant, None for all others.
-    name : str
-        The name of an input, empty for all others.
+    `graph`: The graph that owns the node. `index`: Position in the order of creation; operands always come before.
+    `value`: The number of a constant, None for all others. `name`: The name of an input, empty for all others.
     """
 
     __slots__ = ("graph", "index", "name", "operands", "operation", "value")
@@ -147,10 +137,7 @@ class Graph:
     def constant(self, value: float) -> Expression:
         """Return the node of a finite number.
 
-        Raises
-        ------
-        ValueError
-            When the number is infinite or NaN.
+        Raises `ValueError`: When the number is infinite or NaN.
         """
         number = float(value)
         if not math.isfinite(number):
@@ -174,12 +161,8 @@ class Graph:
     def expression(self, value: Scalar) -> Expression:
         """Return a node of this graph for an expression or a number.
 
-        Raises
-        ------
-        TypeError
-            When the value is neither.
-        ValueError
-            When the expression belongs to another graph, or the number is not finite.
+        Raises `TypeError`: When the value is neither. `ValueError`: When the expression belongs to another graph, or
+        the number is not finite.
         """
         if isinstance(value, Expression):
             if value.graph is not self:
@@ -241,19 +224,7 @@ def _integer_power(base: Expression, exponent: int) -> Expression:
 
 
 def _simplify(operation: Operation, operands: tuple[Expression, ...]) -> Expression | None:
-    """Return a simpler expression that equals the operation; None when there is none.
-
-    Parameters
-    ----------
-    operation : Operation
-    operands : tuple of Expression
-        Not all of them constants.
-
-    Raises
-    ------
-    ValueError
-        When the operation divides by the constant 0.
-    """
+    """Return a simpler expression that equals the operation; None when there is none."""
     rule = _RULES.get(operation)
     return None if rule is None else rule(*operands)
 

@@ -38,10 +38,7 @@ class AntiRollBarLaw:
 class Lever:
     """One end of the bar: its lever turns about the bar's axis on the body, its link ends on another body.
 
-    Raises
-    ------
-    ValueError
-        Where lever, link or both have no length, or the link stands nearly in line with its lever.
+    Raises `ValueError`: Where lever, link or both have no length, or the link stands nearly in line with its lever.
     """
 
     #: Pivot of the lever and its end, in the bar's body's frame, in m; the end in the plane of the lever.
@@ -82,19 +79,7 @@ class Lever:
         return Lever(pivot, end, axis, link_body, local_foot, length, -math.copysign(1.0, sine))
 
     def angle_and_gradient(self, foot: Array) -> tuple[Any, Array]:
-        """Return the lever's angle from design [rad] and its gradient with the foot's position (3,) [rad/m].
-
-        Parameters
-        ----------
-        foot : (3,) generic scalars
-            In the bar's body's frame, in m.
-
-        Returns
-        -------
-        tuple
-            With u(a) the lever's end, |u(a) - foot| = link length reads A cos a + B sin a = C, solved by
-            a = atan2(B, A) -+ acos(C / sqrt(A^2 + B^2)); the gradient is link / (link . du/da), link = end - foot.
-        """
+        """Return the lever's angle from design [rad] and its gradient with the foot's position (3,) [rad/m]."""
         lever = self.end - self.pivot
         aside = self.axis * float(self.axis @ lever)
         along = lever - aside
@@ -114,22 +99,9 @@ class Lever:
 class AntiRollBar:
     """An anti-roll bar on a body, with a lever at the left and one at the right.
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig.
-    body : int
-        Index of the body that the bar turns on.
-    levers : (Lever, Lever)
-        The left one and the right one.
-    law : AntiRollBarLaw
-        Parameters.
-    settles : bool
-        Whether the own states have one value at rest.
-    initial_state : tuple of float
-        Own states at design position and rest.
-    inputs : tuple of Input
-        Drives that the element takes.
+    `name`: Unique in the rig. `body`: Index of the body that the bar turns on. `levers`: The left one and the right
+    one. `law`: Parameters. `settles`: Whether the own states have one value at rest. `initial_state`: Own states at
+    design position and rest. `inputs`: Drives that the element takes.
     """
 
     name: str

@@ -43,26 +43,10 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 class Rubber:
     """Rubber between frame A on one body and the origin of frame C on another, along an axis of A.
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig.
-    body_a, body_c : int
-        Index of the body of frame A, and of that of frame C.
-    frame_a : Pose
-        Frame A in its body.
-    point_c : ndarray, (3,)
-        Origin of frame C in its body, in m.
-    axis : ndarray, (3,)
-        Unit vector in frame A.
-    law : RubberLaw
-        Parameters.
-    settles : bool
-        Whether the own states have one value at rest.
-    initial_state : tuple of float
-        Own states at design position and rest.
-    inputs : tuple of Input
-        Drives that the element takes.
+    `name`: Unique in the rig. `body_a`, `body_c`: Index of the body of frame A, and of that of frame C. `frame_a`:
+    Frame A in its body. `point_c`: Origin of frame C in its body, in m. `axis`: Unit vector in frame A. `law`:
+    Parameters. `settles`: Whether the own states have one value at rest. `initial_state`: Own states at design position
+    and rest. `inputs`: Drives that the element takes.
     """
 
     name: str

@@ -57,24 +57,10 @@ def strut_force(law: StrutLaw, compression: Any, speed: Any) -> Any:
 class Strut:
     """A strut between a point on body a and a point on body b, both in their body's frame, in metres.
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig.
-    body_a, body_b : int
-        Index of each end's body.
-    point_a, point_b : ndarray, (3,)
-        The ends in their body's frame, in m.
-    design_length : float
-        Length at design position, in m.
-    law : StrutLaw
-        Parameters.
-    settles : bool
-        Whether the own states have one value at rest.
-    initial_state : tuple of float
-        Own states at design position and rest.
-    inputs : tuple of Input
-        Drives that the element takes.
+    `name`: Unique in the rig. `body_a`, `body_b`: Index of each end's body. `point_a`, `point_b`: The ends in their
+    body's frame, in m. `design_length`: Length at design position, in m. `law`: Parameters. `settles`: Whether the own
+    states have one value at rest. `initial_state`: Own states at design position and rest. `inputs`: Drives that the
+    element takes.
     """
 
     name: str

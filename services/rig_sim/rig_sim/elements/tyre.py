@@ -45,20 +45,9 @@ class Tyre:
     when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force keeps whatever value
     it has, as a standing tyre does.
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig.
-    wheel : int
-        Index of the wheel's body.
-    law : TyreLaw
-        Parameters.
-    inputs : (Input, Input, Input, Input)
-        Drives of height, slope, camber and speed.
-    settles : bool
-        Whether the own states have one value at rest.
-    initial_state : tuple of float
-        Side force at rest, in kN.
+    `name`: Unique in the rig. `wheel`: Index of the wheel's body. `law`: Parameters. `inputs`: Drives of height, slope,
+    camber and speed. `settles`: Whether the own states have one value at rest. `initial_state`: Side force at rest, in
+    kN.
     """
 
     name: str

@@ -73,24 +73,10 @@ class Player(Protocol):
     ) -> Playback:
         """Advance over a record; consecutive records, each from the state the last one ended in, have no seam.
 
-        Parameters
-        ----------
-        state : (states,)
-            At the first sample.
-        commands : (drives, samples + 1)
-            Linear between samples; the last column is the sample after the record.
-        sample_interval : float
-            In s.
-        substeps : int
-            Steps per sample of an engine whose steps are fixed by the specimen.
-        method : Method
-            How such an engine takes a step.
-        bounds : (states,)
-            The largest magnitude of each state, checked at the samples.
-
-        Returns
-        -------
-        Playback
-            Outputs at the samples, the state after them, and where it left its bounds.
+        `state`: At the first sample. `commands`: Linear between samples; the last column is the sample after the
+        record. `sample_interval`: In s. `substeps`: Steps per sample of an engine whose steps are fixed by the
+        specimen. `method`: How such an engine takes a step. `bounds`: The largest magnitude of each state, checked at
+        the samples.
+        Returns: Outputs at the samples, the state after them, and where it left its bounds.
         """
         ...

@@ -44,21 +44,7 @@ class OwnEffects:
         self._compiled = self._compile(model)
 
     def __call__(self, state: np.ndarray, drives: np.ndarray) -> np.ndarray:
-        """Evaluate all effects.
-
-        Parameters
-        ----------
-        state : (states,)
-            Of the whole rig.
-        drives : (drives,)
-            Each in its channel's unit.
-
-        Returns
-        -------
-        ndarray, (length,)
-            Cut it with `rates`, `wrenches` (N*m and N about each body's origin, in world axes), `joint_forces` (N or
-            N*m) and `monitors`.
-        """
+        """Evaluate all effects."""
         return self._compiled.outputs(state, drives)
 
     def _compile(self, model: RigModel) -> CompiledModel:
@@ -95,15 +81,7 @@ class ElementsSystem(LeafSystem):
         )
 
     def set_drives(self, context: Context, start: np.ndarray, end: np.ndarray) -> None:
-        """Say where the drives go over the coming sample.
-
-        Parameters
-        ----------
-        context : Context
-            Of this system.
-        start, end : (drives,)
-            At time zero and one sample later, each in its channel's unit.
-        """
+        """Say where the drives go over the coming sample."""
         for index, drives in ((self._start, start), (self._end, end)):
             cast(Any, context.get_mutable_numeric_parameter(index)).SetFromVector(drives)
 

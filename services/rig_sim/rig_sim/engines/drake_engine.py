@@ -33,19 +33,9 @@ class DrakeEngine:
     Every sample begins anew from state and drive, without the memory of an integrator: the same samples give the same
     bytes, however a record is cut.
 
-    Parameters
-    ----------
-    model : RigModel
-        The equations; the elements of the YAML are taken from them.
-    plant : MultibodyPlant
-        Finalised; belongs to the engine from now on.
-    choice : EngineChoice
-        Accuracy or fixed step.
-
-    Raises
-    ------
-    ValueError
-        If the fixed step is longer than a sample.
+    `model`: The equations; the elements of the YAML are taken from them. `plant`: Finalised; belongs to the engine from
+    now on. `choice`: Accuracy or fixed step.
+    Raises `ValueError`: If the fixed step is longer than a sample.
     """
 
     def __init__(self, model: RigModel, plant: MultibodyPlant, choice: EngineChoice) -> None:
@@ -101,25 +91,10 @@ class DrakeEngine:
     ) -> Playback:
         """Advance over a record of commands; see :class:`rig_sim.engines.Player`. Drake chooses its steps by itself.
 
-        Parameters
-        ----------
-        state : (states,)
-            At the first sample.
-        commands : (drives, samples + 1)
-            Linear between samples, each in its channel's unit.
-        sample_interval : float
-            Of the specimen's rate, in s.
-        substeps : int
-            Not used.
-        method : Method
-            Not used.
-        bounds : (states,)
-            The largest magnitude of each state, checked at the samples.
-
-        Returns
-        -------
-        Playback
-            Outputs (outputs, samples), the state after them, and where it left its bounds.
+        `state`: At the first sample. `commands`: Linear between samples, each in its channel's unit. `sample_interval`:
+        Of the specimen's rate, in s. `substeps`: Not used. `method`: Not used. `bounds`: The largest magnitude of each
+        state, checked at the samples.
+        Returns: Outputs (outputs, samples), the state after them, and where it left its bounds.
         """
         del substeps, method
         if sample_interval != self._interval:

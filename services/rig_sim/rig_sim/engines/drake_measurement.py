@@ -26,21 +26,10 @@ from rig_sim.specimen.responses import (
 def drake_responses(model: RigModel, plant: MultibodyPlant, context: Context, state: Array) -> np.ndarray:
     """Read all responses from Drake.
 
-    Parameters
-    ----------
-    model : RigModel
-        Says what is measured.
-    plant : MultibodyPlant
-        Finalised; the one whose tree the model has.
-    context : Context
-        Of the plant, at this state, with the forces of the YAML's elements on its input ports.
-    state : (states,)
-        Of the model. Of rubber beside a bushing, of which Drake knows nothing, the model says the force.
-
-    Returns
-    -------
-    ndarray, (responses,)
-        In the model's order of responses, each in its unit.
+    `model`: Says what is measured. `plant`: Finalised; the one whose tree the model has. `context`: Of the plant, at
+    this state, with the forces of the YAML's elements on its input ports. `state`: Of the model. Of rubber beside a
+    bushing, of which Drake knows nothing, the model says the force.
+    Returns: In the model's order of responses, each in its unit.
     """
     readings = [
         _reading(channel, sensor, plant, context, own=(model, state))

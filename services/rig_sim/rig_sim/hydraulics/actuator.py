@@ -44,13 +44,7 @@ class LoadCell:
         return -(pull * along) if rod.body_a == self.piston else pull * along
 
     def acceleration(self, motion: Motion, pressed: Any) -> Any:
-        """Return the piston's acceleration along the stroke in m/s^2, where only oil, seals, rod and gravity move it.
-
-        Parameters
-        ----------
-        motion : of the tree
-        pressed : force of oil and seals on the piston, in N
-        """
+        """Return the acceleration of the piston in m/s^2 where only oil, seals, rod and gravity move it."""
         fall = dot(self.gravity, motion.axes[self.joint][0].linear)
         return (pressed - self.read(motion)) * (1.0 / self.piston_mass) + fall
 
@@ -63,24 +57,10 @@ class HydraulicActuator(ABC):
     pressures A and B in MPa, low-passed load pressure in MPa, the integral of the error, and the filtered command with
     its scaled rate (where the loop feeds it forward).
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig; the drive has the same name.
-    joint_position, joint_velocity : int
-        Index of the piston's joint among the states.
-    valve : Servovalve
-        Parameters of the valve.
-    cylinder : Cylinder
-        Parameters of the cylinder.
-    loop : Loop
-        Parameters of the control loop.
-    supply : str
-        Name of the supply that feeds it.
-    middle_pressure : float
-        Half-way pressure in Pa, from which the search for rest begins.
-    settles : bool
-        Whether the own states have one value at rest.
+    `name`: Unique in the rig; the drive has the same name. `joint_position`, `joint_velocity`: Index of the piston's
+    joint among the states. `valve`: Parameters of the valve. `cylinder`: Parameters of the cylinder. `loop`: Parameters
+    of the control loop. `supply`: Name of the supply that feeds it. `middle_pressure`: Half-way pressure in Pa, from
+    which the search for rest begins. `settles`: Whether the own states have one value at rest.
     """
 
     name: str
@@ -166,10 +146,7 @@ class HydraulicActuator(ABC):
 class DisplacementActuator(HydraulicActuator):
     """An actuator whose input is the wanted stroke in metres.
 
-    Parameters
-    ----------
-    loop : DisplacementLoop
-        The control loop; all others as of `HydraulicActuator`.
+    `loop`: The control loop; all others as of `HydraulicActuator`.
     """
 
     loop: DisplacementLoop
@@ -193,12 +170,8 @@ class DisplacementActuator(HydraulicActuator):
 class ForceActuator(HydraulicActuator):
     """An actuator whose input is the wanted force on the specimen in newtons, positive along a positive stroke.
 
-    Parameters
-    ----------
-    loop : ForceLoop
-        The control loop; all others as of `HydraulicActuator`.
-    load_cell : LoadCell or None
-        Where the loop's feedback is a load cell.
+    `loop`: The control loop; all others as of `HydraulicActuator`. `load_cell`: Where the loop's feedback is a load
+    cell.
     """
 
     loop: ForceLoop

@@ -22,18 +22,7 @@ from rig_sim.multibody.kinematics import Motion
 class Bench:
     """An actuator on joint 0 against a body: mass in kg, spring in N/m, damper in N*s/m.
 
-    Parameters
-    ----------
-    actuator : HydraulicActuator
-        On joint 0.
-    supply : HydraulicSupply
-        Feeds it.
-    mass : float
-        In kg.
-    stiffness : float
-        In N/m.
-    damping : float
-        In N*s/m.
+    `actuator`: On joint 0. `supply`: Feeds it. `mass`: In kg. `stiffness`: In N/m. `damping`: In N*s/m.
     """
 
     actuator: HydraulicActuator
@@ -50,17 +39,8 @@ class Bench:
     def evaluate(self, command: float, state: np.ndarray) -> tuple[np.ndarray, Effect]:
         """Evaluate the bench.
 
-        Parameters
-        ----------
-        command : float
-            In the drive's unit, m or N.
-        state : (states,)
-            As `start`.
-
-        Returns
-        -------
-        tuple
-            Rates (states,) in the states' units per second, and the effect with its monitored values.
+        `command`: In the drive's unit, m or N. `state`: As `start`.
+        Returns: Rates (states,) in the states' units per second, and the effect with its monitored values.
         """
         motion = cast(Motion, Motion([], [], [], [], [], state[:1], state[1:2]))
         effect = Effect([], [0.0])
@@ -76,24 +56,9 @@ class Bench:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Integrate from `start`.
 
-        Parameters
-        ----------
-        command : callable
-            The drive in m or N at a time in s.
-        seconds : float
-            How long.
-        points : int
-            How many instants, evenly spaced.
-
-        Returns
-        -------
-        tuple
-            Time (points,) in s and states (states, points).
-
-        Raises
-        ------
-        ArithmeticError
-            Where the integrator gives up.
+        `command`: The drive in m or N at a time in s. `seconds`: How long. `points`: How many instants, evenly spaced.
+        Returns: Time (points,) in s and states (states, points).
+        Raises `ArithmeticError`: Where the integrator gives up.
         """
         time = np.linspace(0.0, seconds, points)
         solved: Any = solve_ivp(

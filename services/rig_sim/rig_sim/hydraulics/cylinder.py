@@ -25,10 +25,7 @@ class Cushion:
 class Cylinder:
     """Parameters of a cylinder.
 
-    Raises
-    ------
-    ValueError
-        If stiction fades below twice the friction speed, or the cushion is as long as half the stroke.
+    Raises `ValueError`: If stiction fades below twice the friction speed, or the cushion is as long as half the stroke.
     """
 
     #: Piston area on side A, in m^2.
@@ -79,19 +76,7 @@ class Cylinder:
 def pressure_rates(
     cylinder: Cylinder, position: Any, speed: Any, pressures: tuple[Any, Any], flows: tuple[Any, Any]
 ) -> tuple[Any, Any]:
-    """Return the rates of the chamber pressures, in Pa/s.
-
-    Parameters
-    ----------
-    position, speed : of the piston from mid stroke, in m and m/s; positive makes chamber A larger
-    pressures : of chambers A and B, in Pa
-    flows : into A and out of B through the valve, in m^3/s
-
-    Returns
-    -------
-    tuple
-        ``beta / V (net flow - dV/dt)`` for A and B (Merritt, chapter 3).
-    """
+    """Return the rates of the chamber pressures, in Pa/s."""
     a, b = pressures
     area_a, area_b = cylinder.areas
     leak = cylinder.leakage * (a - b)
@@ -111,8 +96,6 @@ def load_pressure(cylinder: Cylinder, a: Any, b: Any) -> Any:
 def seal_friction(cylinder: Cylinder, speed: Any) -> Any:
     """Return the magnitude and sense of friction in N, along the motion: subtract it from what drives the piston.
 
-    Notes
-    -----
     Stribeck's curve, ``tanh(v / v_f) (F_c + F_s exp(-(v / v_s)^2)) + c v``: smooth, so a stuck piston creeps at a few
     per cent of `friction_speed`.
     """
@@ -127,8 +110,6 @@ def seal_friction(cylinder: Cylinder, speed: Any) -> Any:
 def cushion_force(cylinder: Cylinder, position: Any, speed: Any) -> Any:
     """Return the force of the end cushions on the piston in N; zero without cushions.
 
-    Notes
-    -----
     ``max(k d + c (d / l) d', 0)`` of the depth d into a cushion of length l: the damper grips gradually, so that
     contact begins without a jump, and a piston on its way out is never held.
     """
@@ -144,12 +125,6 @@ def cushion_force(cylinder: Cylinder, position: Any, speed: Any) -> Any:
 
 
 def piston_force(cylinder: Cylinder, position: Any, speed: Any, pressures: tuple[Any, Any]) -> Any:
-    """Return the force on the piston in N: oil, less seal friction, and the cushions.
-
-    Parameters
-    ----------
-    position, speed : of the piston from mid stroke, in m and m/s
-    pressures : of chambers A and B, in Pa
-    """
+    """Return the force on the piston in N: oil, less seal friction, and the cushions."""
     force = cylinder.area * load_pressure(cylinder, *pressures) - seal_friction(cylinder, speed)
     return force if cylinder.cushion is None else force + cushion_force(cylinder, position, speed)

@@ -161,19 +161,7 @@ def initial_loop_state(loop: Loop) -> tuple[float, ...]:
 
 
 def control(loop: Loop, state: Array, *, wanted: Any, achieved: Any, piston: Piston) -> tuple[Any, list[Any]]:
-    """Return the valve's command and the rates of the loop's states.
-
-    Parameters
-    ----------
-    state : as `initial_loop_state` returns it
-    wanted, achieved : in the loop's unit, m or N
-    piston : as measured
-
-    Returns
-    -------
-    tuple
-        Command as a share of full opening, not limited, and the rates.
-    """
+    """Return the valve's command and the rates of the loop's states."""
     low_passed, integral = state[0], state[1]
     error = wanted - achieved
     opening = (

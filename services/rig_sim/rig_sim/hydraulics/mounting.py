@@ -15,13 +15,7 @@ SupplyLike = TypeVar("SupplyLike", Supply, dict[str, Any])
 
 
 def all_supplies(main: SupplyLike | None, others: Mapping[str, SupplyLike]) -> dict[str, SupplyLike]:
-    """Return the supplies, or what a document says of them, by name, the main one first.
-
-    Raises
-    ------
-    ValueError
-        Where another one has the main one's name.
-    """
+    """Return the supplies, or what a document says of them, by name, the main one first."""
     if main is not None and MAIN_SUPPLY in others:
         raise ValueError(f"supplies has one called {MAIN_SUPPLY!r} beside supply; names must differ.")
     return ({} if main is None else {MAIN_SUPPLY: main}) | dict(others)
@@ -30,13 +24,7 @@ def all_supplies(main: SupplyLike | None, others: Mapping[str, SupplyLike]) -> d
 def mount_actuator(
     part: ActuatorPart, kinds: Mapping[str, ActuatorKind], supplies: Mapping[str, Supply], tree: MultibodyTree
 ) -> HydraulicActuator:
-    """Return the actuator of a part.
-
-    Raises
-    ------
-    ValueError
-        Where its kind, supply or joint does not exist or fit, or its load cell has no rod.
-    """
+    """Return the actuator of a part."""
     kind = kinds.get(part.kind)
     if kind is None:
         raise ValueError(f"actuator {part.name!r} is of kind {part.kind!r}; actuator_kinds has {_list(kinds)}.")
@@ -93,13 +81,7 @@ def _load_cell(part: ActuatorPart, joint: Joint, tree: MultibodyTree) -> LoadCel
 
 
 def check_limits(actuator: HydraulicActuator, supply: Supply, *, minimum: float, maximum: float) -> None:
-    """Refuse a drive that its actuator cannot reach.
-
-    Raises
-    ------
-    ValueError
-        Where a stroke goes beyond the cylinder, or a force beyond what the supply presses with.
-    """
+    """Refuse a drive that its actuator cannot reach."""
     if isinstance(actuator, DisplacementActuator):
         half = actuator.cylinder.half_stroke
         if max(maximum, -minimum) > half:

@@ -57,17 +57,7 @@ def signed_root(ratio: Any) -> Any:
 
 
 def edge_opening(valve: Servovalve, travel: Any) -> Any:
-    """Return how far one metering edge is open, 1 at full stroke.
-
-    Parameters
-    ----------
-    travel : share of full stroke towards this edge's opening, -1 to 1
-
-    Returns
-    -------
-    scalar
-        ``(x + sqrt(x^2 + r^2)) / 2`` of the travel beyond the overlap x, the rounding r: a sharp edge where r is 0.
-    """
+    """Return how far one metering edge is open, 1 at full stroke."""
     full = 1.0 - valve.overlap
     if valve.rounding == 0.0:
         return maximum(travel - valve.overlap, 0.0) * (1.0 / full)
@@ -79,21 +69,8 @@ def edge_opening(valve: Servovalve, travel: Any) -> Any:
 def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supply: Any, back: Any) -> PortFlows:
     """Return the flows through the valve.
 
-    Parameters
-    ----------
-    valve : Servovalve
-        Parameters of the valve.
-    opening : the spool's travel as a share of full stroke, -1 to 1; positive connects the supply with chamber A
-    pressures : pressures of chambers A and B, in Pa
-    supply, back : supply and return pressure, in Pa
-
-    Returns
-    -------
-    PortFlows
-        Flow into A, out of B and from the supply, in m^3/s.
-
-    Notes
-    -----
+    `valve`: Parameters of the valve.
+    Returns: Flow into A, out of B and from the supply, in m^3/s.
     ``q = q_rated x sqrt(dp / dp_rated)`` over each metering edge (Merritt, *Hydraulic Control Systems*, chapter 5).
     """
     a, b = pressures
@@ -116,14 +93,7 @@ def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supp
 
 
 def spool_rates(valve: Servovalve, command: Any, state: Any) -> list[Any]:
-    """Return the rates of the valve's states, in 1/s.
-
-    Parameters
-    ----------
-    command : share of full opening; beyond the stops it asks for no more than the stops
-    state : spool position (share of full stroke), its velocity over the natural angular frequency, and what the pilot
-        stage asks for where there is one
-    """
+    """Return the rates of the valve's states, in 1/s."""
     omega = 2.0 * math.pi * valve.spool_frequency
     position, velocity = state[0], state[1]
     wanted = clamp(command, -valve.largest_opening, valve.largest_opening)

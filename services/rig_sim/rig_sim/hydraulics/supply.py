@@ -52,10 +52,7 @@ class PowerUnit:
 class Supply:
     """Pressures of the hydraulic power unit, in Pa; constant, unless a `unit` makes the supply's pressure.
 
-    Raises
-    ------
-    ValueError
-        If the pressures of return, precharge, supply and relief are not in this order.
+    Raises `ValueError`: If the pressures of return, precharge, supply and relief are not in this order.
     """
 
     supply_pressure: Positive
@@ -83,18 +80,7 @@ class Supply:
 
 
 def oil_capacity(unit: PowerUnit, pressure: Any, gas_volume: Any) -> Any:
-    """Return by how much more oil the supply holds per pascal, in m^3/Pa.
-
-    Parameters
-    ----------
-    pressure : of the supply, in Pa
-    gas_volume : of the accumulator by the polytropic law, in m^3; below the precharge the bladder fills the shell
-
-    Returns
-    -------
-    scalar
-        ``V / (n p)`` of the gas where there is oil in the accumulator, and the line's ``V / beta``.
-    """
+    """Return by how much more oil the supply holds per pascal, in m^3/Pa."""
     gas = unit.accumulator
     line = unit.line_volume / unit.bulk_modulus
     return select_positive(pressure - gas.precharge, gas_volume / (gas.polytropic_exponent * pressure), 0.0) + line
@@ -107,16 +93,8 @@ class HydraulicSupply:
     States, where it has a power unit: the natural logarithm of the pressure over the precharge (the polytropic law is
     then an exponential), and the pump's flow as a share of its most.
 
-    Parameters
-    ----------
-    name : str
-        Unique in the rig.
-    law : Supply
-        Pressures and, where it has one, the power unit.
-    settles : bool
-        Whether the own states have one value at rest.
-    inputs : tuple of Input
-        Drives that the element takes: none.
+    `name`: Unique in the rig. `law`: Pressures and, where it has one, the power unit. `settles`: Whether the own states
+    have one value at rest. `inputs`: Drives that the element takes: none.
     """
 
     name: str

@@ -36,16 +36,8 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 class Assembly:
     """A tree with everything mounted on it.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        Whose parts are mounted.
-    tree : MultibodyTree
-        What they are mounted on.
-    elements : tuple of Element
-        Supplies come last: they see what all actuators have drawn.
-    transducers : tuple of Sensor
-        One per response, in order.
+    `specimen`: Whose parts are mounted. `tree`: What they are mounted on. `elements`: Supplies come last: they see what
+    all actuators have drawn. `transducers`: One per response, in order.
     """
 
     specimen: Specimen
@@ -57,23 +49,11 @@ class Assembly:
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
     """Mount the parts of a specimen.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        Whose parts to mount.
-    tree : MultibodyTree
-        Bodies, joints and frames of its SDF.
-
-    Returns
-    -------
-    Assembly
-        With one element per part, a mirrored part giving two.
-
-    Raises
-    ------
-    SpecimenError
-        Where a part names a body, frame, joint or kind that does not exist or does not fit, two parts or channels share
-        a name, the parts' inputs are not the drives in their order, or a drive reaches beyond its cylinder.
+    `specimen`: Whose parts to mount. `tree`: Bodies, joints and frames of its SDF.
+    Returns: With one element per part, a mirrored part giving two.
+    Raises `SpecimenError`: Where a part names a body, frame, joint or kind that does not exist or does not fit, two
+    parts or channels share a name, the parts' inputs are not the drives in their order, or a drive reaches beyond its
+    cylinder.
     """
     design = move(tree, tree.default_positions, np.zeros(tree.velocity_count))
     elements: list[Element] = []

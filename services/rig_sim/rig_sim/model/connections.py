@@ -19,24 +19,7 @@ def welded_groups(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[set[i
 
 
 def check_connected(tree: MultibodyTree, joint_name: str, *, actuator: str, mounted: Sequence[set[int]]) -> None:
-    """Check that the body an actuator moves leads somewhere.
-
-    Parameters
-    ----------
-    tree : MultibodyTree
-        With the actuator's joint.
-    joint_name : str
-        The joint whose child is the piston.
-    actuator : str
-        For the sentence.
-    mounted : sequence of sets
-        For each element of the YAML, the indices of the bodies that it joins.
-
-    Raises
-    ------
-    ValueError
-        Where no joint, spring or bushing of the SDF and no element of the YAML leads on from the piston.
-    """
+    """Check that the body an actuator moves leads somewhere."""
     joint = tree.joint(joint_name)
     piston = next(group for group in welded_groups(tree.bodies, tree.joints) if joint.child in group)
     pairs = [{other.parent, other.child} for other in tree.joints if other.name != joint_name]

@@ -36,10 +36,7 @@ class RigModel:
 
     The state is Drake's positions and velocities, then the states of each element in the order of the assembly.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The tree with its elements and sensors.
+    `assembly`: The tree with its elements and sensors.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -83,15 +80,7 @@ class RigModel:
     def evaluate(self, state: Array, inputs: Array) -> Evaluation:
         """Evaluate the rig.
 
-        Parameters
-        ----------
-        state : (states,) generic scalars
-        inputs : (drives,) generic scalars, each in its channel's unit
-
-        Returns
-        -------
-        Evaluation
-            Motion, effects, accelerations, derivative and responses.
+        Returns: Motion, effects, accelerations, derivative and responses.
         """
         tree = self.assembly.tree
         positions = state[: self.position_count]

@@ -23,13 +23,7 @@ from rig_sim.specimen.responses import (
 
 
 def mount_sensor(channel: ResponseChannel, tree: MultibodyTree, design: Motion, elements: Sequence[Element]) -> Sensor:
-    """Return the sensor of a response channel.
-
-    Raises
-    ------
-    ValueError
-        Where it is mounted on something that is not there or does not fit.
-    """
+    """Return the sensor of a response channel."""
     match channel:
         case SpindleChannel():
             return _spindle(channel, tree)

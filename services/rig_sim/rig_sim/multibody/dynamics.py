@@ -40,17 +40,8 @@ class Inertia:
 def inertia_in_world(body: Body, pose: Pose) -> Inertia:
     """Carry a body's inertia from its own frame to the world's origin.
 
-    Parameters
-    ----------
-    body : Body
-        Whose inertia to carry.
-    pose : Pose
-        Of the body in the world.
-
-    Returns
-    -------
-    Inertia
-        About the world's origin in world axes.
+    `body`: Whose inertia to carry. `pose`: Of the body in the world.
+    Returns: About the world's origin in world axes.
     """
     rotation, origin = pose.rotation, pose.origin
     own_moment = rotation @ (body.mass * body.centre)
@@ -104,21 +95,9 @@ class Accelerations:
 def accelerate(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial], joint_forces: Array) -> Accelerations:
     """Return the accelerations under external wrenches and joint forces.
 
-    Parameters
-    ----------
-    tree : MultibodyTree
-        The bodies and joints.
-    motion : Motion
-        Of the tree, from `move`.
-    wrenches : one per body
-        Sum of the external wrenches on the body about the world's origin, in N*m and N, without gravity.
-    joint_forces : (n_v,) generic scalars
-        Generalised forces, in N or N*m.
-
-    Returns
-    -------
-    Accelerations
-        Of the freedoms, and the proper acceleration of each body.
+    `tree`: The bodies and joints. `motion`: Of the tree, from `move`. `wrenches`: Sum of the external wrenches on the
+    body about the world's origin, in N*m and N, without gravity. `joint_forces`: Generalised forces, in N or N*m.
+    Returns: Of the freedoms, and the proper acceleration of each body.
     """
     inertias = [inertia_in_world(body, pose) for body, pose in zip(_welds_merged(tree), motion.poses, strict=True)]
     root = Spatial(np.zeros(3), -tree.gravity)

@@ -22,16 +22,9 @@ class Line:
 class Effect:
     """Sum of what the elements do; elements add to it.
 
-    Parameters
-    ----------
-    wrenches : list of Spatial
-        Wrench on each body about the world's origin, in N*m and N.
-    joint_forces : list
-        Generalised force on each freedom, in N or N*m.
-    monitored : dict
-        Named values beside the responses, e.g. a valve's opening.
-    lines : dict of str to Line
-        Hydraulic supplies by name, offered before any element is applied; elements add what they draw.
+    `wrenches`: Wrench on each body about the world's origin, in N*m and N. `joint_forces`: Generalised force on each
+    freedom, in N or N*m. `monitored`: Named values beside the responses, e.g. a valve's opening. `lines`: Hydraulic
+    supplies by name, offered before any element is applied; elements add what they draw.
     """
 
     wrenches: list[Spatial]
@@ -49,12 +42,7 @@ class Effect:
 class Input:
     """One input of an element: the drive channel it is, and that channel's unit.
 
-    Parameters
-    ----------
-    name : str
-        Name of the drive channel.
-    unit : str
-        Unit of that channel.
+    `name`: Name of the drive channel. `unit`: Unit of that channel.
     """
 
     name: str

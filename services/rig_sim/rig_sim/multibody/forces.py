@@ -21,20 +21,7 @@ from rig_sim.multibody.tree import Bushing, MultibodyTree, SpringDamper
 
 
 def stretch(motion: Motion, body_a: int, point_a: np.ndarray, body_b: int, point_b: np.ndarray) -> tuple[Array, ...]:
-    """Return how two points lie and move to each other.
-
-    Parameters
-    ----------
-    motion : of the tree
-    body_a, body_b : indices of the bodies
-    point_a, point_b : (3,)
-        In their body's frame, in m; apart from each other.
-
-    Returns
-    -------
-    tuple
-        Both points (3,) in the world [m], the unit vector (3,) from a to b, the distance [m] and its rate [m/s].
-    """
+    """Return how two points lie and move to each other."""
     a, velocity_a = motion.point(body_a, point_a)
     b, velocity_b = motion.point(body_b, point_b)
     along = b - a

@@ -26,20 +26,9 @@ _WORLD = Pose(np.eye(3), np.zeros(3))
 class Motion:
     """Where the bodies are and how they move.
 
-    Parameters
-    ----------
-    poses : list of Pose
-        Pose of each body in the world.
-    velocities : list of Spatial
-        Velocity of each body.
-    axes : list of list of Spatial
-        Of each joint: one spatial velocity per freedom.
-    bias_accelerations : list of Spatial
-        Acceleration of each child without any joint acceleration.
-    position_rates : list of (n,) generic scalars
-        Of each joint's positions.
-    joint_positions, joint_velocities : (n_q,), (n_v,) generic scalars
-        As given.
+    `poses`: Pose of each body in the world. `velocities`: Velocity of each body. `axes`: Of each joint: one spatial
+    velocity per freedom. `bias_accelerations`: Acceleration of each child without any joint acceleration.
+    `position_rates`: Of each joint's positions. `joint_positions`, `joint_velocities`: As given.
     """
 
     poses: list[Pose]
@@ -59,19 +48,9 @@ class Motion:
 def move(tree: MultibodyTree, positions: Array, velocities: Array) -> Motion:
     """Return the motion of the tree.
 
-    Parameters
-    ----------
-    tree : MultibodyTree
-        The bodies and joints.
-    positions : (n_q,) generic scalars
-        Drake's positions, in m, rad or quaternion elements.
-    velocities : (n_v,) generic scalars
-        Drake's velocities, in m/s or rad/s.
-
-    Returns
-    -------
-    Motion
-        Poses and spatial velocities per body; axes, bias accelerations per joint; rates of the positions.
+    `tree`: The bodies and joints. `positions`: Drake's positions, in m, rad or quaternion elements. `velocities`:
+    Drake's velocities, in m/s or rad/s.
+    Returns: Poses and spatial velocities per body; axes, bias accelerations per joint; rates of the positions.
     """
     poses: list[Pose] = [_WORLD] * len(tree.bodies)
     spatial: list[Spatial] = [ZERO] * len(tree.bodies)

@@ -35,14 +35,7 @@ _WORLD = "world"
 
 
 def check_model_file(path: Path) -> None:
-    """Check what Drake does not.
-
-    Raises
-    ------
-    ValueError
-        Where the file is not XML, a URDF holds an unknown tag, a link of either has no mass, or a bushing or a spring
-        has a constant below 0; one sentence.
-    """
+    """Check what Drake does not."""
     try:
         root = Xml.parse(path).getroot()
     except Xml.ParseError as error:

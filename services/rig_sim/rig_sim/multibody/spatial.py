@@ -83,20 +83,7 @@ def wrench_at(point: Array, force: Array) -> Spatial:
 
 
 def rotation_about(axis: np.ndarray, angle: Any) -> Array:
-    """Return the rotation by an angle about a constant axis (Rodrigues).
-
-    Parameters
-    ----------
-    axis : (3,)
-        Unit vector, the same in both frames.
-    angle : generic scalar
-        In rad.
-
-    Returns
-    -------
-    ndarray, (3, 3)
-        Takes vectors from the turned frame into the other.
-    """
+    """Return the rotation by an angle about a constant axis (Rodrigues)."""
     c, s = cos(angle), sin(angle)
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -34,12 +34,7 @@ def velocity_count(kind: JointKind) -> int:
 class Pose:
     """A frame in another frame: rotation (3, 3) and origin (3,) in metres.
 
-    Parameters
-    ----------
-    rotation : ndarray, (3, 3)
-        Axes of the frame as columns.
-    origin : ndarray, (3,)
-        In m.
+    `rotation`: Axes of the frame as columns. `origin`: In m.
     """
 
     rotation: np.ndarray
@@ -117,24 +112,10 @@ class Bushing:
 class MultibodyTree:
     """Bodies (the world is body 0), joints from the world outward, force elements, gravity in m/s^2, default pose.
 
-    Parameters
-    ----------
-    bodies : tuple of Body
-        The world first.
-    joints : tuple of Joint
-        Every parent is reached before its children.
-    springs : tuple of SpringDamper
-        Linear springs and dampers of the SDF.
-    bushings : tuple of Bushing
-        Bushings of the SDF.
-    gravity : ndarray, (3,)
-        In m/s^2.
-    default_positions : ndarray, (n_q,)
-        Positions of the design position.
-    velocity_count : int
-        n_v, the number of freedoms.
-    frames : dict of str to (int, Pose)
-        Named frames: index of the body and pose in it.
+    `bodies`: The world first. `joints`: Every parent is reached before its children. `springs`: Linear springs and
+    dampers of the SDF. `bushings`: Bushings of the SDF. `gravity`: In m/s^2. `default_positions`: Positions of the
+    design position. `velocity_count`: n_v, the number of freedoms. `frames`: Named frames: index of the body and pose
+    in it.
     """
 
     bodies: tuple[Body, ...]
@@ -149,10 +130,7 @@ class MultibodyTree:
     def body_index(self, name: str) -> int:
         """Return the index of the body of that name.
 
-        Raises
-        ------
-        ValueError
-            Where there is none; the sentence lists the bodies.
+        Raises `ValueError`: Where there is none; the sentence lists the bodies.
         """
         for index, body in enumerate(self.bodies):
             if body.name == name:
@@ -164,10 +142,7 @@ class MultibodyTree:
     def joint(self, name: str) -> Joint:
         """Return the joint of that name.
 
-        Raises
-        ------
-        ValueError
-            Where there is none; the sentence lists the joints.
+        Raises `ValueError`: Where there is none; the sentence lists the joints.
         """
         for joint in self.joints:
             if joint.name == name:
@@ -178,10 +153,7 @@ class MultibodyTree:
     def frame(self, name: str) -> tuple[int, Pose]:
         """Return body and pose in the body of the frame of that name.
 
-        Raises
-        ------
-        ValueError
-            Where there is none; the sentence lists the frames.
+        Raises `ValueError`: Where there is none; the sentence lists the frames.
         """
         if name not in self.frames:
             raise ValueError(f"frame {name!r} is not in the specimen; its frames are {', '.join(sorted(self.frames))}.")

@@ -33,35 +33,14 @@ class UseMeter:
         self._supply = np.full(len(drives), np.inf)
 
     def following_error(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Return command less achieved value.
-
-        Parameters
-        ----------
-        commands : (drives, samples)
-            Each row in its drive's unit.
-        outputs : (outputs, samples)
-            Of the player: responses, then monitored values.
-
-        Returns
-        -------
-        ndarray, (drives, samples)
-            In the drive's unit; zero where no actuator follows.
-        """
+        """Return command less achieved value."""
         error = np.zeros(commands.shape)
         if self._driven:
             error[self._driven] = commands[self._driven] - outputs[self._achieved]
         return error
 
     def count(self, following_error: np.ndarray, outputs: np.ndarray) -> None:
-        """Take a block of the drive into account.
-
-        Parameters
-        ----------
-        following_error : (drives, samples)
-            Of `following_error`.
-        outputs : (outputs, samples)
-            Of the player.
-        """
+        """Take a block of the drive into account."""
         driven = self._driven
         if not driven:
             return
@@ -75,15 +54,7 @@ class UseMeter:
         self._supply[driven] = np.minimum(self._supply[driven], lowest)
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
-        """Return how every drive channel was used.
-
-        Parameters
-        ----------
-        peak_ratios : sequence of float
-            Largest magnitude of each drive over its limit, 0 to 1.
-        samples : int
-            Played so far.
-        """
+        """Return how every drive channel was used."""
         return [
             Use(
                 drive=drive,

@@ -114,13 +114,7 @@ Fault = Annotated[StuckSensor | NoisySensor | DriftingGain | ValveSaturation | S
 
 
 def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
-    """Return the specimen with the faults of its hydraulics, and a title that names all faults.
-
-    Raises
-    ------
-    SpecimenError
-        Where a fault names a channel, a kind of actuator or a supply that does not exist, or there is no supply to sag.
-    """
+    """Return the specimen with the faults of its hydraulics, and a title that names all faults."""
     if not faults:
         return specimen
     document = specimen.model_dump()
@@ -150,13 +144,7 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
 
 
 def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str]) -> tuple[SensorFault, ...]:
-    """Return the faults of a rig that has sensors and no hydraulics.
-
-    Raises
-    ------
-    SpecimenError
-        Where a fault is of hydraulics, or names a channel that does not exist.
-    """
+    """Return the faults of a rig that has sensors and no hydraulics."""
     broken: list[SensorFault] = []
     for fault in faults:
         if not isinstance(fault, SensorFault):
@@ -195,20 +183,7 @@ class FaultySensors:
         }
 
     def inject_faults(self, first_sample: int, response: np.ndarray) -> np.ndarray:
-        """Return what the broken sensors say.
-
-        Parameters
-        ----------
-        first_sample : int
-            Index of the block's first sample within the run; blocks come in order.
-        response : (responses, samples)
-            What healthy ones say; not changed.
-
-        Returns
-        -------
-        ndarray, (responses, samples)
-            The faults are applied one after another, in their order.
-        """
+        """Return what the broken sensors say."""
         if not self._faults:
             return response
         faulty = response.copy()

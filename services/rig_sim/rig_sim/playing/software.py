@@ -25,19 +25,7 @@ def software_hash() -> str:
 
 
 def sources_hash(*folders: Path) -> str:
-    """Return the SHA-256 of the modules in folders: what they say and which names they import, not where they lie.
-
-    Parameters
-    ----------
-    *folders : Path
-        Of copies of this package and of `duralab_gateway.motion`. The `__init__.py` do not count: they only name what
-        is said elsewhere.
-
-    Returns
-    -------
-    str
-        In hexadecimal digits.
-    """
+    """Return the SHA-256 of the modules in folders: what they say and which names they import, not where they lie."""
     modules = [_module_hash(path) for folder in folders for path in folder.rglob("*.py") if path.name != "__init__.py"]
     return hashlib.sha256("\n".join(sorted(modules)).encode()).hexdigest()
 

@@ -21,21 +21,10 @@ def read_document(path: Path) -> Any:
 
     What a variant says is added to the other's lists and mappings, and takes the place of its single values.
 
-    Parameters
-    ----------
-    path : Path
-        The YAML.
-
-    Returns
-    -------
-    Any
-        What it says, not checked.
-
-    Raises
-    ------
-    SpecimenError
-        Where a file is missing or not YAML, or a variant is of no file beside it, of another variant, or says another
-        kind of thing under a key.
+    `path`: The YAML.
+    Returns: What it says, not checked.
+    Raises `SpecimenError`: Where a file is missing or not YAML, or a variant is of no file beside it, of another
+    variant, or says another kind of thing under a key.
     """
     document = _read(path)
     base = _base(path, document)
@@ -51,15 +40,8 @@ def read_document(path: Path) -> Any:
 def document_files(path: Path) -> tuple[Path, ...]:
     """Return the files that a document is made of: its own, and the one it is a variant of.
 
-    Parameters
-    ----------
-    path : Path
-        The YAML.
-
-    Returns
-    -------
-    tuple of Path
-        One file or two.
+    `path`: The YAML.
+    Returns: One file or two.
     """
     base = _base(path, _read(path))
     return (path,) if base is None else (path, base)

@@ -39,15 +39,8 @@ RIGHT = "right_"
 def mirrored_name(name: str) -> str:
     """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`.
 
-    Parameters
-    ----------
-    name : str
-        Name of the left one.
-
-    Returns
-    -------
-    str
-        The same name if it is not that of a left one.
+    `name`: Name of the left one.
+    Returns: The same name if it is not that of a left one.
     """
     return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
 
@@ -218,22 +211,9 @@ def load_specimen(path: Path) -> Specimen:
 def read_specimen(path: Path, kind: type[_Document]) -> _Document:
     """Read and check a YAML of a kind of specimen.
 
-    Parameters
-    ----------
-    path : Path
-        The YAML.
-    kind : type
-        Pydantic model of the document.
-
-    Returns
-    -------
-    kind
-        Checked.
-
-    Raises
-    ------
-    SpecimenError
-        As `load_specimen`.
+    `path`: The YAML. `kind`: Pydantic model of the document.
+    Returns: Checked.
+    Raises `SpecimenError`: As `load_specimen`.
     """
     try:
         return kind.model_validate(read_document(path))

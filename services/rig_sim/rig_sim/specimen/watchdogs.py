@@ -52,26 +52,11 @@ def set_up_watchdogs(
 ) -> tuple[Watchdog, ...]:
     """Find what the limits name.
 
-    Parameters
-    ----------
-    limits : WatchdogLimits
-        Of a specimen.
-    responses, drives : mapping of str to str
-        Units by channel, in the order of their rows.
-    followed : sequence of str
-        Drives that an actuator follows; others have no following error.
-    monitored : sequence of str
-        Names of the monitored values, in the order of their rows.
-
-    Returns
-    -------
-    tuple of Watchdog
-        In the order of the limits.
-
-    Raises
-    ------
-    ValueError
-        Where a name does not exist; the sentence lists those that do.
+    `limits`: Of a specimen. `responses`, `drives`: Units by channel, in the order of their rows. `followed`: Drives
+    that an actuator follows; others have no following error. `monitored`: Names of the monitored values, in the order
+    of their rows.
+    Returns: In the order of the limits.
+    Raises `ValueError`: Where a name does not exist; the sentence lists those that do.
     """
     dogs = []
     for source, given, rows, allowed in (

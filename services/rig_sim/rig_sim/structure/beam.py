@@ -51,23 +51,7 @@ class Section:
 def element_matrices(
     section: Section, start: np.ndarray, end: np.ndarray, width_axis: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return stiffness and mass of an element.
-
-    Parameters
-    ----------
-    section : Section
-        Constant along the element.
-    start, end : (3,)
-        Its ends in m.
-    width_axis : (3,)
-        Direction of the section's width; made square to the beam.
-
-    Returns
-    -------
-    stiffness, mass : (12, 12)
-        For displacement x, y, z in m and rotation about x, y, z in rad of `start`, then of `end`; in N/m, N, N*m and
-        in kg, kg*m, kg*m^2.
-    """
+    """Return stiffness and mass of an element."""
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
     across = width_axis - along * float(width_axis @ along)

@@ -12,13 +12,7 @@ from rig_sim.structure.specimen import StructureSpecimen
 
 
 def find_modes(specimen: StructureSpecimen) -> ModalModel:
-    """Return the modes of a structure up to its highest one.
-
-    Raises
-    ------
-    ValueError
-        Where the structure is not held: a motion without stiffness has no mode to play.
-    """
+    """Return the modes of a structure up to its highest one."""
     # Imported here: a multibody rig, which has no modes, shall not wait for scipy at its start.
     from scipy.linalg import eigh
 

@@ -22,16 +22,8 @@ Complex = NDArray[np.complex128]
 class SampledModel:
     """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn.
 
-    Parameters
-    ----------
-    a : ndarray, (states, states)
-        Transition over a sample.
-    b0, b1 : ndarray, (states, drives)
-        Effect of the drives at the sample's start, and at its end.
-    c : ndarray, (responses, states)
-        Responses to the states.
-    d : ndarray, (responses, drives)
-        Direct responses to the drives.
+    `a`: Transition over a sample. `b0`, `b1`: Effect of the drives at the sample's start, and at its end. `c`:
+    Responses to the states. `d`: Direct responses to the drives.
     """
 
     a: np.ndarray
@@ -45,14 +37,8 @@ class SampledModel:
 class ModalModel:
     """Modes seen from the channels.
 
-    Attributes
-    ----------
-    frequency, damping : (modes,)
-        Undamped natural frequency in Hz and damping ratio.
-    at_drives : (drives, modes)
-        Mass-normalised shapes where and along which the forces act, in 1/sqrt(kg).
-    at_responses : (responses, modes)
-        The same where it is measured.
+    `frequency`, `damping`: Undamped natural frequency in Hz and damping ratio. `at_drives`: Mass-normalised shapes
+    where and along which the forces act, in 1/sqrt(kg). `at_responses`: The same where it is measured.
     """
 
     frequency: np.ndarray
@@ -77,17 +63,8 @@ class ModalModel:
     def sampled_frf(self, frequency: np.ndarray, sample_rate: float) -> Complex:
         """Return the FRF that a player of this model has, from drive samples to response samples.
 
-        Parameters
-        ----------
-        frequency : (lines,)
-            In Hz, 0 to half the sample rate.
-        sample_rate : float
-            In Hz.
-
-        Returns
-        -------
-        ndarray, (lines, responses, drives), complex
-            In (m/s^2)/N. It differs from `continuous_frf` by the shape of the drive between samples.
+        `frequency`: In Hz, 0 to half the sample rate. `sample_rate`: In Hz.
+        Returns: In (m/s^2)/N. It differs from `continuous_frf` by the shape of the drive between samples.
         """
         z = np.exp(2j * np.pi * np.asarray(frequency) / sample_rate)
         frf = np.zeros((len(z), len(self.at_responses), len(self.at_drives)), dtype=np.complex128)
@@ -106,15 +83,8 @@ class ModalModel:
     def continuous_frf(self, frequency: np.ndarray) -> Complex:
         """Return the FRF of the structure itself.
 
-        Parameters
-        ----------
-        frequency : (lines,)
-            In Hz.
-
-        Returns
-        -------
-        ndarray, (lines, responses, drives), complex
-            In (m/s^2)/N.
+        `frequency`: In Hz.
+        Returns: In (m/s^2)/N.
         """
         s = 2j * np.pi * np.asarray(frequency)[:, None]
         omega = 2.0 * np.pi * self.frequency

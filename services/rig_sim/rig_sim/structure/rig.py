@@ -25,20 +25,9 @@ from rig_sim.structure.specimen import StructureSpecimen
 class StructureRig:
     """A structure ready to play.
 
-    Parameters
-    ----------
-    specimen : StructureSpecimen
-        As its YAML says.
-    modes : ModalModel
-        Modes of the structure.
-    sampled : SampledModel
-        What plays.
-    content_hash : str
-        SHA-256 of everything that decides what the rig answers to a drive.
-    watchdogs : tuple of Watchdog
-        What stops a playback.
-    faults : tuple of SensorFault
-        Injected for tests and rehearsals.
+    `specimen`: As its YAML says. `modes`: Modes of the structure. `sampled`: What plays. `content_hash`: SHA-256 of
+    everything that decides what the rig answers to a drive. `watchdogs`: What stops a playback. `faults`: Injected for
+    tests and rehearsals.
     """
 
     specimen: StructureSpecimen
@@ -75,22 +64,9 @@ class StructureRig:
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """Load a structure from its YAML, with faults of its sensors.
 
-    Parameters
-    ----------
-    path : Path
-        The YAML.
-    faults : sequence of Fault
-        Of sensors, injected for tests and rehearsals.
-
-    Returns
-    -------
-    StructureRig
-        At rest.
-
-    Raises
-    ------
-    SpecimenError
-        Where it cannot be used, or a fault is of hydraulics; one sentence.
+    `path`: The YAML. `faults`: Of sensors, injected for tests and rehearsals.
+    Returns: At rest.
+    Raises `SpecimenError`: Where it cannot be used, or a fault is of hydraulics; one sentence.
     """
     whole = read_specimen(path, StructureSpecimen)
     broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])

@@ -101,12 +101,7 @@ class Link:
 class ViewGeometry:
     """Everything that is drawn of a rig.
 
-    Parameters
-    ----------
-    shapes : tuple of Shape
-        Solids on the bodies.
-    links : tuple of Link
-        Lines between bodies.
+    `shapes`: Solids on the bodies. `links`: Lines between bodies.
     """
 
     shapes: tuple[Shape, ...]
@@ -116,17 +111,9 @@ class ViewGeometry:
 def view_geometry(model_file: Path, assembly: Assembly) -> ViewGeometry:
     """Gather what is drawn of a rig.
 
-    Parameters
-    ----------
-    model_file : Path
-        The SDF or URDF that the assembly's tree was read from.
-    assembly : Assembly
-        The tree with its elements.
-
-    Returns
-    -------
-    ViewGeometry
-        A visual that is no box, cylinder, sphere or mesh is left out, and a mesh that is no OBJ is its convex hull.
+    `model_file`: The SDF or URDF that the assembly's tree was read from. `assembly`: The tree with its elements.
+    Returns: A visual that is no box, cylinder, sphere or mesh is left out, and a mesh that is no OBJ is its convex
+    hull.
     """
     tree = assembly.tree
     actuators = [

@@ -16,10 +16,7 @@ _NUMBERS = 12
 class Poses:
     """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world.
 
-    Parameters
-    ----------
-    tree : MultibodyTree
-        Whose bodies are shown.
+    `tree`: Whose bodies are shown.
     """
 
     def __init__(self, tree: MultibodyTree) -> None:
@@ -44,14 +41,7 @@ class Poses:
     def frames(self, positions: np.ndarray) -> np.ndarray:
         """Return rotation matrices and origins: the cheap half, for one instant.
 
-        Parameters
-        ----------
-        positions : (n_q,)
-            Drake's positions.
-
-        Returns
-        -------
-        ndarray, (bodies, 12)
-            Rotation row by row, then the origin in m.
+        `positions`: Drake's positions.
+        Returns: Rotation row by row, then the origin in m.
         """
         return self._compiled.outputs(positions, np.zeros(0)).reshape(len(self.bodies), _NUMBERS)
