@@ -124,6 +124,9 @@ def resume_campaign(
         rig = describe(parent.rig)
         plan = _whole_settings(settings, parent, rig=rig) if isinstance(settings, PartialSettings) else settings
         _put_settings(request, plan, rig=rig)
+        if isinstance(settings, PartialSettings) and parent.HasField("accept"):
+            # What was recorded, not what the text of its campaign file gives today.
+            request.accept.CopyFrom(parent.accept)
 
     def begin() -> iterator_pb2.CampaignStatus:
         was_copy = not request.new_id and place.expect_change(id)
