@@ -110,6 +110,6 @@ def test_axes_with_too_many_points_are_refused_before_they_are_made(plan, tmp_pa
 def test_a_bound_that_the_campaign_does_not_allow_is_found_first(plan, tmp_path):
     wrong = plan(search={**SECTION, "settings": {"update.iteration_gain": {"from": 0.5, "to": 2.0}}})
     runner = FakeRunner()
-    with pytest.raises(InputError, match=r"update\.gain"):
+    with pytest.raises(InputError, match=r"update\.iteration_gain"):
         run(wrong, tmp_path / "a", runner)
     assert runner.ran == []

@@ -1,6 +1,6 @@
 """What the service exchanges on the bus: requests as settings, a rig's playback, and answers of models to queries."""
 
-from identifier.bus.level_series import level_series
+from identifier.bus.level_queries import level_series
 from identifier.bus.model_queries import advise, converge, difference, drive_room, predict
 from identifier.bus.request import settings_of
 from identifier.bus.rig_playback import describe_rig, play_experiment

@@ -12,7 +12,7 @@ from identifier.excitation.levels import check_levels
 from identifier.excitation.orthogonal import PhaseSet, dft_matrix, draw_phases
 from identifier.excitation.plan import ExperimentPlan, plan_experiment, shortest_delay_seconds
 from identifier.excitation.power_spectrum import power_density, white
-from identifier.excitation.pure_random import pure_random
+from identifier.excitation.random_noise import pure_random
 from identifier.excitation.schedule import AVERAGES_PER_DRIVE, averages_of, schedule_experiment
 from identifier.excitation.settings import ExperimentSettings
 

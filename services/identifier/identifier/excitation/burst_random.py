@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from duralab_settings import PowerSpectrum
 from identifier.excitation.fades import linear_fades
-from identifier.excitation.pure_random import shaped_noise
+from identifier.excitation.random_noise import shaped_noise
 from identifier.excitation.random_streams import Purpose, random_stream
 
 

@@ -14,7 +14,7 @@ from identifier.excitation.fades import linear_fades
 from identifier.excitation.levels import scale_to_levels
 from identifier.excitation.multisine import block_of, line_amplitudes
 from identifier.excitation.orthogonal import draw_phases
-from identifier.excitation.pure_random import pure_random
+from identifier.excitation.random_noise import pure_random
 from identifier.excitation.schedule import burst_samples, schedule_experiment
 from identifier.excitation.settings import ExperimentSettings
 from identifier.excitation.swept_sine import swept_sine

@@ -2,9 +2,9 @@
 
 from identifier.uncertainty.convergence import Convergence, predict_convergence, spectral_radius
 from identifier.uncertainty.covariance import element_variance, relative_magnitude_variance, row_covariance
+from identifier.uncertainty.differences import ModelDifference, difference_sentences, model_difference
 from identifier.uncertainty.distortion import DistortionLevels, can_separate, has_other_phases, separate_distortion
 from identifier.uncertainty.level_advice import CREST_FACTOR, LevelAdvice, advise_levels
-from identifier.uncertainty.model_difference import ModelDifference, difference_sentences, model_difference
 from identifier.uncertainty.prediction import Prediction, predict_response
 from identifier.uncertainty.valid_band import ValidBand
 from identifier.uncertainty.verdict import (

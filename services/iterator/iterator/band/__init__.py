@@ -1,6 +1,6 @@
 """Control band: the lines that are controlled and judged, and the records seen through them."""
 
-from iterator.band.control_band import ControlBand, control_band
+from iterator.band.band import ControlBand, control_band
 from iterator.band.outside_band import OutsideBand, energy_outside_band
 from iterator.band.rest import DRIVE_FADE_SECONDS, faded
 from iterator.band.time_segments import Segment, segments_of

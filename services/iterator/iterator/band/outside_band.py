@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iterator.band.control_band import ControlBand
+from iterator.band.band import ControlBand
 from spectra import line_frequencies
 
 

@@ -11,7 +11,7 @@ from iterator.limits.drive_limits import (
     require_within_limits,
 )
 from iterator.limits.drive_projection import DriveProjection, LimitPassing, project_drive
-from iterator.limits.unreachable_segments import UnreachableSegment, unreachable_segments
+from iterator.limits.unreachable import UnreachableSegment, unreachable_segments
 
 __all__ = [
     "DriveLimitError",

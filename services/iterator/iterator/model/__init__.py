@@ -3,7 +3,7 @@
 from iterator.model.applied_model import apply_inverse, drive_without, predict, stepped_drive
 from iterator.model.history import IterationHistory, Playback
 from iterator.model.inversion import cautious_inverse, checked_response_weight
-from iterator.model.rig_model import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
+from iterator.model.rig import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
 from iterator.model.step_spectra import StepBlocks, StepSpectra, averaged_steps, seen_steps
 
 __all__ = [

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iterator.band import ControlBand
 from iterator.model.interpolated_product import interpolated_product
-from iterator.model.rig_model import RigModel
+from iterator.model.rig import RigModel
 from spectra import as_record
 
 # Two sample rates that differ by less are the same one, rounded.

@@ -10,18 +10,9 @@ import numpy as np
 from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from rig_sim.multibody.tree import Pose
-from rig_sim.playing.player import Rig
-from rig_sim.view.geometry import (
-    BoxSolid,
-    CylinderSolid,
-    Link,
-    LinkKind,
-    MeshSolid,
-    Shape,
-    ShapeRole,
-    SphereSolid,
-)
+from rig_sim.multibody import Pose
+from rig_sim.playing import Rig
+from rig_sim.view import BoxSolid, CylinderSolid, Link, LinkKind, MeshSolid, Shape, ShapeRole, SphereSolid
 
 _ROLES: Final = {
     ShapeRole.SPECIMEN: rig_pb2.SHAPE_ROLE_SPECIMEN,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rig_sim.checks.linearisation import Derivative, linearise
-from rig_sim.model.rig_model import RigModel
-from rig_sim.multibody.tree import JointKind
+from rig_sim.model import RigModel
+from rig_sim.multibody import JointKind
 
 _LARGEST_ITERATIONS = 60
 #: Of the differences that Newton's method goes by, in each state's own unit.

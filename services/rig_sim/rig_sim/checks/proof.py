@@ -17,10 +17,10 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlan
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
-from rig_sim.compile.model import CompiledModel
-from rig_sim.engines.drake_measurement import drake_responses
-from rig_sim.model.rig_model import Evaluation, RigModel
-from rig_sim.multibody.tree import JointKind
+from rig_sim.compile import CompiledModel
+from rig_sim.engines import drake_responses
+from rig_sim.model import Evaluation, RigModel
+from rig_sim.multibody import JointKind
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24

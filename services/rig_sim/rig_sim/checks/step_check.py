@@ -8,7 +8,7 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from rig_sim.compile.runge_kutta import Method, amplification
+from rig_sim.compile import Method, amplification
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 

@@ -20,7 +20,7 @@ from rig_sim.compile.numeric import (
     sqrt,
     tanh,
 )
-from rig_sim.compile.runge_kutta import Method
+from rig_sim.compile.runge_kutta import Method, amplification
 from rig_sim.compile.tracing import Expression, Graph, Scalar
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "Scalar",
     "TracedModel",
     "absolute",
+    "amplification",
     "asin",
     "atan2",
     "clamp",

@@ -1,6 +1,6 @@
 """Force elements that SDF has no word for: struts, rubber with friction, anti-roll bars and tyres, with their laws."""
 
-from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw
+from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw, Lever
 from rig_sim.elements.rubber import Rubber, RubberLaw
 from rig_sim.elements.strut import Strut, StrutLaw
 from rig_sim.elements.tyre import Tyre, TyreLaw
@@ -8,6 +8,7 @@ from rig_sim.elements.tyre import Tyre, TyreLaw
 __all__ = [
     "AntiRollBar",
     "AntiRollBarLaw",
+    "Lever",
     "Rubber",
     "RubberLaw",
     "Strut",

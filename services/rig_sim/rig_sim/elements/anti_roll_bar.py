@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import atan2, cos, sin, sqrt
-from rig_sim.multibody.effect import Effect, Input
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array, dot, wrench_at
+from rig_sim.compile import atan2, cos, sin, sqrt
+from rig_sim.multibody import Array, Effect, Input, Motion, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 #: A link must stand this far from in line with its lever, as the sine of the angle between: else it may fold over.

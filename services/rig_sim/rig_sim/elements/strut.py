@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import absolute, maximum, select_positive, tanh
-from rig_sim.multibody.effect import Effect, Input
-from rig_sim.multibody.forces import stretch
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array, wrench_at
+from rig_sim.compile import absolute, maximum, select_positive, tanh
+from rig_sim.multibody import Array, Effect, Input, Motion, stretch, wrench_at
 from rig_sim.parameters import STRICT, Finite, NotNegative, Positive
 
 

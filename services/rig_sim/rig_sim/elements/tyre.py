@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import maximum
-from rig_sim.multibody.effect import Effect, Input
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array, vector, wrench_at
+from rig_sim.compile import maximum
+from rig_sim.multibody import Array, Effect, Input, Motion, vector, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 

@@ -8,8 +8,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
-from rig_sim.compile.compiled_model import Playback
-from rig_sim.compile.runge_kutta import Method
+from rig_sim.compile import Method, Playback
 from rig_sim.parameters import STRICT, Positive
 
 

@@ -15,10 +15,9 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from rig_sim.compile.compiled_model import CompiledModel
-from rig_sim.compile.model import compile_model
-from rig_sim.model.rig_model import RigModel
-from rig_sim.multibody.spatial import ZERO, Array, cross
+from rig_sim.compile import CompiledModel, compile_model
+from rig_sim.model import RigModel
+from rig_sim.multibody import ZERO, Array, cross
 
 # The stubs do not know the template of values.
 _AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]

@@ -14,12 +14,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from rig_sim.compile.compiled_model import Playback
-from rig_sim.compile.runge_kutta import Method
+from rig_sim.compile import Method, Playback
 from rig_sim.engines.choice import EngineChoice
 from rig_sim.engines.drake_elements import ElementsSystem, OwnEffects
 from rig_sim.engines.drake_measurement import drake_responses
-from rig_sim.model.rig_model import RigModel
+from rig_sim.model import RigModel
 
 _SCHEME = "runge_kutta3"
 _ACCURACY = 1.0e-5

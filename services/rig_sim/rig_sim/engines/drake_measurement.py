@@ -9,14 +9,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, LinearBushingRollPitchYaw
 from pydrake.systems.framework import Context
 
-from rig_sim.model.measurement import BushingForce, Sensor, StrutTravel
-from rig_sim.model.rig_model import RigModel
-from rig_sim.multibody.kinematics import move
-from rig_sim.multibody.spatial import Array
-from rig_sim.specimen.quantities import Quantity
-from rig_sim.specimen.responses import (
+from rig_sim.model import BushingForce, RigModel, Sensor, StrutTravel
+from rig_sim.multibody import Array, move
+from rig_sim.specimen import (
     AccelerationChannel,
     BushingChannel,
+    Quantity,
     ResponseChannel,
     SpindleChannel,
     StrutChannel,

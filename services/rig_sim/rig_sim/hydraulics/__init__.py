@@ -3,11 +3,16 @@
 from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator
 from rig_sim.hydraulics.bench import Bench
 from rig_sim.hydraulics.cylinder import Cylinder
+from rig_sim.hydraulics.mounting import all_supplies, check_limits, mount_actuator
+from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows
 from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
 
 __all__ = [
+    "CONTROLS",
     "Accumulator",
+    "ActuatorKind",
+    "ActuatorPart",
     "Bench",
     "Cylinder",
     "DisplacementActuator",
@@ -17,5 +22,8 @@ __all__ = [
     "PowerUnit",
     "Servovalve",
     "Supply",
+    "all_supplies",
+    "check_limits",
+    "mount_actuator",
     "port_flows",
 ]

@@ -8,15 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.compile.numeric import select_positive
+from rig_sim.compile import select_positive
 from rig_sim.hydraulics.cylinder import Cylinder, load_pressure, piston_force, pressure_rates
 from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop, Loop, Piston, control, initial_loop_state
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
-from rig_sim.multibody.effect import Effect, Input
-from rig_sim.multibody.forces import stretch
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array, dot
-from rig_sim.multibody.tree import SpringDamper
+from rig_sim.multibody import Array, Effect, Input, Motion, SpringDamper, dot, stretch
 
 #: Pressure states are in megapascals: of order one like all others, whatever the integrator.
 _PASCAL = 1.0e6

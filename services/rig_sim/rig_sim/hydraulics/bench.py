@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 
 from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.supply import HydraulicSupply
-from rig_sim.multibody.effect import Effect
-from rig_sim.multibody.kinematics import Motion
+from rig_sim.multibody import Effect, Motion
 
 
 @dataclass(frozen=True)

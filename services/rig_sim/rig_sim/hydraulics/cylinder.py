@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import exp, maximum, tanh
+from rig_sim.compile import exp, maximum, tanh
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 

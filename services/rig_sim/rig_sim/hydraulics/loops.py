@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import absolute, select_positive
-from rig_sim.multibody.spatial import Array
+from rig_sim.compile import absolute, select_positive
+from rig_sim.multibody import Array
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 #: Damping ratio of the filter that differentiates a command: the flattest pass band.

@@ -9,7 +9,7 @@ from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, Hyd
 from rig_sim.hydraulics.loops import Feedback
 from rig_sim.hydraulics.parts import MAIN_SUPPLY, ActuatorKind, ActuatorPart, ForceKind
 from rig_sim.hydraulics.supply import Supply
-from rig_sim.multibody.tree import Joint, JointKind, MultibodyTree
+from rig_sim.multibody import Joint, JointKind, MultibodyTree
 
 SupplyLike = TypeVar("SupplyLike", Supply, dict[str, Any])
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import clamp, maximum, select_positive, sqrt
+from rig_sim.compile import clamp, maximum, select_positive, sqrt
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 

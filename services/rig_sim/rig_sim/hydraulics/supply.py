@@ -9,10 +9,8 @@ from typing import Annotated, Any
 from pydantic import Field
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile.numeric import clamp, exp, maximum, select_positive
-from rig_sim.multibody.effect import Effect, Input, Line
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array
+from rig_sim.compile import clamp, exp, maximum, select_positive
+from rig_sim.multibody import Array, Effect, Input, Line, Motion
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 

@@ -1,12 +1,17 @@
 """The equations of a rig: the specimen's parts and sensors on the tree of the SDF, as one function to trace."""
 
 from rig_sim.model.assembly import Assembly, assemble
-from rig_sim.model.measurement import Sensor
-from rig_sim.model.rig_model import RigModel
+from rig_sim.model.measurement import BushingForce, Sensor, SpindleForce, SpindleMoment, StrutTravel
+from rig_sim.model.rig_model import Evaluation, RigModel
 
 __all__ = [
     "Assembly",
+    "BushingForce",
+    "Evaluation",
     "RigModel",
     "Sensor",
+    "SpindleForce",
+    "SpindleMoment",
+    "StrutTravel",
     "assemble",
 ]

@@ -6,28 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig_sim.elements.anti_roll_bar import AntiRollBar, Lever
-from rig_sim.elements.rubber import Rubber
-from rig_sim.elements.strut import Strut
-from rig_sim.elements.tyre import Tyre
-from rig_sim.hydraulics.actuator import HydraulicActuator
-from rig_sim.hydraulics.mounting import all_supplies, check_limits, mount_actuator
-from rig_sim.hydraulics.supply import HydraulicSupply, Supply
+from rig_sim.elements import AntiRollBar, Lever, Rubber, Strut, Tyre
+from rig_sim.hydraulics import HydraulicActuator, HydraulicSupply, Supply, all_supplies, check_limits, mount_actuator
 from rig_sim.model.connections import check_connected
 from rig_sim.model.measurement import Sensor
 from rig_sim.model.sensor_mounting import mount_sensor
-from rig_sim.multibody.effect import Element, Input
-from rig_sim.multibody.kinematics import Motion, move
-from rig_sim.multibody.tree import MultibodyTree
-from rig_sim.specimen.specimen import (
-    AntiRollBarPart,
-    RubberPart,
-    Specimen,
-    SpecimenError,
-    StrutPart,
-    TyrePart,
-    mirrored_name,
-)
+from rig_sim.multibody import Element, Input, Motion, MultibodyTree, move
+from rig_sim.specimen import AntiRollBarPart, RubberPart, Specimen, SpecimenError, StrutPart, TyrePart, mirrored_name
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
 

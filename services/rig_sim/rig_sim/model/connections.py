@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rig_sim.multibody.tree import Body, Joint, JointKind, MultibodyTree
+from rig_sim.multibody import Body, Joint, JointKind, MultibodyTree
 
 
 def welded_groups(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[set[int]]:

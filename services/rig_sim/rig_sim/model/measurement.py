@@ -10,12 +10,20 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rig_sim.elements.rubber import Rubber
-from rig_sim.multibody.dynamics import Accelerations, inertia_in_world
-from rig_sim.multibody.forces import bushing_wrench, stretch
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.spatial import Array, Spatial, cross
-from rig_sim.multibody.tree import Bushing, MultibodyTree, Pose
+from rig_sim.elements import Rubber
+from rig_sim.multibody import (
+    Accelerations,
+    Array,
+    Bushing,
+    Motion,
+    MultibodyTree,
+    Pose,
+    Spatial,
+    bushing_wrench,
+    cross,
+    inertia_in_world,
+    stretch,
+)
 
 
 @dataclass(frozen=True)

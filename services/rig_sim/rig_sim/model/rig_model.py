@@ -9,12 +9,19 @@ import numpy as np
 
 from rig_sim.model.assembly import Assembly
 from rig_sim.model.measurement import Instant
-from rig_sim.multibody.dynamics import Accelerations, accelerate
-from rig_sim.multibody.effect import Effect, Offering
-from rig_sim.multibody.forces import add_linear_elements
-from rig_sim.multibody.kinematics import Motion, move
-from rig_sim.multibody.spatial import ZERO, Array
-from rig_sim.multibody.tree import position_count, velocity_count
+from rig_sim.multibody import (
+    ZERO,
+    Accelerations,
+    Array,
+    Effect,
+    Motion,
+    Offering,
+    accelerate,
+    add_linear_elements,
+    move,
+    position_count,
+    velocity_count,
+)
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rig_sim.elements.rubber import Rubber
-from rig_sim.elements.strut import Strut
+from rig_sim.elements import Rubber, Strut
 from rig_sim.model.measurement import Accelerometer, BushingForce, Sensor, SpindleForce, SpindleMoment, StrutTravel
-from rig_sim.multibody.effect import Element
-from rig_sim.multibody.kinematics import Motion
-from rig_sim.multibody.tree import Bushing, JointKind, MultibodyTree, Pose
-from rig_sim.specimen.quantities import Quantity
-from rig_sim.specimen.responses import (
+from rig_sim.multibody import Bushing, Element, JointKind, Motion, MultibodyTree, Pose
+from rig_sim.specimen import (
     AccelerationChannel,
     BushingChannel,
+    Quantity,
     ResponseChannel,
     SpindleChannel,
     StrutChannel,

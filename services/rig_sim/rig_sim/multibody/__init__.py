@@ -1,22 +1,53 @@
 """Multibody dynamics of a tree of rigid bodies, written once over generic scalars (traced or plain floats)."""
 
 from rig_sim.multibody.drake_reader import load_plant, read_tree
-from rig_sim.multibody.dynamics import accelerate, inertia_in_world
-from rig_sim.multibody.effect import Effect, Element, Input
+from rig_sim.multibody.dynamics import Accelerations, accelerate, inertia_in_world
+from rig_sim.multibody.effect import Effect, Element, Input, Line, Offering
+from rig_sim.multibody.forces import add_linear_elements, bushing_wrench, stretch
 from rig_sim.multibody.kinematics import Motion, move
-from rig_sim.multibody.tree import JointKind, MultibodyTree, Pose
+from rig_sim.multibody.spatial import ZERO, Array, Spatial, cross, dot, vector, wrench_at
+from rig_sim.multibody.tree import (
+    Body,
+    Bushing,
+    Joint,
+    JointKind,
+    MultibodyTree,
+    Pose,
+    SpringDamper,
+    position_count,
+    velocity_count,
+)
 
 __all__ = [
+    "ZERO",
+    "Accelerations",
+    "Array",
+    "Body",
+    "Bushing",
     "Effect",
     "Element",
     "Input",
+    "Joint",
     "JointKind",
+    "Line",
     "Motion",
     "MultibodyTree",
+    "Offering",
     "Pose",
+    "Spatial",
+    "SpringDamper",
     "accelerate",
+    "add_linear_elements",
+    "bushing_wrench",
+    "cross",
+    "dot",
     "inertia_in_world",
     "load_plant",
     "move",
+    "position_count",
     "read_tree",
+    "stretch",
+    "vector",
+    "velocity_count",
+    "wrench_at",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig_sim.compile.numeric import sqrt
+from rig_sim.compile import sqrt
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import (
     Array,

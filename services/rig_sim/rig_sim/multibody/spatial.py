@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.compile.numeric import atan2, cos, sin, sqrt
+from rig_sim.compile import atan2, cos, sin, sqrt
 
 #: An array of floats, or of traced expressions with dtype object.
 Array = Any

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from duralab_gateway.motion import Use
-from rig_sim.hydraulics.actuator import HydraulicActuator
+from rig_sim.hydraulics import HydraulicActuator
 
 #: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
 FULL_LOAD_PRESSURE = 0.95

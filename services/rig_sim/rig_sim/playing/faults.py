@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from rig_sim.hydraulics.mounting import all_supplies
+from rig_sim.hydraulics import all_supplies
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
-from rig_sim.specimen.specimen import Specimen, SpecimenError, explain_problems
+from rig_sim.specimen import Specimen, SpecimenError, explain_problems
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 

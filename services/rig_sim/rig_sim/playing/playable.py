@@ -8,8 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from duralab_gateway.motion import Approach, DrivePlayback, Watchdog
-from rig_sim.specimen.specimen import InputChannel, Quantity
-from rig_sim.specimen.watchdogs import WatchdogLimits
+from rig_sim.specimen import InputChannel, Quantity, WatchdogLimits
 
 #: Samples of every block of a playback but the last, where the engine is fast.
 BLOCK_SAMPLES = 100

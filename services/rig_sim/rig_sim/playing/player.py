@@ -10,27 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, Use, Watchdog, when
-from rig_sim.checks.equilibrium import find_equilibrium
-from rig_sim.checks.linearisation import linearise
-from rig_sim.checks.proof import Proof, prove
-from rig_sim.checks.stability import check_stability
-from rig_sim.checks.step_check import check_step
-from rig_sim.compile.model import CompiledModel, compile_model
-from rig_sim.engines.choice import Engine, EngineChoice, Player
-from rig_sim.engines.drake_engine import DrakeEngine
-from rig_sim.hydraulics.actuator import HydraulicActuator
-from rig_sim.model.assembly import assemble
-from rig_sim.model.rig_model import RigModel
-from rig_sim.multibody.drake_reader import load_plant, read_tree
+from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
+from rig_sim.compile import CompiledModel, compile_model
+from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
+from rig_sim.hydraulics import HydraulicActuator
+from rig_sim.model import RigModel, assemble
+from rig_sim.multibody import load_plant, read_tree
 from rig_sim.playing.actuator_use import UseMeter
 from rig_sim.playing.faults import Fault, FaultySensors, break_specimen
 from rig_sim.playing.playable import BLOCK_SAMPLES
 from rig_sim.playing.software import software_hash
-from rig_sim.specimen.documents import document_files
-from rig_sim.specimen.specimen import Specimen, SpecimenError, load_specimen
-from rig_sim.specimen.watchdogs import set_up_watchdogs
-from rig_sim.view.geometry import ViewGeometry, view_geometry
-from rig_sim.view.poses import Poses
+from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen, set_up_watchdogs
+from rig_sim.view import Poses, ViewGeometry, view_geometry
 
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20

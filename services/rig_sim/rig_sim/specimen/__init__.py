@@ -2,10 +2,22 @@
 
 from rig_sim.specimen.documents import SpecimenError, document_files, read_document
 from rig_sim.specimen.quantities import Quantity
-from rig_sim.specimen.responses import ResponseChannel
+from rig_sim.specimen.responses import (
+    AccelerationChannel,
+    BushingChannel,
+    ResponseChannel,
+    SpindleChannel,
+    StrutChannel,
+)
 from rig_sim.specimen.specimen import (
+    AntiRollBarPart,
     InputChannel,
+    Name,
+    RubberPart,
     Specimen,
+    StrutPart,
+    TyrePart,
+    explain_problems,
     load_specimen,
     mirrored_name,
     read_specimen,
@@ -14,13 +26,23 @@ from rig_sim.specimen.specimen import (
 from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
 
 __all__ = [
+    "AccelerationChannel",
+    "AntiRollBarPart",
+    "BushingChannel",
     "InputChannel",
+    "Name",
     "Quantity",
     "ResponseChannel",
+    "RubberPart",
     "Specimen",
     "SpecimenError",
+    "SpindleChannel",
+    "StrutChannel",
+    "StrutPart",
+    "TyrePart",
     "WatchdogLimits",
     "document_files",
+    "explain_problems",
     "load_specimen",
     "mirrored_name",
     "read_document",

@@ -16,13 +16,9 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from duralab_gateway.motion import Approach
 from duralab_settings import explain_validation
-from rig_sim.compile.runge_kutta import Method
-from rig_sim.elements.anti_roll_bar import AntiRollBarLaw
-from rig_sim.elements.rubber import RubberLaw
-from rig_sim.elements.strut import StrutLaw
-from rig_sim.elements.tyre import TyreLaw
-from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
-from rig_sim.hydraulics.supply import Supply
+from rig_sim.compile import Method
+from rig_sim.elements import AntiRollBarLaw, RubberLaw, StrutLaw, TyreLaw
+from rig_sim.hydraulics import CONTROLS, ActuatorKind, ActuatorPart, Supply
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
 from rig_sim.specimen.documents import SpecimenError, read_document
 from rig_sim.specimen.quantities import UNIT_OF, Quantity

@@ -12,8 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from duralab_gateway.motion import Approach
 from rig_sim.parameters import STRICT, NotNegative, Positive, RigName, Vector
-from rig_sim.specimen.specimen import InputChannel, Name, Quantity
-from rig_sim.specimen.watchdogs import WatchdogLimits
+from rig_sim.specimen import InputChannel, Name, Quantity, WatchdogLimits
 from rig_sim.structure.beam import Section
 
 KIND = "state_space"

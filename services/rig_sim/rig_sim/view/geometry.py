@@ -13,14 +13,10 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from rig_sim.elements.anti_roll_bar import AntiRollBar
-from rig_sim.elements.strut import Strut
-from rig_sim.elements.tyre import Tyre
-from rig_sim.hydraulics.actuator import HydraulicActuator
-from rig_sim.model.assembly import Assembly
-from rig_sim.model.measurement import SpindleForce, SpindleMoment
-from rig_sim.multibody.kinematics import move
-from rig_sim.multibody.tree import Joint, MultibodyTree, Pose, SpringDamper
+from rig_sim.elements import AntiRollBar, Strut, Tyre
+from rig_sim.hydraulics import HydraulicActuator
+from rig_sim.model import Assembly, SpindleForce, SpindleMoment
+from rig_sim.multibody import Joint, MultibodyTree, Pose, SpringDamper, move
 
 
 @dataclass(frozen=True)

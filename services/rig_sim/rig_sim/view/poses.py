@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.compile.model import compile_model
-from rig_sim.multibody.kinematics import move
-from rig_sim.multibody.tree import MultibodyTree
+from rig_sim.compile import compile_model
+from rig_sim.multibody import MultibodyTree, move
 
 _NUMBERS = 12
 
