@@ -50,7 +50,7 @@ def test_the_recording_holds_what_the_status_says(finished):
     for number in recording.iterations.numbers:
         error = target - recording.playback(number).response_in_band.samples
         relative = np.sqrt(np.mean(error**2, axis=1) / np.mean(target**2, axis=1))
-        np.testing.assert_allclose(relative, recording.iterations.relative_rms_error[number - 1], rtol=1e-9)
+        np.testing.assert_allclose(relative, recording.iterations.relative_rms_error[number - 1], rtol=1e-8)
 
 
 def test_the_stream_on_the_bus_is_what_the_rig_answered(finished):

@@ -13,7 +13,6 @@ from duralab.data.band import response_note
 from duralab.data.recorded_signals import RecordedSignals
 from duralab.data.signals import Signals, signals_html, signals_text
 from duralab.display import html_table, text_table
-from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, rig_pb2
 
 if TYPE_CHECKING:
@@ -131,15 +130,19 @@ def level_of(step: iterator_pb2.IterationStep) -> float:
 
 
 def playback_of(
-    step: iterator_pb2.IterationStep, specification: iterator_pb2.CampaignSpec, *, drive: Signals, response: Signals
+    step: iterator_pb2.IterationStep,
+    specification: iterator_pb2.CampaignSpec,
+    *,
+    drive: Signals,
+    response: Signals,
+    in_band: np.ndarray,
 ) -> Playback:
-    """Decode a playback of a campaign; raises ArrayError where its arrays do not fit together.
+    """Return a playback of a campaign.
 
     `step`: One playback as recorded. `specification`: Specification of the campaign. `drive`, `response`: Samples of
-    its run.
+    its run. `in_band`: The response as it is judged.
     Returns: The playback.
     """
-    in_band = from_array(step.response_in_band, field="response_in_band", shape=response.samples.shape)
 
     def noted(samples: np.ndarray, *, in_band: bool) -> RecordedSignals:
         note = response_note(specification, in_band=in_band)
@@ -150,7 +153,7 @@ def playback_of(
         run=step.run,
         drive=drive,
         response=noted(response.samples, in_band=False),
-        response_in_band=noted(in_band.astype(np.float64, copy=False), in_band=True),
+        response_in_band=noted(in_band, in_band=True),
         actuators=actuator_use(step.actuators),
         level=level_of(step),
     )

@@ -8,9 +8,8 @@ import numpy as np
 
 from duralab.errors import InputError
 from duralab.recording.files import RecordingFiles, input_errors
-from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2
-from duralab_recordings import Window, WindowCache, within_contract
+from duralab_recordings import Window, WindowCache, response_in_band, within_contract
 
 
 class JudgedWindows:
@@ -61,7 +60,6 @@ class JudgedWindows:
 
     def _window(self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> Window:
         with input_errors(), within_contract(self._file.path):
-            response = from_array(step.response_in_band, field="response_in_band", shape=self._target.shape)
-        # A copy: as a view it would hold the whole message.
-        read = self._target - response if self._errors else response.astype(np.float64)
+            response = response_in_band(step, self._target)
+        read = self._target - response if self._errors else response
         return Window(np.zeros((0, read.shape[1])), read)

@@ -34,7 +34,7 @@ from duralab.errors import InputError
 from duralab.recording.files import RecordingFiles, SignalWindows, input_errors
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
-from duralab_recordings import check_samples, played_epochs, unreadable, within_contract
+from duralab_recordings import check_samples, played_epochs, response_in_band, unreadable, within_contract
 
 if TYPE_CHECKING:
     import xarray
@@ -221,7 +221,8 @@ class Recording:
             if step.iteration == number:
                 drive, response = self._samples_of(step)
                 with input_errors(), within_contract(self.path):
-                    return playback_of(step, self.specification, drive=drive, response=response)
+                    in_band = response_in_band(step, self.target.samples)
+                return playback_of(step, self.specification, drive=drive, response=response, in_band=in_band)
         numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
 

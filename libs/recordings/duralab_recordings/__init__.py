@@ -29,6 +29,7 @@ from duralab_recordings.parts import (
     part_path,
     parts_beside,
 )
+from duralab_recordings.steps import response_in_band
 from duralab_recordings.unfinished import (
     FOOTER_BYTES,
     MAGIC,
@@ -90,6 +91,7 @@ __all__ = [
     "parts_beside",
     "played_epochs",
     "reason_of",
+    "response_in_band",
     "scan",
     "unreadable",
     "within_contract",

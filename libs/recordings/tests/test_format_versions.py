@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from duralab_proto.arrays import from_array, from_record, samples_hash
+from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from duralab_recordings import FORMAT_VERSION, McapFile, RecordingError, RunSignals, part_metadata, played_epochs
+from duralab_recordings import (
+    FORMAT_VERSION,
+    McapFile,
+    RecordingError,
+    RunSignals,
+    part_metadata,
+    played_epochs,
+    response_in_band,
+)
 
 DATA = Path(__file__).with_name("data")
 OLD = DATA / "version1.mcap"
@@ -91,3 +99,17 @@ def test_the_hash_of_samples_does_not_depend_on_their_blocks():
     rows = b"".join(drive[:, i].tobytes() + response[:, i].tobytes() for i in range(50))
     assert samples_hash(drive, response) == hashlib.sha256(rows).hexdigest()
     assert samples_hash(drive, response) != samples_hash(drive, -response)
+
+
+def test_the_response_in_the_band_is_the_target_minus_the_recorded_error():
+    generator = np.random.default_rng(2)
+    target, response = generator.standard_normal((2, 2, 400))
+    error = (target - response).astype(np.float32)
+    found = response_in_band(iterator_pb2.IterationStep(error_in_band=to_array(error)), target)
+    np.testing.assert_array_less(np.abs(found - response), 6e-8 * np.abs(target - response) + 1e-15)
+    old = response_in_band(iterator_pb2.IterationStep(response_in_band=to_array(response)), target)
+    np.testing.assert_array_equal(old, response)
+    with pytest.raises(ArrayError, match="must be float32"):
+        response_in_band(iterator_pb2.IterationStep(error_in_band=to_array(target)), target)
+    with pytest.raises(ArrayError, match="must be"):
+        response_in_band(iterator_pb2.ConfirmationStep(error_in_band=to_array(error[:, :9])), target)

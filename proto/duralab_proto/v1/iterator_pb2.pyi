@@ -402,7 +402,7 @@ class CampaignEvent(_message.Message):
     def __init__(self, status: _Optional[_Union[CampaignStatus, _Mapping]] = ...) -> None: ...
 
 class IterationStep(_message.Message):
-    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash")
+    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash", "error_in_band")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -416,6 +416,7 @@ class IterationStep(_message.Message):
     SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
     REMARKS_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
+    ERROR_IN_BAND_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     run: str
     drive: _array_pb2.Record
@@ -429,10 +430,11 @@ class IterationStep(_message.Message):
     signal_blocks: int
     remarks: _containers.RepeatedScalarFieldContainer[str]
     samples_hash: str
-    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ...) -> None: ...
+    error_in_band: _array_pb2.Array
+    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class ConfirmationStep(_message.Message):
-    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash")
+    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash", "error_in_band")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     ITERATION_FIELD_NUMBER: _ClassVar[int]
@@ -443,6 +445,7 @@ class ConfirmationStep(_message.Message):
     SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
+    ERROR_IN_BAND_FIELD_NUMBER: _ClassVar[int]
     number: int
     run: str
     iteration: int
@@ -453,7 +456,8 @@ class ConfirmationStep(_message.Message):
     signal_epoch: int
     signal_blocks: int
     samples_hash: str
-    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., samples_hash: _Optional[str] = ...) -> None: ...
+    error_in_band: _array_pb2.Array
+    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class TargetInBand(_message.Message):
     __slots__ = ("samples",)

@@ -109,7 +109,7 @@ def test_a_campaign_stores_every_step_and_converges(lab):
     assert request.rig_seed == seeds.derived_seed(11, seeds.IDENTIFICATION_PLAYBACK)
     step = lab.recorder.read("whole", iterator_pb2.IterationStep)[-1]
     assert list(step.inverse_frf.shape) == [257, 2, 2]
-    assert list(step.response_in_band.shape) == list(step.drive.samples.shape) == [2, 8000]
+    assert list(step.error_in_band.shape) == list(step.drive.samples.shape) == [2, 8000]
     peak = np.abs(from_array(step.drive.samples)).max(axis=1) / 0.5
     assert [use.peak_command_ratio for use in step.actuators] == pytest.approx(list(peak))
     stored = lab.recorder.read("whole", iterator_pb2.CampaignStatus)[0]

@@ -125,7 +125,7 @@ def confirmation_message(
         run=played.run,
         iteration=iteration,
         samples_hash=samples_hash(drive, response),
-        response_in_band=to_array(response_in_band.astype(np.float32)),
+        error_in_band=to_array((plan.target_in_band - response_in_band).astype(np.float32)),
         metrics=iterator_pb2.IterationMetrics(
             iteration=iteration,
             channels=channel_metrics(metrics, plan=plan),

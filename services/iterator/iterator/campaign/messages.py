@@ -64,7 +64,7 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
         metrics=metrics_message(iteration, plan=plan),
         actuators=played.actuators,
         inverse_frf=to_array(iteration.model.inverse_frf),
-        response_in_band=to_array(iteration.response_in_band.astype(np.float32)),
+        error_in_band=to_array((plan.target_in_band - iteration.response_in_band).astype(np.float32)),
         level=iteration.level,
         signal_epoch=played.epoch,
         signal_blocks=played.blocks,

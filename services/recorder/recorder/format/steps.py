@@ -141,7 +141,10 @@ def _check_samples(message: PlaybackStep) -> None:
                 f"signal_blocks is {message.signal_blocks}; a step without samples has 1 to {MOST_BLOCKS} of them.",
                 field="signal_blocks",
             )
-    from_array(message.response_in_band, field="response_in_band", shape=shape)
+    if message.HasField("error_in_band"):
+        from_array(message.error_in_band, field="error_in_band", shape=shape, dtype=np.float32)
+    else:
+        from_array(message.response_in_band, field="response_in_band", shape=shape, dtype=np.float64)
 
 
 def _nothing_to_check(message: Message) -> None:

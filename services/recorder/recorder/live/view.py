@@ -15,6 +15,7 @@ from google.protobuf.message import Message
 
 from duralab_proto.arrays import ArrayError, from_array, from_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
+from duralab_recordings import response_in_band
 from recorder.live.blueprint import FRF, LOG, STATUS, Stage, make_blueprint
 from recorder.live.charts import Drawing
 from recorder.live.figures import draw_figures, dress_figures
@@ -57,6 +58,7 @@ class LiveView:
         self._recording = recording
         opened = open_stream(recording, file=file, viewer=viewer)
         self._stream, self._watched = opened.stream, opened.watched
+        self._target: np.ndarray | None = None
         self._specification: iterator_pb2.CampaignSpec | None = None
         self._description: rig_pb2.RigDescription | None = None
         self._status: iterator_pb2.CampaignStatus | None = None
@@ -147,6 +149,7 @@ class LiveView:
             return
         channels, sample_rate, asked = from_record(self._specification.target, field="target")
         target = from_array(message.samples, field="samples", shape=asked.shape, dtype=np.float64)
+        self._target = target
         stage = Stage(
             campaign=self._recording,
             drives=self._description.drives,
@@ -186,9 +189,8 @@ class LiveView:
         if self._iterations and step.iteration <= self._iterations[-1].iteration:
             # Once from the log and once as it came, where a view begins while its recording is written.
             return
-        if self._description is not None:
+        if self._description is not None and (response := self._judged(step)) is not None:
             channels, sample_rate = self._description.responses, self._description.sample_rate
-            response = from_array(step.response_in_band, field="response_in_band", shape=(len(channels), None))
             playback = self._played(step)
             self._dress(Group.RESPONSE, [channel.name for channel in channels], playback)
             for row, channel in enumerate(channels):
@@ -197,6 +199,14 @@ class LiveView:
         self._iterations.append(step.metrics)
         draw_figures(self._stream, self._iterations)
         self._write_status()
+
+    def _judged(self, step: iterator_pb2.IterationStep) -> np.ndarray | None:
+        """Return the response in the control band; None where the target that its error refers to was not shown."""
+        if self._target is not None:
+            return response_in_band(step, self._target)
+        if step.HasField("error_in_band"):
+            return None
+        return from_array(step.response_in_band, field="response_in_band", shape=(None, None), dtype=np.float64)
 
     def _played(self, step: iterator_pb2.IterationStep) -> Playback:
         """Return the attempt that a step tells the result of, so that its response stands beside its measured one."""
