@@ -37,7 +37,7 @@ bench: setup ## measure everything beside peers into out/bench.json and docs/ben
 
 faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
 	@$(BIN)/python -m tests.faults $(ARGS)
-	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security libs/labbus/tests/long/test_rejoining.py
+	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security libs/bus/tests/long/test_rejoining.py
 
 security-table: setup ## try every role on every key with every operation over a secured router, and print what came through
 	@$(BIN)/python -m tests.security

@@ -28,7 +28,7 @@ from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-import labbus
+import duralab_bus
 from duralab_proto.v1 import recorder_pb2
 
 RATE = 5010.0
@@ -59,7 +59,7 @@ def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
     dict
         Rates in blocks of 12.8 KB a second, times in s.
     """
-    with tempfile.TemporaryDirectory() as folder, labbus.open_bus(service="hub") as hub:
+    with tempfile.TemporaryDirectory() as folder, duralab_bus.open_bus(service="hub") as hub:
         path = Path(folder)
         pipe = [[_pipe(hub, path, kind) for kind in PipeKind] for _ in range(PIPES)]
         bare, on_disk, in_memory = np.median(np.array(pipe), axis=0)
@@ -93,7 +93,7 @@ class PipeKind(Enum):
     SPOOL_IN_MEMORY = auto()
 
 
-def _pipe(hub: labbus.Bus, folder: Path, kind: PipeKind) -> float:
+def _pipe(hub: duralab_bus.Bus, folder: Path, kind: PipeKind) -> float:
     """Return the rate of a pipe from publisher to MCAP file, run as fast as it goes."""
     bare = kind is PipeKind.BARE
     prefix = "bare_" if bare else ""
@@ -118,7 +118,7 @@ def _middle(bursts: list[dict[str, Any]]) -> dict[str, Any]:
     return {**bursts[len(bursts) // 2], "rates": [burst["rate"] for burst in bursts]}
 
 
-def _bare_stream(hub: labbus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, float]:
+def _bare_stream(hub: duralab_bus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, float]:
     """Publish at a rate with Zenoh alone, to a receiver that writes what comes: what the machine itself allows."""
     common = {"endpoint": hub.listening[0], "run": f"bare-{time.time_ns()}"}
     with peers() as start:
@@ -155,7 +155,7 @@ def _kill(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
 
 
 def _stream(
-    hub: labbus.Bus, folder: Path, *, rate: float, seconds: float, fault: Fault | None = None
+    hub: duralab_bus.Bus, folder: Path, *, rate: float, seconds: float, fault: Fault | None = None
 ) -> dict[str, Any]:
     """Stream at a rate and count what arrives; with a fault 2 s after the beginning."""
     common = {"endpoint": hub.listening[0], "run": f"stream-{time.time_ns()}"}
@@ -203,7 +203,7 @@ def _stream(
     return figures
 
 
-def _recorder(hub: labbus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, Any]:
+def _recorder(hub: duralab_bus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, Any]:
     """Stream at a rate into a recording of the recorder service itself, and have it verified."""
     config = folder / "recorder.json"  # which is YAML as well
     settings = {"bus": {"connect": list(hub.listening)}, "folder": str(folder / "recordings"), "live_file": False}

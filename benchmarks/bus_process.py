@@ -1,4 +1,4 @@
-"""The processes that `bus.py` measures: publishers and receivers, with labbus and with Zenoh alone.
+"""The processes that `bus.py` measures: publishers and receivers, with duralab_bus and with Zenoh alone.
 
 Each takes its settings as one JSON text, says `ready` when it may begin, and writes its figures as JSON at its end.
 """
@@ -19,7 +19,7 @@ import structlog
 import zenoh
 from mcap.writer import CompressionType, Writer
 
-import labbus
+import duralab_bus
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import query_pb2, rig_pb2
 
@@ -58,10 +58,10 @@ def block(run: str, number: int, drive: Any, response: Any) -> rig_pb2.SignalBlo
 def publish(*, endpoint: str, run: str, rate: float, seconds: float, spool: str, most: int = 0) -> dict[str, Any]:
     """Publish at a rate, or as fast as it goes where that is 0, for so many seconds or blocks; wait for room."""
     drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
-    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
+    with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
         bus.wait_for_live({("recorder", "main")}, 60.0)
         # On disk where a folder is given, in memory otherwise.
-        spools = labbus.SpoolFolder(Path(spool)) if spool else labbus.SpoolSpace(512 * 2**20)
+        spools = duralab_bus.SpoolFolder(Path(spool)) if spool else duralab_bus.SpoolSpace(512 * 2**20)
         publisher = bus.publisher(KEY.format(run=run), spools=spools, durable=True)
         time.sleep(1.0)
         say(json.dumps({"epoch": publisher.epoch}))
@@ -99,7 +99,7 @@ def publish(*, endpoint: str, run: str, rate: float, seconds: float, spool: str,
 
 def receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
     """Write a stream to an MCAP file as a recorder does; end when told, with what came."""
-    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="recorder") as bus:
+    with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="recorder") as bus:
         writing = McapWriting(Path(file))
         subscription = bus.subscribe(
             KEY.format(run=run),
@@ -203,7 +203,7 @@ def bare_session(endpoint: str) -> zenoh.Session:
 
 
 def bare_publish(*, endpoint: str, run: str, rate: float = 0.0, most: int) -> dict[str, Any]:
-    """Publish blocks with Zenoh alone: as fast as a blocking link takes them, or at a rate as labbus sends."""
+    """Publish blocks with Zenoh alone: as fast as a blocking link takes them, or at a rate as duralab_bus sends."""
     drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
     congestion = zenoh.CongestionControl.DROP if rate else zenoh.CongestionControl.BLOCK
     with bare_session(endpoint) as session:
@@ -251,7 +251,7 @@ def bare_receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
 def serve(*, endpoint: str) -> dict[str, Any]:
     """Answer queries on a rig's keys: at once, and with 2 MB."""
     bulk = to_array(np.zeros(250_000))
-    with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
+    with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
         bus.serve(bus.keys.rig_state("bench"), rig_pb2.StateRequest, lambda *_: rig_pb2.RigState(rig="bench"))
         bus.serve(
             bus.keys.rig_description("bench"),

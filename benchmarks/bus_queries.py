@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from bus_peers import peers
 
-import labbus
+import duralab_bus
 from duralab_proto.v1 import rig_pb2
 
 QUERIES, BULK_QUERIES, REPETITIONS = 500, 30, 3
 
 
-def measure_queries(hub: labbus.Bus) -> dict[str, float]:
+def measure_queries(hub: duralab_bus.Bus) -> dict[str, float]:
     """Return the time from question to answer in s: of a small one, and of one of 2 MB."""
     with peers() as start:
         start("serve", endpoint=hub.listening[0]).read()
@@ -37,7 +37,7 @@ def measure_queries(hub: labbus.Bus) -> dict[str, float]:
     }
 
 
-def measure_notice(hub: labbus.Bus) -> dict[str, float]:
+def measure_notice(hub: duralab_bus.Bus) -> dict[str, float]:
     """Return how long it takes until a query waiting on a service that is dead or frozen ends, the worst of a few."""
     figures: dict[str, float] = {}
     for name, number in (("dead", signal.SIGKILL), ("frozen", signal.SIGSTOP)):
@@ -45,7 +45,7 @@ def measure_notice(hub: labbus.Bus) -> dict[str, float]:
     return figures
 
 
-def _noticed_once(hub: labbus.Bus, number: signal.Signals) -> float:
+def _noticed_once(hub: duralab_bus.Bus, number: signal.Signals) -> float:
     with peers() as start:
         peer = start("serve", endpoint=hub.listening[0])
         peer.read()
@@ -55,7 +55,7 @@ def _noticed_once(hub: labbus.Bus, number: signal.Signals) -> float:
         def ask() -> None:
             try:
                 hub.query(hub.keys.rig_frf("bench"), rig_pb2.RigFrfRequest(), rig_pb2.RigFrf)
-            except labbus.FaultError:
+            except duralab_bus.FaultError:
                 ended.append(time.monotonic())
 
         asking = threading.Thread(target=ask)

@@ -18,8 +18,8 @@ from processes import resident_bytes
 from scipy import fft, signal
 
 from duralab_settings import EstimatorKind
+from duralab_spectra import CrossSpectra, SpectraEstimate, hann_periodic
 from identifier import Capture, EstimatorOptions, FrfEstimate, Layout, Window, estimate
-from spectra import CrossSpectra, SpectraEstimate, hann_periodic
 
 REPETITIONS, TURNS, PAIR_LOOPS = 7, 25, 3
 PIECE_SECONDS = 20.0

@@ -16,8 +16,8 @@ from peer_environments import PEERS, PeerMissingError, peer_arrays, run_on_one_c
 from scipy import fft
 
 from duralab_settings import UpdateKind
+from duralab_spectra import line_frequencies
 from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, control_band, rig_model
-from spectra import line_frequencies
 
 BAND = control_band(LOWEST, HIGHEST, sample_rate=RATE)
 PLAYBACKS = 10

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from duralab_bus import StreamItem
 from duralab_proto.arrays import to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import forget_indexes
-from labbus import StreamItem
 from recorder.format import Step, decode_step, files_of
 from recorder.log import Archive
 from recorder.reading import read_window, verify

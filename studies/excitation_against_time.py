@@ -17,7 +17,7 @@ from studied_rigs import AEROSPACE_BLOCK, AXLE_BLOCK, aerospace, front_axle, lon
 from study_page import COLOURS, ESTIMATORS, TITLES, Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from duralab_settings import EstimatorKind, ExcitationKind
-from spectra import line_frequencies
+from duralab_spectra import line_frequencies
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from study_page import Findings, label, markdown_table, percent, plt, run
 
-from spectra import relative_rms_error
+from duralab_spectra import relative_rms_error
 
 DRAWN_SECONDS: Final = 1.5
 

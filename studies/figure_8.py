@@ -26,8 +26,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
+from duralab_spectra import auto_spectra, line_frequencies
 from iterator import overlay_spectra
-from spectra import auto_spectra, line_frequencies
 
 _SPECTRUM_BLOCK: Final = 2048
 #: N²/Hz; below is what the flank of the control band leaves of the target.

@@ -23,8 +23,8 @@ from matplotlib.figure import Figure
 from study_page import Findings, label, markdown_table, percent, plt, run
 
 from duralab_settings import UpdateKind
+from duralab_spectra import rms
 from iterator import UpdateSettings
-from spectra import rms
 
 
 def study(quick: bool) -> Findings:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from duralab_settings import CorrectionPrediction, CorrectionShape, StopCriteria, UpdateKind
+from duralab_spectra import rms
 from iterator import (
     NO_BOUNDS,
     CampaignSettings,
@@ -27,7 +28,6 @@ from iterator import (
     predict,
     rig_model,
 )
-from spectra import rms
 
 Matrices = NDArray[np.complex128]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from studied_rigs import AXLE_BLOCK, front_axle
 
-import roads
+import duralab_roads
 from duralab_settings import (
     EstimatorKind,
     EstimatorSettings,
@@ -103,8 +103,8 @@ def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | 
     They are the spindle forces in N, or those of the vehicle that is given, which drives as the predecessor does.
     """
     samples = round(seconds * SAMPLE_RATE)
-    smooth = roads.iso8608_road(road_class="C/D", length_m=max(60.0, _SPEED * seconds + 1.0), seed=_ROAD_SEED)
-    road = roads.add_potholes(
+    smooth = duralab_roads.iso8608_road(road_class="C/D", length_m=max(60.0, _SPEED * seconds + 1.0), seed=_ROAD_SEED)
+    road = duralab_roads.add_potholes(
         smooth,
         count=potholes,
         seed=int(np.random.SeedSequence([_ROAD_SEED, _POTHOLE_SEED]).generate_state(1)[0]),
@@ -113,7 +113,7 @@ def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | 
         length_m=(0.4, 1.0),
         depth_m=(0.02, 0.05),
     )
-    inputs = roads.effective_inputs(
+    inputs = duralab_roads.effective_inputs(
         road,
         speed=_SPEED,
         sample_rate=SAMPLE_RATE,
@@ -126,7 +126,7 @@ def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | 
         axle_distances=(0.0,),
     )
     driven = load_any_rig(shipped_specimens()["predecessor"]) if vehicle is None else vehicle
-    rows: dict[str, NDArray[np.float64]] = dict(zip(roads.EFFECTIVE_INPUTS, inputs, strict=True))
+    rows: dict[str, NDArray[np.float64]] = dict(zip(duralab_roads.EFFECTIVE_INPUTS, inputs, strict=True))
     speed = np.full(samples, _SPEED)
     drive = np.array([rows.get(channel.name, speed) for channel in driven.specimen.drives])
     return BAND.limit_target(play(driven, drive, seed=_TARGET_NOISE))

@@ -19,6 +19,7 @@ from random_plants import (
 )
 from scipy.signal import butter, sosfilt
 
+from duralab_spectra import line_frequencies, overall_relative_rms_error, rms
 from iterator import (
     UPDATES,
     IterationHistory,
@@ -29,7 +30,6 @@ from iterator import (
     control_band,
     rig_model,
 )
-from spectra import line_frequencies, overall_relative_rms_error, rms
 
 BAND: Final = control_band(2.0, 30.0, sample_rate=SAMPLE_RATE)
 _EXPERIMENTS: Final = 12

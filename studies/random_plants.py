@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-import roads
+import duralab_roads
 
 SAMPLE_RATE: Final = 256.0
 SUBSTEPS: Final = 6
@@ -138,9 +138,9 @@ def road_motion(*, samples: int, seed: int) -> NDArray[np.float64]:
     Up and down by the height, sideways by the camber, lengthways by the slope; not yet scaled to metres.
     """
     seconds = samples / SAMPLE_RATE
-    road = roads.iso8608_road(road_class="C/D", length_m=_SPEED * seconds + 40.0, seed=seed)
-    road = roads.add_potholes(road, count=5, seed=seed, lead_in_m=30.0)
-    left_right = roads.effective_inputs(
+    road = duralab_roads.iso8608_road(road_class="C/D", length_m=_SPEED * seconds + 40.0, seed=seed)
+    road = duralab_roads.add_potholes(road, count=5, seed=seed, lead_in_m=30.0)
+    left_right = duralab_roads.effective_inputs(
         road,
         speed=_SPEED,
         sample_rate=SAMPLE_RATE,

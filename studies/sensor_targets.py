@@ -14,9 +14,9 @@ import yaml
 from low_level_campaigns import BAND, IDENTIFIED, OPERATIONAL, identify, play, predecessor_target
 from numpy.typing import NDArray
 
+from duralab_spectra import rms
 from iterator import RigModel, rig_model
 from rig_sim import PlayableRig, load_any_rig, shipped_specimens
-from spectra import rms
 
 
 @dataclass(frozen=True)

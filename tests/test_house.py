@@ -77,8 +77,8 @@ def _section(docstring, title):
 def test_all_distributions_are_here():
     assert [str(path) for path in DISTRIBUTIONS] == [
         "duralab",
+        "libs/bus",
         "libs/gateway",
-        "libs/labbus",
         "libs/loads",
         "libs/recordings",
         "libs/roads",

@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-from labbus import router_configuration
+from duralab_bus import router_configuration
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGURATION = Path(__file__).with_name("zenohd.json5")

@@ -9,10 +9,10 @@ from enum import StrEnum
 import numpy as np
 import synthetic_campaign
 
+from duralab_bus import Bus, FaultError, encoding_of
 from duralab_proto.arrays import ArrayError, from_record, to_array, to_record
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import Bus, FaultError, encoding_of
 
 BLOCK = 20
 RATE = 200.0

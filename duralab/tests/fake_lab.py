@@ -14,10 +14,10 @@ import numpy as np
 import synthetic_campaign
 from pydantic import ConfigDict
 
+from duralab_bus import Bus, FaultError, ServiceConfig, service_main
 from duralab_proto.arrays import from_record, to_record
 from duralab_proto.keys import id_of, rig_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, FaultError, ServiceConfig, service_main
 
 ROAD = tuple(f"{side}_{what}" for side in ("left", "right") for what in ("height", "slope", "camber", "speed"))
 

@@ -14,7 +14,7 @@ from duralab.cli import app
 from duralab.errors import InputError
 from duralab.security import configure_router, init_authority, issue, read_certificates, renew
 from duralab.security.certificate_files import read_certificate
-from labbus import BusError, TlsConfig, check_identity
+from duralab_bus import BusError, TlsConfig, check_identity
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from duralab.diagnosis.place_checks import (
 )
 from duralab.diagnosis.python_checks import check_command, check_python, check_services, check_shadows
 from duralab.diagnosis.viewer_checks import check_graphics, check_viewer, vulkan_drivers
-from labbus import BusError
+from duralab_bus import BusError
 
 FREE = {LAB_PORT: True, 9876: True, 9090: True}
 FINE, WARNING, PROBLEM = Severity

@@ -8,9 +8,9 @@ import pytest
 from duralab.errors import LabError
 from duralab.lab.campaigns import fetching
 from duralab.lab.campaigns.fetching import Part, fetch, fetch_result
+from duralab_bus import FaultError
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import FaultError
 
 CONTENT = bytes(range(256)) * 40
 

@@ -4,18 +4,18 @@ import math
 
 import pytest
 
-import labbus
+import duralab_bus
 from duralab.lab.health import health_of
 
 
 @pytest.fixture
 def script():
-    with labbus.open_bus(service="script") as bus:
+    with duralab_bus.open_bus(service="script") as bus:
         yield bus
 
 
 def test_figures_come_with_their_labels_and_add_up(script):
-    with labbus.open_bus(labbus.BusConfig(connect=script.listening), service="rig_sim") as rig:
+    with duralab_bus.open_bus(duralab_bus.BusConfig(connect=script.listening), service="rig_sim") as rig:
         tally = rig.metrics.count("duralab_rig_playbacks_total", "Playbacks", labels=("rig", "code"))
         tally.add("left", "OK", amount=3)
         tally.add("left", "CANCELLED")
@@ -33,14 +33,14 @@ def test_figures_come_with_their_labels_and_add_up(script):
     assert left.up_seconds > 0.0
     assert left.trouble == ""
     kinds = {figure.name: figure.kind for figure in left.figures}
-    assert kinds["duralab_rig_playbacks_total"] is labbus.FigureKind.COUNTER
-    assert kinds["duralab_up_seconds"] is labbus.FigureKind.GAUGE
+    assert kinds["duralab_rig_playbacks_total"] is duralab_bus.FigureKind.COUNTER
+    assert kinds["duralab_up_seconds"] is duralab_bus.FigureKind.GAUGE
 
 
 def test_gateway_that_does_not_know_the_question_is_there_all_the_same(script):
-    with labbus.open_bus(labbus.BusConfig(connect=script.listening), service="gateway") as gateway:
+    with duralab_bus.open_bus(duralab_bus.BusConfig(connect=script.listening), service="gateway") as gateway:
         token = gateway.declare_live("rig_sim", "real")
-        # In the place of what labbus serves by itself: a gateway in another language.
+        # In the place of what duralab_bus serves by itself: a gateway in another language.
         token._answering.close()
         script.wait_for_live({("rig_sim", "real")}, 60.0)
         (real,) = health_of(script)

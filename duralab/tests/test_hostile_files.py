@@ -13,8 +13,8 @@ from duralab.campaign import load_campaign, load_identification, load_import_set
 from duralab.errors import InputError
 from duralab.formats import Format, read_frequency_response, read_signals
 from duralab.security.certificate_files import load_certificate
+from duralab_bus import BusConfig, ConfigError, load_config
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from labbus import BusConfig, ConfigError, load_config
 
 GIBIBYTE = 2**30
 PATIENCE_SECONDS = 60

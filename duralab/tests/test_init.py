@@ -11,7 +11,7 @@ import yaml
 from fake_gateway import Defect, Gateway
 from test_cli import COMMAND, finish, invoke
 
-import labbus
+import duralab_bus
 from duralab import Channel, Signals, load_campaign, shipped_campaigns
 from duralab.campaign import (
     campaign_name,
@@ -188,7 +188,7 @@ def test_a_rig_for_which_no_experiment_follows_is_refused(tmp_path, changes, sai
 
 
 def test_a_rig_on_the_bus_is_asked_even_where_no_lab_is_complete(tmp_path):
-    with labbus.open_bus(service="rig_sim") as bus:
+    with duralab_bus.open_bus(service="rig_sim") as bus:
         Gateway(bus, "stranger", Defect.NONE)
         connect = ("--connect", bus.listening[0])
         code, stdout, stderr = invoke("init", tmp_path / "mine.yaml", "--rig", "stranger", *connect, "--json")

@@ -19,8 +19,8 @@ import duralab
 from duralab.campaign import parse_campaign
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
 from duralab.lab.campaigns import free_id
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import BusConfig, FaultError, open_bus
 
 
 def short_campaign(tmp_path, **changes):

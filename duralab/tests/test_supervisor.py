@@ -11,7 +11,7 @@ import duralab.processes.supervisor as supervisor_module
 from duralab.errors import LabError, ServiceEndedError
 from duralab.processes import ServicePlan, Supervisor
 from duralab.processes.supervisor import describe_exit, last_lines
-from labbus import open_bus
+from duralab_bus import open_bus
 
 
 def alive(pid):
@@ -100,7 +100,7 @@ def test_service_that_does_not_obey_is_killed(bus, fake_services, tmp_path, monk
 SCRIPT = """
 import sys, time
 from pathlib import Path
-from labbus import open_bus
+from duralab_bus import open_bus
 from duralab.processes import ServicePlan, Supervisor
 with open_bus(service="duralab") as bus, Supervisor(
     [ServicePlan("steady"), ServicePlan("identifier")], bus=bus, logs=Path(sys.argv[1])

@@ -11,9 +11,9 @@ import duralab
 from duralab.conformance import Outcome, check_rig
 from duralab.errors import InputError, LabError
 from duralab.testing import FOREIGN_RIG, LinearRig, check_contract, foreign_gateway, lab
+from duralab_bus import BusConfig, open_bus
 from duralab_gateway import Run
 from duralab_proto.v1 import array_pb2
-from labbus import BusConfig, open_bus
 
 FREQUENCY = np.linspace(0.0, 450.0, 46)
 

@@ -1,7 +1,7 @@
 """Lines of the pure cores that their unit tests run: a table, and an error where a core has less than nine tenths.
 
-A module that imports `labbus` talks to the bus. It belongs to a service's thin shell, is tested by processes on a real
-bus, and does not count here; neither do the tests that need one (`*_on_the_bus.py`).
+A module that imports `duralab_bus` talks to the bus. It belongs to a service's thin shell, is tested by processes on a
+real bus, and does not count here; neither do the tests that need one (`*_on_the_bus.py`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,10 @@ class Core:
 
 
 CORES = {
-    **{name: Core(name, f"libs/{name}/{name}", (f"libs/{name}/tests",)) for name in ("spectra", "roads", "loads")},
+    **{
+        f"duralab_{name}": Core(f"duralab_{name}", f"libs/{name}/duralab_{name}", (f"libs/{name}/tests",))
+        for name in ("spectra", "roads", "loads")
+    },
     "duralab_recordings": Core(
         "duralab_recordings",
         "libs/recordings/duralab_recordings",
@@ -131,7 +134,7 @@ def _is_pure(path: Path) -> bool:
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module.split(".")[0])
-    return "labbus" not in names
+    return "duralab_bus" not in names
 
 
 def _say(line: str) -> None:

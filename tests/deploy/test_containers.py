@@ -85,7 +85,7 @@ def test_container_writes_to_its_volume_and_tmp_and_nowhere_else(lab: Containers
 
 
 def test_health_check_of_who_is_not_there_fails(lab: ContainersAsProcesses) -> None:
-    checked = lab.run("rig", ["python", "-m", "labbus.health", "rig_sim", "nobody", "--timeout", "2"])
+    checked = lab.run("rig", ["python", "-m", "duralab_bus.health", "rig_sim", "nobody", "--timeout", "2"])
     assert checked.returncode == 1
     assert checked.stderr.startswith("Not on the bus after 2 s: rig_sim/nobody")
 

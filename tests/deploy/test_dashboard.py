@@ -12,7 +12,7 @@ import yaml
 
 import duralab
 from duralab.lab.health import Figure
-from labbus import FigureKind
+from duralab_bus import FigureKind
 
 from .compose_file import ROOT
 

@@ -75,7 +75,7 @@ def test_everything_from_outside_is_checked_against_the_lock():
 def test_a_service_holds_itself_and_libraries_only(image, closure):
     folders = closure([f"services/{image}"])
     assert [folder for folder in folders if folder.startswith("services/")] == [f"services/{image}"]
-    assert {"libs/labbus", "proto"} <= set(folders)
+    assert {"libs/bus", "proto"} <= set(folders)
     assert "duralab" not in folders
     (installed,) = STAGES[f"build-{image}"].values("RUN")
     assert re.sub(r'[\[\]",]', "", installed).startswith(f"deploy/images/install.sh services/{image}")
@@ -110,4 +110,4 @@ def test_closure_is_printed_for_the_shell():
     printed = subprocess.run(
         [sys.executable, script, "services/identifier"], capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    assert printed == ["libs/labbus", "libs/settings", "libs/spectra", "proto", "services/identifier"]
+    assert printed == ["libs/bus", "libs/settings", "libs/spectra", "proto", "services/identifier"]

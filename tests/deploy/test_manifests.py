@@ -10,7 +10,7 @@ import pytest
 import yaml
 from compose_spec import PyCompose
 
-import labbus
+import duralab_bus
 
 from .compose_file import COMPOSE, ROOT, compose_document, containers
 
@@ -218,7 +218,7 @@ os.execv(sys.executable, [sys.executable, "-m", *sys.argv[1:]])
 @pytest.mark.parametrize("name", ["identifier", "iterator", "recorder"])
 def test_service_starts_where_its_unit_forbids_it_to_make_code(name, tmp_path):
     assert "MemoryDenyWriteExecute=no" not in (SYSTEMD / f"duralab-{name}.service").read_text()
-    with labbus.open_bus(service="hub") as hub:
+    with duralab_bus.open_bus(service="hub") as hub:
         config = {"bus": {"connect": list(hub.listening)}, "exit_with_parent": True}
         if name == "recorder":
             config["folder"] = str(tmp_path / "recordings")

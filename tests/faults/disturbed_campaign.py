@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from duralab_bus import BusError, FaultError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import BusError, FaultError
 
 from .lab_under_fault import RIG, LabUnderFault
 from .proof import files_of, prove

@@ -18,8 +18,8 @@ import psutil
 import yaml
 
 from duralab.processes import ServicePlan, lab_services
+from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, open_bus
 from duralab_proto.v1 import health_pb2
-from labbus import Bus, BusConfig, BusError, BusMode, FaultError, open_bus
 
 from .cuttable_link import CuttableLink
 

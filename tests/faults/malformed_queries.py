@@ -14,9 +14,9 @@ import numpy as np
 import zenoh
 from google.protobuf.message import Message
 
+from duralab_bus import encoding_of
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import encoding_of
 
 from .disturbed_campaign import Operator, Round
 from .keys_of_contract import ContractKey, contract_keys, odd_name_in

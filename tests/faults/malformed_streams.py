@@ -8,8 +8,8 @@ import numpy as np
 import zenoh
 from google.protobuf.message import Message
 
+from duralab_bus import Bus, FaultError, encoding_of
 from duralab_proto.v1 import rig_pb2, stream_pb2
-from labbus import Bus, FaultError, encoding_of
 
 from .keys_of_contract import contract_keys, odd_name_in
 from .lab_under_fault import RIG

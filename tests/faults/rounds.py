@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from labbus import BusError, FaultError
+from duralab_bus import BusError, FaultError
 
 from .disturbed_campaign import Operator, Round
 from .fault_kinds import FaultKind, NotPossibleError, Place, Scale, place_for

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from labbus import BusConfig, BusMode, open_bus
+from duralab_bus import BusConfig, BusMode, open_bus
 
 
 def main() -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from duralab_bus import FaultError
 from duralab_proto.v1 import recorder_pb2, rig_pb2
-from labbus import FaultError
 
 from .disturbed_campaign import Operator, Round
 from .lab_under_fault import RIG, SERVICES, LabUnderFault

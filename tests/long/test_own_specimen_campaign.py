@@ -9,7 +9,7 @@ from pathlib import Path
 from documented import PORT, fences
 
 import duralab
-from labbus import open_bus
+from duralab_bus import open_bus
 
 PAGE = "docs/guides/own-specimen.md"
 

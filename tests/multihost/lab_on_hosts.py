@@ -13,8 +13,8 @@ from typing import Any
 import yaml
 
 from duralab.security import init_authority, issue
+from duralab_bus import BusConfig, BusMode, TlsConfig, open_bus
 from duralab_proto.access import Role
-from labbus import BusConfig, BusMode, TlsConfig, open_bus
 
 from ..faults.lab_under_fault import HUB, SERVICES, LabUnderFault
 from .host_network import HostNetwork

@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 import sys
 
+from duralab_bus import BusConfig, open_bus
 from duralab_proto.keys import ANY
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from labbus import BusConfig, open_bus
 
 
 def main() -> None:

@@ -58,7 +58,7 @@ def all_trials(keys: Keys) -> list[Trial]:
 
 @contextmanager
 def secured_session(endpoint: str, certificates: Path, name: str) -> Iterator[zenoh.Session]:
-    """Open a plain Zenoh session, without the checks of labbus, with a certificate of a folder."""
+    """Open a plain Zenoh session, without the checks of duralab_bus, with a certificate of a folder."""
     with zenoh.open(secured_config(endpoint, certificates, name)) as session:
         yield session
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from labbus import Bus, BusConfig, BusMode, TlsConfig, open_bus
+from duralab_bus import Bus, BusConfig, BusMode, TlsConfig, open_bus
 
 ROLES: Mapping[str, str] = {
     "rig_sim": "rig",

@@ -16,10 +16,10 @@ import pytest
 import zenoh
 
 from duralab.security.router_log import Refusal
+from duralab_bus import Bus, FaultError, encoding_of
 from duralab_proto.access import SMALL_QUERY_BYTES
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import Bus, FaultError, encoding_of
 
 from .access_trials import secured_config
 from .secured_lab import running, secured_bus

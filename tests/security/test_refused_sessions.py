@@ -11,10 +11,19 @@ import pytest
 import zenoh
 
 from duralab.security import configure_router, init_authority, issue
+from duralab_bus import (
+    DEFAULT_HOLDERS,
+    BusConfig,
+    BusError,
+    BusMode,
+    FaultError,
+    TlsConfig,
+    open_bus,
+    router_configuration,
+)
 from duralab_proto.access import Holder, Role
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import rig_pb2
-from labbus import DEFAULT_HOLDERS, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus, router_configuration
 
 from .access_trials import secured_config
 from .secured_router import CONFIGURATION, SecuredRouter

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from duralab_bus import BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 from duralab_proto.v1 import rig_pb2
-from labbus import BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 
 from .access_trials import secured_config
 from .secured_router import free_port

@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 import duralab
+from duralab_bus import FaultError
 from duralab_proto.access import Role
 from duralab_proto.v1 import iterator_pb2
-from labbus import FaultError
 
 from .secured_lab import ROLES, running, secured_bus
 from .secured_router import AUDIT_LOG, ROOT, SecuredRouter

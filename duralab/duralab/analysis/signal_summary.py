@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab.data import Signals
-from spectra import auto_spectra, line_frequencies
+from duralab_spectra import auto_spectra, line_frequencies
 
 ENERGY_SHARE: Final = 0.99
 """Share of a channel's energy that its band holds."""

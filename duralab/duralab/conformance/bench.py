@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from duralab.conformance.finding import BreachError
+from duralab_bus import Bus, FaultError, StreamItem
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import Bus, FaultError, StreamItem
 
 #: Answers and stream messages that are due are waited for so long.
 PATIENCE_SECONDS: Final = 5.0

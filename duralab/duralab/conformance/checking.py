@@ -17,8 +17,8 @@ from duralab.conformance.finding import BreachError, Finding, NotTriedError, Out
 from duralab.conformance.play_checks import PlayChecks
 from duralab.conformance.refusal_checks import RefusalChecks
 from duralab.conformance.stop_checks import StopChecks
+from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import ArrayError
-from labbus import Bus, FaultError
 
 Tell = Callable[[Finding], None]
 #: Length of each of the two playbacks that move the rig, in s.

@@ -9,8 +9,8 @@ import numpy as np
 from duralab.conformance.bench import Bench
 from duralab.conformance.drives import beyond_limit, copied, jump
 from duralab.conformance.finding import BreachError, NotTriedError, expect
+from duralab_bus import FaultError
 from duralab_proto.v1 import array_pb2, query_pb2
-from labbus import FaultError
 
 INVALID = query_pb2.FAULT_CODE_INVALID_ARGUMENT
 _SAMPLES = 50

@@ -12,9 +12,9 @@ from duralab.conformance.drives import gentle_drive
 from duralab.conformance.finding import NotTriedError, expect
 from duralab.conformance.play_checks import check_signal
 from duralab.conformance.refusal_checks import check_refused
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import FaultError
 
 REASON = "conformance check"
 #: At the end of a ramp down, shares of a drive's limits.

@@ -8,7 +8,7 @@ from typing import Final
 
 from duralab.diagnosis.finding import Finding, fine, problem, warning
 from duralab.processes import GRPC_PORT, WEB_PORT
-from labbus import BusConfig, BusError, open_bus
+from duralab_bus import BusConfig, BusError, open_bus
 
 LAB_PORT: Final = 7474
 LOOPBACK: Final = "127.0.0.1"

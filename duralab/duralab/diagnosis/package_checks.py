@@ -11,7 +11,7 @@ from duralab.diagnosis.finding import Finding, fine, problem, warning
 OWN: Final = (
     "duralab",
     "duralab-proto",
-    "duralab-labbus",
+    "duralab-bus",
     "duralab-gateway",
     "duralab-spectra",
     "duralab-roads",

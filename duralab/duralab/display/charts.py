@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from spectra import drawn_points
+from duralab_spectra import drawn_points
 
 WIDTH: Final = 720
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 22, 34

@@ -24,9 +24,9 @@ from duralab.lab.lab import Lab
 from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, FREE_ENDPOINT, connect, start
 from duralab.lab.progress import OnProgress, RunProgress
 from duralab.lab.watching import LabEvent, Watch, Watched
+from duralab_bus import BusError
 from duralab_proto.keys import ANY
 from duralab_settings import EstimatorSettings, ExcitationSettings
-from labbus import BusError
 
 if TYPE_CHECKING:
     import xarray

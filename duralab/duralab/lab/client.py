@@ -18,8 +18,8 @@ from duralab.errors import (
     UnavailableError,
 )
 from duralab.lab.deadline import FOREVER, Patience
+from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import query_pb2
-from labbus import Bus, FaultError
 
 _ERRORS: Final = MappingProxyType(
     {

@@ -13,7 +13,7 @@ from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
 
 @dataclass(frozen=True)
 class Patience:
-    """When to give up; `labbus` asks it as it asks an event.
+    """When to give up; `duralab_bus` asks it as it asks an event.
 
     `timeout_seconds`: The time allowed, as the caller said it; infinite where all the time in the world is. `deadline`:
     When it is over, of `time.monotonic`. `cancel`: Set from another thread, ends the wait.

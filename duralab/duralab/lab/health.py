@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from duralab_bus import Bus, FaultError, FigureKind
 from duralab_proto.v1 import health_pb2, query_pb2
-from labbus import Bus, FaultError, FigureKind
 
 SILENCE_SECONDS: Final = 3.0
 """A service that gives no sign of life for so long is told of as silent."""

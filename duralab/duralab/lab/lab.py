@@ -42,9 +42,9 @@ from duralab.output_files import OUTPUTS, require_other
 from duralab.processes import Supervisor
 from duralab.recording import open_recording
 from duralab.target import describe_target, make_target
+from duralab_bus import Bus, FaultError
 from duralab_proto.keys import ANY
 from duralab_proto.v1 import iterator_pb2
-from labbus import Bus, FaultError
 
 if TYPE_CHECKING:
     pass

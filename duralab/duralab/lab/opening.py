@@ -18,7 +18,7 @@ from duralab.lab.campaigns import RecordingsPlace, own_recordings
 from duralab.lab.deadline import require_time
 from duralab.lab.lab import Lab
 from duralab.processes import Supervisor, lab_services, the_running_lab
-from labbus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
+from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
 """Where `duralab up` listens, and `connect` looks, where nothing else is said."""

@@ -9,8 +9,8 @@ from enum import StrEnum
 from typing import Final
 
 from duralab.data import IterationTable
+from duralab_bus import Bus, StreamItem
 from duralab_proto.v1 import iterator_pb2
-from labbus import Bus, StreamItem
 
 POLL_SECONDS: Final = 1.0
 """Silence after which the iterator is asked."""

@@ -11,9 +11,9 @@ from typing import Final
 from duralab.data import IterationTable, RigMode, RigState
 from duralab.lab.health import ServiceHealth, health_of
 from duralab.lab.progress import ENDED
+from duralab_bus import Bus, FaultError
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
-from labbus import Bus, FaultError
 
 SERVICES: Final = ("rig_sim", "identifier", "iterator", "recorder")
 """What a whole lab has; of the first, one instance for each rig."""

@@ -18,10 +18,10 @@ from duralab.errors import LabTimeoutError
 from duralab.lab.client import Asking
 from duralab.lab.deadline import patience
 from duralab.lab.progress import ENDED, POLL_SECONDS, RunProgress, progress_of
+from duralab_bus import StreamItem
 from duralab_proto.arrays import from_array
 from duralab_proto.keys import ANY, rig_of
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-from labbus import StreamItem
 
 MOST_WAITING: Final = 4096
 """Events that wait for a slow script; of more the oldest are dropped, and counted."""

@@ -20,8 +20,8 @@ from typing import IO, Final, Self
 import yaml
 
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ServiceEndedError, is_process_limit
+from duralab_bus import Bus
 from duralab_proto.keys import MAIN_INSTANCE
-from labbus import Bus
 
 START_SECONDS: Final = 90.0
 """Longest time to wait for all services; a rig compiles its model at its first start."""

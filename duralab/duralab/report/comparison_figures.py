@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import spectra
+import duralab_spectra
 from duralab.analysis import Comparison
 from duralab.data import DAMAGE_SLOPES, Model, Playback, Signals, excited_lines
 from duralab.report.drawing import (
@@ -25,7 +25,7 @@ from duralab.report.drawing import (
 from duralab.report.load_figures import CountedLoad
 from duralab.report.series import encode
 from duralab.report.waveforms import SHOWN_BEYOND_BAND, SPECTRUM_OVERLAP, zoom_window
-from loads import count_load_cycles
+from duralab_loads import count_load_cycles
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ def _over_playbacks(curves: Sequence[tuple[str, Sequence[int], np.ndarray]], tit
 def _density(entry: Overlaid, samples: np.ndarray, name: str, color: str, *, width: float = 1.4) -> Figure:
     block = min(entry.block_samples, samples.size - samples.size % 2)
     rate = entry.target.sample_rate
-    density = spectra.auto_spectra(
+    density = duralab_spectra.auto_spectra(
         samples[np.newaxis], block_samples=block, overlap=SPECTRUM_OVERLAP, sample_rate=rate
     )[:, 0]
     frequency = np.arange(block // 2 + 1) * rate / block

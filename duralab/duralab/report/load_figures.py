@@ -12,7 +12,7 @@ import numpy as np
 from duralab.report.drawing import Figure, axes, line
 from duralab.report.series import encode
 from duralab.report.waveforms import Shown
-from loads import (
+from duralab_loads import (
     LoadCycles,
     count_exceeded_ranges,
     count_level_crossings,

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from spectra import piece_extremes
+from duralab_spectra import piece_extremes
 
 POINTS_PER_PERIOD: Final = 10
 """Of the highest frequency in a curve: its peaks are drawn at 95 % or more."""

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-import spectra
+import duralab_spectra
 from duralab.analysis import Comparison
 from duralab.campaign import Criterion, Verdict
 from duralab.data import DAMAGE_SLOPES, Distortion, IterationTable, Signals, passes
@@ -45,7 +45,7 @@ _SHORT: Final = {
 
 def channel_rows(table: IterationTable, target: Signals, *, verdict: Verdict, slope: int) -> list[ChannelRow]:
     """Return the summary of each channel."""
-    levels, best = spectra.rms(target.samples), table.best
+    levels, best = duralab_spectra.rms(target.samples), table.best
     spent = table.damage_spent(slope).sum(axis=0)
     damage = table.damage_ratio[best, :, DAMAGE_SLOPES.index(verdict.limits.damage_exponent)]
     rows = []

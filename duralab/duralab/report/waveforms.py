@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-import spectra
+import duralab_spectra
 from duralab.data import Playback, Signals
 from duralab.report.drawing import Figure, axes, band_edges, frequency_axis, level_line, line
 from duralab.report.held_drives import HeldStretch
@@ -102,7 +102,7 @@ def held_bands(held: Sequence[HeldStretch], *, drive: str | None = None) -> list
 
 def zoom_window(target: Signals) -> slice:
     """Return the samples around the largest peak of the target, relative to its channel's RMS."""
-    level = spectra.rms(target.samples)[:, np.newaxis]
+    level = duralab_spectra.rms(target.samples)[:, np.newaxis]
     # The target of a watched channel may be silent.
     relative = np.divide(np.abs(target.samples), level, out=np.zeros_like(target.samples), where=level > 0.0)
     centre = int(np.argmax(relative.max(axis=0)))
@@ -135,7 +135,7 @@ def spectrum(shown: Shown) -> list[Figure]:
     block = min(shown.block_samples, samples - samples % 2)
 
     def density(values: np.ndarray) -> np.ndarray:
-        return spectra.auto_spectra(values, block_samples=block, overlap=SPECTRUM_OVERLAP, sample_rate=rate)
+        return duralab_spectra.auto_spectra(values, block_samples=block, overlap=SPECTRUM_OVERLAP, sample_rate=rate)
 
     frequency = np.arange(block // 2 + 1) * rate / block
     lines = (frequency >= shown.band[0] / SHOWN_BEYOND_BAND) & (frequency <= shown.band[1] * SHOWN_BEYOND_BAND)

@@ -30,10 +30,10 @@ from duralab.security.certificate_files import (
     read_certificates,
     write_pair,
 )
+from duralab_bus import DEFAULT_PORT, router_configuration
 from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
 from duralab_proto.keys import KeyNameError, Keys
 from duralab_settings import read_regular
-from labbus import DEFAULT_PORT, router_configuration
 
 AUTHORITY_DAYS: Final = 3650
 DEFAULT_DAYS: Final = 365

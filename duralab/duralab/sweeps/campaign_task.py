@@ -17,7 +17,7 @@ from duralab.sweeps.cell import KeptCell
 from duralab.sweeps.outcome import Costs, Outcome, State, outcome_of, write_outcome
 from duralab.sweeps.points import Point
 from duralab.sweeps.sweep_file import CellKind, Kept
-from labbus import configure_logs, log_stacks_on_signal
+from duralab_bus import configure_logs, log_stacks_on_signal
 
 CAMPAIGN: Final = "campaign.yaml"
 """Of a point, in its folder: `duralab run` runs it again."""

@@ -16,7 +16,7 @@ from duralab.lab import Lab, RecordingsPlace
 from duralab.processes import ServicePlan, Supervisor, lab_services
 from duralab.sweeps.specimens import SpecimenText
 from duralab.sweeps.sweep_file import CellKind
-from labbus import BusConfig, BusError, ConfigError, FaultError, host_services, open_bus
+from duralab_bus import BusConfig, BusError, ConfigError, FaultError, host_services, open_bus
 
 HOSTED_WORKERS: Final = 16
 """Threads that answer queries where four services share a bus: as many as they have by themselves."""

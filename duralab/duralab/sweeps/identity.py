@@ -17,7 +17,7 @@ _DISTRIBUTIONS: Final = (
     "duralab-gateway",
     "duralab-identifier",
     "duralab-iterator",
-    "duralab-labbus",
+    "duralab-bus",
     "duralab-loads",
     "duralab-proto",
     "duralab-recorder",

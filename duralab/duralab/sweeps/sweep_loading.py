@@ -8,8 +8,8 @@ from pathlib import Path
 from duralab.errors import InputError
 from duralab.near_files import did_you_mean
 from duralab.sweeps.sweep_file import Sweep
+from duralab_bus import ConfigError, load_config
 from duralab_settings import read_yaml_text
-from labbus import ConfigError, load_config
 
 _SUFFIX = ".yaml"
 

@@ -145,19 +145,19 @@ def _cut(signals: Signals, settings: Stretch) -> _Edited:
 
 
 def _remove_mean(signals: Signals, settings: RemoveMean) -> _Edited:
-    from loads import remove_mean
+    from duralab_loads import remove_mean
 
     return _Edited(_on_rows(signals, settings.channels, remove_mean))
 
 
 def _remove_drift(signals: Signals, settings: RemoveDrift) -> _Edited:
-    from loads import remove_drift
+    from duralab_loads import remove_drift
 
     return _Edited(_on_rows(signals, settings.channels, lambda rows: remove_drift(rows, order=settings.order)))
 
 
 def _filter(signals: Signals, settings: Filter) -> _Edited:
-    from loads import FilterKind, filter_zero_phase
+    from duralab_loads import FilterKind, filter_zero_phase
 
     name, corners = settings.kind
 
@@ -170,14 +170,14 @@ def _filter(signals: Signals, settings: Filter) -> _Edited:
 
 
 def _resample(signals: Signals, settings: Resample) -> _Edited:
-    from loads import resample
+    from duralab_loads import resample
 
     samples = resample(signals.samples, sample_rate=signals.sample_rate, new_rate=settings.rate)
     return _Edited(replace(signals, samples=samples, sample_rate=settings.rate))
 
 
 def _despike(signals: Signals, settings: Despike) -> _Edited:
-    from loads import remove_spikes
+    from duralab_loads import remove_spikes
 
     rows = _rows(settings.channels, signals)
     found = remove_spikes(
@@ -190,7 +190,7 @@ def _despike(signals: Signals, settings: Despike) -> _Edited:
 
 
 def _taper(signals: Signals, settings: Taper) -> _Edited:
-    from loads import taper_ends
+    from duralab_loads import taper_ends
 
     levels = signals.samples.mean(axis=1) if settings.to is TaperLevel.MEAN else 0.0
     samples = taper_ends(signals.samples, fade_samples=_samples(settings.seconds, signals), levels=levels)
@@ -198,7 +198,7 @@ def _taper(signals: Signals, settings: Taper) -> _Edited:
 
 
 def _join(signals: Signals, settings: Join) -> _Edited:
-    from loads import join_sections
+    from duralab_loads import join_sections
 
     sections = [section for segment in settings.segments for section in [_range(segment, signals)] * segment.repeat]
     samples = join_sections(signals.samples, sections, fade_samples=_samples(settings.cross_fade, signals))
@@ -206,7 +206,7 @@ def _join(signals: Signals, settings: Join) -> _Edited:
 
 
 def _shorten_by_damage(signals: Signals, settings: ShortenByDamage) -> _Edited:
-    from loads import shorten_by_damage
+    from duralab_loads import shorten_by_damage
 
     short = shorten_by_damage(
         signals.samples,

@@ -166,7 +166,7 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
 
     A rig with a rear axle gets the same road there, as much later as it needs for the wheelbase.
     """
-    import roads
+    import duralab_roads
 
     drives = tuple(channel.name for channel in vehicle.drives)
     if drives not in (ROAD_DRIVES, VEHICLE_DRIVES):
@@ -187,7 +187,7 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
             if isinstance(source, SyntheticRoad)
             else _measured(source, folder=campaign.folder, length=length)
         )
-        inputs = roads.effective_inputs(
+        inputs = duralab_roads.effective_inputs(
             road,
             speed=target.speed,
             sample_rate=vehicle.sample_rate,
@@ -202,7 +202,7 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
     except ValueError as error:
         section = "target.road" if isinstance(source, SyntheticRoad) else "target.opencrg"
         raise InputError(f"{section}: {error}", field=section) from error
-    names = [f"{axle}{name}" for axle in ("", REAR) for name in roads.EFFECTIVE_INPUTS]
+    names = [f"{axle}{name}" for axle in ("", REAR) for name in duralab_roads.EFFECTIVE_INPUTS]
     rows: dict[str, np.ndarray] = dict(zip(names[: len(inputs)], inputs, strict=True))
     steady = np.full(samples, target.speed)
     samples_of_all = np.array([rows.get(name, steady) for name in drives])
@@ -210,13 +210,13 @@ def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
 
 
 def _synthetic(road: SyntheticRoad, *, length: float, speed: float, tyre: Tyre):  # noqa: ANN202  (roads is imported late)
-    import roads
+    import duralab_roads
 
-    surface = roads.iso8608_road(road_class=road.iso_class, length_m=length, seed=road.seed)
+    surface = duralab_roads.iso8608_road(road_class=road.iso_class, length_m=length, seed=road.seed)
     if road.potholes is None:
         return surface
     seed = int(np.random.SeedSequence([road.seed, _POTHOLES]).generate_state(1)[0])
-    return roads.add_potholes(
+    return duralab_roads.add_potholes(
         surface,
         count=road.potholes.count,
         seed=seed,
@@ -228,15 +228,15 @@ def _synthetic(road: SyntheticRoad, *, length: float, speed: float, tyre: Tyre):
 
 
 def _measured(road: MeasuredRoad, *, folder: Path, length: float):  # noqa: ANN202
-    import roads
+    import duralab_roads
 
     path = folder / road.path
     try:
         require_regular(path)
-        surface = roads.read_opencrg(path)
+        surface = duralab_roads.read_opencrg(path)
     except OSError as error:
         raise InputError(
             f"target.opencrg.path is {str(path)!r}, which cannot be read: {error.strerror}; give an OpenCRG file.",
             field="target.opencrg.path",
         ) from error
-    return roads.repeat_mirrored(roads.level(surface), length)
+    return duralab_roads.repeat_mirrored(duralab_roads.level(surface), length)

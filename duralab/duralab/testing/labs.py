@@ -12,8 +12,8 @@ from duralab.conformance import Finding, check_rig
 from duralab.errors import InputError, LabError
 from duralab.lab import Lab, RecordingsPlace
 from duralab.processes import Supervisor, lab_services
+from duralab_bus import BusConfig, open_bus
 from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
-from labbus import BusConfig, open_bus
 
 FOREIGN_RIG = "stranger"
 """Name of the rig of the foreign gateway."""

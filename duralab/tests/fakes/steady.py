@@ -1,4 +1,4 @@
-from labbus import ServiceConfig, service_main
+from duralab_bus import ServiceConfig, service_main
 
 if __name__ == "__main__":
     service_main("steady", ServiceConfig, lambda _: lambda bus: None)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from labbus import BusConfig, open_bus
+from duralab_bus import BusConfig, open_bus
 
 settings = yaml.safe_load(Path(sys.argv[2]).read_text())
 with open_bus(BusConfig.model_validate(settings["bus"]), service="stubborn") as bus:

@@ -10,7 +10,7 @@ import synthetic_campaign
 from fake_gateway import Defect, Gateway
 from typer.testing import CliRunner
 
-import labbus
+import duralab_bus
 from duralab.cli import app
 from duralab.conformance import Outcome, all_passed, check_rig
 from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
@@ -83,13 +83,13 @@ AT_THE_END = {
 @pytest.fixture(scope="module")
 def hall():
     """A bus with one gateway for every defect and every kind of rig, and a client's."""
-    with labbus.open_bus(service="rig_sim", workers=16) as served:
+    with duralab_bus.open_bus(service="rig_sim", workers=16) as served:
         for defect in Defect:
             Gateway(served, f"rig_{defect}", defect)
         for rig, kind in AT_THE_END.items():
             Gateway(served, rig, Defect.NONE, **kind)
-        connect = labbus.BusConfig(connect=tuple(served.listening))
-        with labbus.open_bus(connect, service="duralab") as bus:
+        connect = duralab_bus.BusConfig(connect=tuple(served.listening))
+        with duralab_bus.open_bus(connect, service="duralab") as bus:
             rigs = {*(f"rig_{defect}" for defect in Defect), *AT_THE_END}
             bus.wait_for_live({("rig_sim", rig) for rig in rigs}, 120.0)
             yield bus, served.listening[0]

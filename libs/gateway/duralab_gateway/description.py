@@ -8,10 +8,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from duralab_bus import ConfigError
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.keys import KeyNameError, check_rig
 from duralab_proto.v1 import array_pb2, rig_pb2
-from labbus import ConfigError
 
 _BLOCKS_A_SECOND = 10
 

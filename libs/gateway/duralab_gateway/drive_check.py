@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from duralab_bus import FaultError
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
-from labbus import FaultError
 
 
 def check_drive(

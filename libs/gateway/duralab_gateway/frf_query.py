@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from duralab_bus import FaultError
 from duralab_gateway.rig import KnowsItsFrf
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import FaultError
 
 #: Of one answer; each line of a 6 by 4 rig takes 384 bytes.
 MOST_LINES = 200_000

@@ -9,11 +9,11 @@ from pathlib import Path
 import structlog
 from pydantic import Field
 
+from duralab_bus import Bus, ServiceConfig, SpoolFolder, SpoolSpace, service_main
 from duralab_gateway.description import complete_description
 from duralab_gateway.motion import Approach
 from duralab_gateway.rig import Rig, StepwiseRig
 from duralab_gateway.server import SERVICE, RigServer
-from labbus import Bus, ServiceConfig, SpoolFolder, SpoolSpace, service_main
 
 
 class GatewayConfig(ServiceConfig):
@@ -107,7 +107,7 @@ def serving(
 def serve(*rigs: Rig, approach: Approach = Approach(), real_time: bool = True) -> None:  # noqa: B008 - frozen
     """Run a process that serves rigs until it is ended: `python FILE --config FILE`.
 
-    The process has a log, health, metrics and an end in time as every service of the lab; see `labbus.service_main`.
+    The process has a log, health, metrics and an end in time as every service; see `duralab_bus.service_main`.
 
     Parameters
     ----------

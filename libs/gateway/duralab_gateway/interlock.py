@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 
+from duralab_bus import FaultError
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import FaultError
 
 #: Longest reason that is kept; it travels with every state.
 LONGEST_REASON = 300

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from duralab_bus import Metrics
 from duralab_proto.v1 import rig_pb2
-from labbus import Metrics
 
 #: Label of a rig's metrics.
 _RIG: Final = ("rig",)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import structlog
 
+from duralab_bus import Bus, Call, FaultError, SpoolSpace, StreamPublisher
 from duralab_gateway.interlock import Interlock
 from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, WatchdogMonitor
 from duralab_gateway.pose_stream import PoseStream
@@ -15,7 +16,6 @@ from duralab_gateway.publishing import BlockPublisher, Clock
 from duralab_gateway.rig import Phase, PlaybackRig, Run
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import Bus, Call, FaultError, SpoolSpace, StreamPublisher
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5

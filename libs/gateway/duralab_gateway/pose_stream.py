@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from duralab_bus import Bus, SpoolSpace
 from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from labbus import Bus, SpoolSpace
 
 LARGEST_RATE = 60.0
 _POSES = 10

@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 
+from duralab_bus import SpoolFullError, StreamPublisher
 from duralab_gateway.motion import Block
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from labbus import SpoolFullError, StreamPublisher
 
 _NOTHING = np.empty((0, 0))
 

@@ -7,6 +7,7 @@ from typing import Final, NoReturn
 
 import structlog
 
+from duralab_bus import Bus, Call, FaultError, SpoolFullError, SpoolSpace
 from duralab_gateway.drive_check import check_drive
 from duralab_gateway.frf_query import answer_frf
 from duralab_gateway.interlock import Interlock
@@ -17,7 +18,6 @@ from duralab_gateway.rig import PlaybackRig, StepwiseRig
 from duralab_proto.arrays import from_record
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import query_pb2, rig_pb2
-from labbus import Bus, Call, FaultError, SpoolFullError, SpoolSpace
 
 #: What the contract calls every process that serves rigs.
 SERVICE: Final = "rig_sim"

@@ -6,10 +6,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_gateway import Approach, GatewayConfig, serving
 from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import array_pb2, rig_pb2
-from labbus import BusConfig, FaultError, open_bus
 
 RATE = 200.0
 WAIT = 60.0

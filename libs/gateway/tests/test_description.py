@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from rigs import Springs
 
+from duralab_bus import ConfigError
 from duralab_gateway import complete_description
 from duralab_proto.arrays import to_array
-from labbus import ConfigError
 
 
 def changed(change):

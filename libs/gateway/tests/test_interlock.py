@@ -5,9 +5,9 @@ import threading
 import pytest
 
 import duralab_gateway.interlock
+from duralab_bus import FaultError
 from duralab_gateway.interlock import LONGEST_REASON, Interlock
 from duralab_proto.v1 import rig_pb2
-from labbus import FaultError
 
 
 @pytest.fixture

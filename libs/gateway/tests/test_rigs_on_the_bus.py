@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rigs import WAIT, Springs, client_of, hump
 
+from duralab_bus import FaultError
 from duralab_gateway import Phase, RigFaultError, serve
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import rig_pb2
-from labbus import FaultError
 
 
 def channel_names(channels):

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from loads import count_load_cycles, damage_over_time, pseudo_damage, shorten_by_damage
-from loads.damage_shortening import _windows_to_keep
+from duralab_loads import count_load_cycles, damage_over_time, pseudo_damage, shorten_by_damage
+from duralab_loads.damage_shortening import _windows_to_keep
 
 RATE = 100
 

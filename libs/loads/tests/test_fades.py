@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from loads import join_sections, rising_fade, taper_ends
-from loads.fades import separate_sections
+from duralab_loads import join_sections, rising_fade, taper_ends
+from duralab_loads.fades import separate_sections
 
 
 def test_what_fades_out_and_what_fades_in_add_up_to_the_whole():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from loads import FilterKind, filter_zero_phase, remove_drift, remove_mean, resample
+from duralab_loads import FilterKind, filter_zero_phase, remove_drift, remove_mean, resample
 
 RATE = 1000.0
 

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from loads import count_exceeded_ranges, count_level_crossings, count_load_cycles, share_of_time_at_level
+from duralab_loads import count_exceeded_ranges, count_level_crossings, count_load_cycles, share_of_time_at_level
 
 
 def test_a_sine_rises_through_every_level_within_it_once_a_period():

@@ -6,7 +6,7 @@ import rainflow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from loads import count_load_cycles, damage_ratio, pseudo_damage
+from duralab_loads import count_load_cycles, damage_ratio, pseudo_damage
 
 
 def by_range(cycles):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from loads import remove_spikes
+from duralab_loads import remove_spikes
 
 RATE = 1000.0
 

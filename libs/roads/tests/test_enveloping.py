@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from roads import EFFECTIVE_INPUTS, Road, effective_inputs, iso8608_road
+from duralab_roads import EFFECTIVE_INPUTS, Road, effective_inputs, iso8608_road
 
 COLUMNS = np.array([-0.9, -0.75, -0.6, 0.6, 0.75, 0.9])
 DRIVE = {

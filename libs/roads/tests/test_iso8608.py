@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.signal import coherence, welch
 
-from roads import RoadClass, iso8608_road, roughness_coefficient, track_coherence
+from duralab_roads import RoadClass, iso8608_road, roughness_coefficient, track_coherence
 
 
 @pytest.fixture(scope="module")

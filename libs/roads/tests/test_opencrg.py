@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from roads import RoadFileError, effective_inputs, level, read_opencrg, repeat_mirrored
+from duralab_roads import RoadFileError, effective_inputs, level, read_opencrg, repeat_mirrored
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the measured roads in ../shared/data are not here")

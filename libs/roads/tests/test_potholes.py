@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from roads import Road, add_potholes
+from duralab_roads import Road, add_potholes
 
 COLUMNS = np.arange(-1.2, 1.21, 0.1)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from roads import Road, level, repeat_mirrored
+from duralab_roads import Road, level, repeat_mirrored
 
 
 def _road(rows=50, seed=3):

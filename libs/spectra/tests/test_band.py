@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-import spectra
+import duralab_spectra
 
 
 def test_the_mask_is_zero_outside_one_inside_and_smooth_between():
     frequency = np.linspace(0.0, 60.0, 6001)
-    mask = spectra.band_mask(frequency, 2.0, 50.0, edge=1.0)
+    mask = duralab_spectra.band_mask(frequency, 2.0, 50.0, edge=1.0)
     assert not np.any(mask[(frequency <= 2.0) | (frequency >= 50.0)])
     assert np.all(mask[(frequency >= 3.0) & (frequency <= 49.0)] == 1.0)
     assert np.max(np.abs(np.diff(mask))) < 0.025
@@ -15,7 +15,7 @@ def test_the_mask_is_zero_outside_one_inside_and_smooth_between():
 
 
 def test_a_band_from_zero_keeps_the_mean():
-    assert spectra.band_mask([0.0], 0.0, 50.0, edge=1.0)[0] == 1.0
+    assert duralab_spectra.band_mask([0.0], 0.0, 50.0, edge=1.0)[0] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -29,4 +29,4 @@ def test_a_band_from_zero_keeps_the_mean():
 )
 def test_impossible_bands_are_refused(band, message):
     with pytest.raises(ValueError, match=message):
-        spectra.band_mask([2.0], **band)
+        duralab_spectra.band_mask([2.0], **band)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-import spectra
+import duralab_spectra
 
 RATE = 512.0
 BLOCK = 128
 
 
 def density(record, *, overlap=0.5):
-    return spectra.auto_spectra(record, block_samples=BLOCK, overlap=overlap, sample_rate=RATE)
+    return duralab_spectra.auto_spectra(record, block_samples=BLOCK, overlap=overlap, sample_rate=RATE)
 
 
 def time_response_assurance(target, response):
@@ -47,7 +47,7 @@ def test_the_cross_spectrum_of_b_with_a_is_the_adjoint():
     """Where the first argument is conjugated, as often, a delay comes out as an advance."""
     a, b = np.random.default_rng(1).standard_normal((2, 3, 2000))
     chosen = {"block_samples": BLOCK, "overlap": 0.5, "sample_rate": RATE}
-    forward, backward = spectra.cross_spectra(a, b, **chosen), spectra.cross_spectra(b[:2], a, **chosen)
+    forward, backward = duralab_spectra.cross_spectra(a, b, **chosen), duralab_spectra.cross_spectra(b[:2], a, **chosen)
     np.testing.assert_allclose(forward[:, :, :2], backward.conj().transpose(0, 2, 1), atol=1e-14)
 
 
@@ -56,28 +56,28 @@ def test_a_response_of_the_right_shape_at_the_wrong_level_is_not_taken_for_good(
     """A squared cosine between target and response is 1 at every scale, and at the wrong sign."""
     target = np.random.default_rng(2).standard_normal((2, 501))
     np.testing.assert_allclose(time_response_assurance(target, scale * target), 1.0, rtol=1e-12)
-    np.testing.assert_allclose(spectra.relative_rms_error(target, scale * target), error, rtol=1e-12)
-    np.testing.assert_allclose(spectra.rms_response(target, scale * target), level, rtol=1e-12)
+    np.testing.assert_allclose(duralab_spectra.relative_rms_error(target, scale * target), error, rtol=1e-12)
+    np.testing.assert_allclose(duralab_spectra.rms_response(target, scale * target), level, rtol=1e-12)
 
 
 def test_a_late_response_is_an_error():
     """Shifting a response to where it fits best, before it is compared, hides the delay that a phase error is."""
     angle = 2.0 * np.pi * 8.0 * np.arange(BLOCK) / BLOCK
     late = 2.0 * np.pi * 8.0 * 3 / BLOCK
-    found = spectra.relative_rms_error(np.sin(angle)[None, :], np.sin(angle - late)[None, :])
+    found = duralab_spectra.relative_rms_error(np.sin(angle)[None, :], np.sin(angle - late)[None, :])
     assert found[0] == pytest.approx(2.0 * np.sin(late / 2.0), rel=1e-12)
 
 
 def test_the_end_of_a_record_does_not_come_back_at_its_start():
     """A product of spectra on the record's own length is a circular convolution: the end wraps around to the start."""
     delay, samples = 20, 501
-    frequency = spectra.line_frequencies(BLOCK, RATE)
+    frequency = duralab_spectra.line_frequencies(BLOCK, RATE)
     frf = np.exp(-2j * np.pi * frequency * delay / RATE)[:, None, None]
     record = np.zeros((1, samples))
     record[0, -5] = 1.0
     lines = np.exp(-2j * np.pi * np.fft.rfftfreq(samples) * delay)
     assert np.abs(np.fft.irfft(np.fft.rfft(record) * lines, samples)[0, delay - 5]) > 0.9
-    for filtered in (spectra.filter_whole_record(record, frf), spectra.overlap_save(record, frf)):
+    for filtered in (duralab_spectra.filter_whole_record(record, frf), duralab_spectra.overlap_save(record, frf)):
         assert np.max(np.abs(filtered[:, : samples // 2])) <= 1e-14
 
 
@@ -86,7 +86,7 @@ def test_a_record_of_any_length_comes_back_whole(samples):
     """An inverse transform that is not told its length makes an even one: odd records lose their last sample."""
     record = np.random.default_rng(3).standard_normal((2, samples))
     same = np.broadcast_to(np.eye(2), (BLOCK // 2 + 1, 2, 2))
-    for filtered in (spectra.filter_whole_record(record, same), spectra.overlap_save(record, same)):
+    for filtered in (duralab_spectra.filter_whole_record(record, same), duralab_spectra.overlap_save(record, same)):
         np.testing.assert_allclose(filtered, record, atol=1e-14)
 
 
@@ -96,14 +96,14 @@ def test_small_numbers_are_inverted_as_well_as_large_ones(size):
     generator = np.random.default_rng(4)
     frf = generator.standard_normal((5, 3, 3)) + 1j * generator.standard_normal((5, 3, 3))
     chosen = {"mask": np.ones(5), "frequency": np.arange(5.0)}
-    small = spectra.inverse_frf(size * frf, **chosen)
-    np.testing.assert_allclose(size * small, spectra.inverse_frf(frf, **chosen), rtol=1e-10)
+    small = duralab_spectra.inverse_frf(size * frf, **chosen)
+    np.testing.assert_allclose(size * small, duralab_spectra.inverse_frf(frf, **chosen), rtol=1e-10)
 
 
 def test_a_moment_beside_a_force_is_not_taken_for_noise():
     """A pseudo-inverse that drops singular values below a share of the largest drops the channel of the small unit."""
     frf = np.broadcast_to(np.diag([1e6, 1e-4]).astype(complex), (3, 2, 2))
-    inverse = spectra.inverse_frf(frf, mask=np.ones(3), frequency=np.arange(3.0))
+    inverse = duralab_spectra.inverse_frf(frf, mask=np.ones(3), frequency=np.arange(3.0))
     np.testing.assert_allclose(inverse[1], np.diag([1e-6, 1e4]), rtol=1e-12)
     assert np.linalg.pinv(frf[1], rcond=1e-6)[1, 1] == 0.0
 
@@ -111,7 +111,7 @@ def test_a_moment_beside_a_force_is_not_taken_for_noise():
 def test_noise_alone_is_not_coherent_because_it_was_averaged_seldom():
     """From one block the coherence is 1 whatever was measured; the number of blocks is told with every estimate."""
     noise = np.random.default_rng(5).standard_normal((2, BLOCK))
-    running = spectra.CrossSpectra(1, 1, block_samples=BLOCK, overlap=0.0, sample_rate=RATE)
+    running = duralab_spectra.CrossSpectra(1, 1, block_samples=BLOCK, overlap=0.0, sample_rate=RATE)
     running.add(noise[:1], noise[1:])
     found = running.estimate()
     coherence = np.abs(found.s_ab[:, 0, 0]) ** 2 / (found.auto_a[:, 0] * found.s_bb[:, 0, 0].real)
@@ -125,7 +125,7 @@ def test_overlapping_blocks_do_not_count_as_independent_ones():
     record = np.random.default_rng(6).standard_normal((1, 64 * BLOCK))
     estimates = []
     for overlap in (0.5, 0.9375):
-        running = spectra.CrossSpectra(1, 1, block_samples=BLOCK, overlap=overlap, sample_rate=RATE)
+        running = duralab_spectra.CrossSpectra(1, 1, block_samples=BLOCK, overlap=overlap, sample_rate=RATE)
         running.add(record, record)
         estimates.append(running.estimate())
     half, most = estimates

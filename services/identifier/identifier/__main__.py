@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from duralab_bus import Bus, HostedService, service_main
 from identifier.service import SERVICE, IdentifierConfig, IdentifierService
-from labbus import Bus, HostedService, service_main
 
 
 def _build(config: IdentifierConfig) -> Callable[[Bus], None]:

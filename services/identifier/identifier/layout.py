@@ -6,7 +6,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from spectra import line_frequencies
+from duralab_spectra import line_frequencies
 
 
 class Window(Enum):

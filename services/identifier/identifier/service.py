@@ -8,6 +8,7 @@ from itertools import pairwise
 import structlog
 from pydantic import Field
 
+from duralab_bus import Bus, Call, FaultError, ServiceConfig
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from duralab_settings import SettingsError
@@ -41,7 +42,6 @@ from identifier.modelling import (
     to_message,
     valid_band,
 )
-from labbus import Bus, Call, FaultError, ServiceConfig
 
 SERVICE = "identifier"
 

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 import numpy as np
 
 from duralab.testing import LinearRig
+from duralab_bus import service_main
 from duralab_gateway import SERVICE, Approach, GatewayConfig, RigFaultError, complete_description, serving
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import rig_pb2
 from duralab_proto.v1.array_pb2 import CHANNEL_KIND_DISPLACEMENT, CHANNEL_KIND_FORCE, Channel
-from labbus import service_main
 
 # (numerator, denominator) of each response to each drive, N per m.
 PLANT = [

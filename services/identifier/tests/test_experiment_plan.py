@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from short_experiments import RATE, settings_of
 
-import spectra
+import duralab_spectra
 from duralab_settings import ExcitationKind
 from identifier.excitation import design_experiment, plan_experiment, shortest_delay_seconds
 
@@ -36,8 +36,8 @@ def test_as_many_realisations_are_played_as_fit():
 
 def test_pure_random_counts_overlapping_blocks_and_what_they_are_worth():
     told = plan(kind=ExcitationKind.PURE_RANDOM)
-    assert told.blocks == spectra.count_blocks(39_500, 2048, 0.5)
-    worth = spectra.independent_averages(spectra.hann_periodic(2048), 1024, told.blocks)
+    assert told.blocks == duralab_spectra.count_blocks(39_500, 2048, 0.5)
+    worth = duralab_spectra.independent_averages(duralab_spectra.hann_periodic(2048), 1024, told.blocks)
     assert told.independent_averages == worth < told.blocks
     assert told.delay_seconds_share == pytest.approx(0.5 / 40.0)
 

@@ -6,16 +6,16 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from duralab_proto.v1.array_pb2 import Channel
 from duralab_settings import SettingsError
+from duralab_spectra import line_frequencies
 from identifier.bus import advise, converge, drive_room
 from identifier.modelling import IdentifiedModel, to_message, with_id
 from identifier.service import IdentifierConfig, IdentifierService
 from identifier.uncertainty import ValidBand
-from labbus import FaultError
-from spectra import line_frequencies
 
 RATE, BLOCK = 200.0, 512
 FREQUENCY = line_frequencies(BLOCK, RATE)

@@ -3,6 +3,7 @@ import pytest
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from duralab_spectra import line_frequencies
 from identifier.uncertainty import (
     ValidBand,
     advise_levels,
@@ -10,7 +11,6 @@ from identifier.uncertainty import (
     model_difference,
     predict_response,
 )
-from spectra import line_frequencies
 
 RATE, BLOCK = 200.0, 512
 BAND = ValidBand(lowest=1.0, highest=60.0, sample_rate=RATE, block_samples=BLOCK)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-import spectra
+import duralab_spectra
 from duralab_settings import WhitePinkSpectrum
 from identifier.excitation import power_density, pure_random, white
 
@@ -14,7 +14,7 @@ def make(samples=60_000, fade=1000, rms=(0.01, 0.02, 0.5), seed=3, spectrum=PINK
 
 
 def test_the_rms_between_the_fades_is_exact():
-    np.testing.assert_allclose(spectra.rms(make()[:, 1000:-1000]), [0.01, 0.02, 0.5], rtol=1e-14)
+    np.testing.assert_allclose(duralab_spectra.rms(make()[:, 1000:-1000]), [0.01, 0.02, 0.5], rtol=1e-14)
 
 
 @pytest.mark.parametrize("samples", [60_000, 60_001, 59_999])
@@ -38,8 +38,8 @@ def test_without_fades_nothing_at_all_lies_outside_the_band():
 
 def test_the_psd_is_flat_to_the_corner_and_falls_by_the_slope_above():
     drive = make(samples=1_200_000, fade=0, rms=(1.0,))
-    density = spectra.auto_spectra(drive, block_samples=4096, overlap=0.5, sample_rate=RATE)[:, 0]
-    frequency = spectra.line_frequencies(4096, RATE)
+    density = duralab_spectra.auto_spectra(drive, block_samples=4096, overlap=0.5, sample_rate=RATE)[:, 0]
+    frequency = duralab_spectra.line_frequencies(4096, RATE)
 
     def level(low, high):
         return 10 * np.log10(np.mean(density[(frequency >= low) & (frequency <= high)]))

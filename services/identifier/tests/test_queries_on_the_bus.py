@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from identifier_on_the_bus import identifier_and_rigs, load_linear_rig
 
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.arrays import from_array, from_record, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2
-from labbus import BusConfig, FaultError, open_bus
 
 LAB = "identifier_queries_test"
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from identifier_on_the_bus import identifier_and_rigs, load_linear_rig
 
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
 from identifier import from_message
-from labbus import BusConfig, FaultError, open_bus
 
 LAB = "identifier_test"
 

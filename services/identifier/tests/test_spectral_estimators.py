@@ -4,11 +4,11 @@ from known_plants import PLANT, RATE, error, lightly_damped, noise_layout, perio
 from scipy import signal
 
 from duralab_settings import EstimatorKind
+from duralab_spectra import count_blocks, hann_periodic
 from identifier import LARGEST_CONDITION, Estimation, EstimatorOptions, SpectralSums, estimate
 from identifier.estimators.coherence import multiple_coherence, require_audible
 from identifier.estimators.condition import unit_diagonal
 from identifier.estimators.h2 import h2
-from spectra import count_blocks, hann_periodic
 
 SPECTRAL = [EstimatorKind.H1, EstimatorKind.H2, EstimatorKind.HV]
 SQUARE = PLANT[:2]

@@ -5,8 +5,8 @@ import pytest
 from known_plants import PLANT, RATE, error, noise_layout, periodic_experiment, respond, true_frf
 
 from duralab_settings import EstimatorKind
+from duralab_spectra import cross_spectra
 from identifier import SpectralSums, WarningCode, estimate
-from spectra import cross_spectra
 
 SQUARE = PLANT[:2]
 CHOSEN = {"block_samples": 1024, "overlap": 0.5, "sample_rate": RATE}

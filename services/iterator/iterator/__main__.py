@@ -1,7 +1,7 @@
 """`python -m iterator --config FILE`."""
 
+from duralab_bus import HostedService, keep_few_arenas, service_main
 from iterator.service import SERVICE, IteratorConfig, IteratorService
-from labbus import HostedService, keep_few_arenas, service_main
 
 HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
 """The service as one of several in a process."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import InstanceOf, model_validator
 
 from duralab_settings import LimitPolicy, PlaybackSettings, StopCriteria
+from duralab_spectra import as_record
 from iterator.assessment import (
     IterationMetrics,
     Outcome,
@@ -49,7 +50,6 @@ from iterator.updates import (
     own_update,
     whole_model,
 )
-from spectra import as_record
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""

@@ -12,6 +12,7 @@ from typing import Final, Self
 
 import structlog
 
+from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
 from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.campaign import (
@@ -37,7 +38,6 @@ from iterator.campaign import (
     require_same_rig,
     same_campaign,
 )
-from labbus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
 
 SERVICE: Final = "iterator"
 """Name of the service, as in its liveliness key."""

@@ -3,8 +3,8 @@
 import hashlib
 import time
 
+from duralab_bus import FaultError
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import FaultError
 
 from .linear_rig import exact_model, experiment_plan
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import fftconvolve
 
-from spectra import line_frequencies
+from duralab_spectra import line_frequencies
 
 SAMPLE_RATE = 200.0
 BLOCK = 512

@@ -1,8 +1,8 @@
 """The linear rig as a service of its own process: `python rig_process.py --config FILE`."""
 
 from duralab.testing import LinearRig
+from duralab_bus import service_main
 from duralab_gateway import SERVICE, Approach, GatewayConfig, serving
-from labbus import service_main
 
 if __package__:
     from .linear_plants import SAMPLE_RATE, impulse_responses

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2
 from duralab_settings import LimitPolicy, SecantSettings, StopCriteria, UpdateKind
 from iterator.campaign import plan_campaign
 from iterator.campaign.confirmation import judge_confirmation, recorded_confirmation
 from iterator.campaign.messages import channel_metrics
-from labbus import FaultError
 
 from .linear_plants import BLOCK
 from .linear_rig import description, experiment_plan, specification

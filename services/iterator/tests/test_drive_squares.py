@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
+from duralab_spectra import rms
 from iterator import (
     CampaignSettings,
     DriveLimits,
@@ -23,7 +24,6 @@ from iterator.model import StepSpectra, drive_without
 from iterator.updates import controlled_model, secant_update, whole_model
 from iterator.updates.drive_squares import drive_for_squares
 from iterator.updates.secant_fit import fit_secant
-from spectra import rms
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 

@@ -5,10 +5,10 @@ import threading
 import time
 from contextlib import contextmanager
 
+from duralab_bus import BusConfig, SpoolFullError, open_bus
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.recording_log import RecordingLog
 from iterator.service import IteratorService
-from labbus import BusConfig, SpoolFullError, open_bus
 
 from .fake_lab import Lab, Recorder
 from .linear_rig import description, exact_model, experiment_plan, specification

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
 from iterator import (
     NO_BOUNDS,
@@ -22,7 +23,6 @@ from iterator import (
 )
 from iterator.assessment import passed_bound
 from iterator.campaign import plan_campaign
-from labbus import FaultError
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 from .linear_rig import description, experiment_plan, specification

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 import yaml
 
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import BusConfig, FaultError, open_bus
 
 from .fake_lab import Identifier, Lab, Recorder
 from .linear_rig import specification

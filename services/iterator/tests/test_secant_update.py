@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from duralab_settings import SecantSettings, StopCriteria, UpdateKind
+from duralab_spectra import line_frequencies
 from iterator import (
     NO_BOUNDS,
     CampaignSettings,
@@ -19,7 +20,6 @@ from iterator.model import StepSpectra
 from iterator.updates import secant_update
 from iterator.updates.secant_fit import fit_secant
 from iterator.updates.secant_update import secant_model
-from spectra import line_frequencies
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
+from duralab_bus import BusConfig, Continuity, FaultError, open_bus
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign import seeds
-from labbus import BusConfig, Continuity, FaultError, open_bus
 
 from .fake_lab import FINAL, Identifier, Lab, Recorder
 from .linear_rig import specification

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from duralab_spectra import CrossSpectra, cross_spectra, smooth_lines
 from iterator import IterationHistory, Playback
 from iterator.model import StepBlocks, averaged_steps, seen_steps
-from spectra import CrossSpectra, cross_spectra, smooth_lines
 
 CHOSEN = {"block_samples": 64, "overlap": 0.5, "sample_rate": 100.0}
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_proto.keys import check_run
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
 from iterator.campaign import lacks_copies, new_campaign, same_campaign
 from iterator.campaign.recorded import RecordedCampaign
 from iterator.campaign.resumption import run_name
-from labbus import FaultError
 
 from .linear_plants import noise_target
 from .wide_rig import specification, wide_lab

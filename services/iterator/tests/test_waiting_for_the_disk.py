@@ -5,10 +5,10 @@ import threading
 
 import pytest
 
+from duralab_bus import FaultError
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
 from iterator.campaign.recording_log import RecordingLog
-from labbus import FaultError
 
 FULL = "Recording 'demo' cannot be written now (No space left on device)."
 

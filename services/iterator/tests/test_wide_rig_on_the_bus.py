@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from duralab_spectra import line_frequencies, rms
 from iterator import control_band
 from iterator.campaign import seeds
-from labbus import FaultError
-from spectra import line_frequencies, rms
 
 from .linear_plants import SAMPLE_RATE, noise_target, play
 from .wide_rig import drives_of, impulses, model, specification, wide_lab

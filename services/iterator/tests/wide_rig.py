@@ -4,10 +4,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.arrays import from_record, to_array, to_record
 from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
 from iterator.service import IteratorService
-from labbus import BusConfig, FaultError, open_bus
 
 from . import linear_rig
 from .fake_lab import Lab, Recorder

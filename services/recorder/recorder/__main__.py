@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 
-from labbus import HostedService, service_main
+from duralab_bus import HostedService, service_main
 from recorder.config import RecorderConfig
 from recorder.service import NAME, build
 

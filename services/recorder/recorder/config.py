@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
 
-from labbus import ServiceConfig
+from duralab_bus import ServiceConfig
 
 _VIEWER = re.compile(r"rerun(\+http|\+https)?://[A-Za-z0-9.\-\[\]:]+/proxy")
 VIEWER_EXAMPLE: Final = "rerun+http://127.0.0.1:9876/proxy"

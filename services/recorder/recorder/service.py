@@ -12,10 +12,10 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
+from duralab_bus import Bus, Call, ConfigError, FaultError, FigureKind, Metrics, StreamItem, Subscription
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import RecordingError, hash_of_blocks
-from labbus import Bus, Call, ConfigError, FaultError, FigureKind, Metrics, StreamItem, Subscription
 from recorder.config import RecorderConfig
 from recorder.format import (
     PlaybackStep,

@@ -5,10 +5,10 @@ import os
 import numpy as np
 import pytest
 
+from duralab_bus import StreamItem
 from duralab_proto.arrays import to_array
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from labbus import StreamItem
 from recorder.format import files_of
 from recorder.log import Archive, Placement
 from recorder.reading import audit, describe

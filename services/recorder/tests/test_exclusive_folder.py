@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from labbus import BusConfig, ConfigError, open_bus
+from duralab_bus import BusConfig, ConfigError, open_bus
 from recorder.log import exclusive_folder
 
 

@@ -7,9 +7,9 @@ import time
 
 import pytest
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
-from labbus import StreamItem
 from recorder.log import Archive, Placement
 from recorder.mcap import McapLog
 from recorder.reading import verify

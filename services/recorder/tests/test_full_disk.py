@@ -8,9 +8,9 @@ import subprocess
 import numpy as np
 import pytest
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from labbus import StreamItem
 from recorder.format import read_summary
 from recorder.log import Archive, Placement
 from recorder.log.recovery import KILLED

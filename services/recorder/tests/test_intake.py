@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 
+from duralab_bus import StreamItem
 from duralab_proto.v1 import rig_pb2
-from labbus import StreamItem
 from recorder.log import Intake
 
 ITEMS = [StreamItem("k", 1, seq, rig_pb2.SignalBlock(), b"x" * 9000) for seq in range(8)]

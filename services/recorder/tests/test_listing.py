@@ -7,8 +7,8 @@ from unittest import mock
 
 import pytest
 
+from duralab_bus import Call
 from duralab_proto.v1 import recorder_pb2
-from labbus import Call
 from recorder.config import RecorderConfig
 from recorder.service import RecorderService
 

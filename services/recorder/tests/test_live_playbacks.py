@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from printed_view import legend_of, rows_of, run_rerun
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
-from labbus import StreamItem
 from recorder import rebuild_view
 from recorder.live import LiveView
 from recorder.live.playbacks import playback_of

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
 from duralab_recordings import scan
-from labbus import StreamItem
 from recorder import rebuild_view
 from recorder.live import LiveViews
 from recorder.log import Archive

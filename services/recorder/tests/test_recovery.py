@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from duralab_bus import Continuity, StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import MAGIC, is_finished
-from labbus import Continuity, StreamItem
 from recorder.format import DAMAGED_FOLDER, Summary, files_of, read_summary, recordings_in
 from recorder.log import Archive, Placement
 from recorder.reading import describe, verify

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from duralab_bus import BusConfig, open_bus
 from duralab_proto.v1 import rig_pb2
-from labbus import BusConfig, open_bus
 from recorder.config import RecorderConfig
 from recorder.service import build
 

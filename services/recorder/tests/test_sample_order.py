@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
-from labbus import StreamItem
 from recorder.format.sample_order import SampleOrder
 from recorder.log import Archive
 from recorder.reading import verify

@@ -18,9 +18,9 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
+from duralab_bus import BusConfig, Call, FaultError, StreamItem, open_bus
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import BusConfig, Call, FaultError, StreamItem, open_bus
 from recorder import service
 from recorder.config import RecorderConfig
 from recorder.service import RecorderService

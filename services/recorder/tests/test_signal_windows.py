@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from duralab_bus import StreamItem
 from duralab_proto.arrays import from_record
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from labbus import StreamItem
 from recorder.log import Archive
 from recorder.reading import read_window, signal_windows
 from recorder.refused import RefusedError

@@ -8,9 +8,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
-from labbus import StreamItem
 from recorder.format import files_of, recording_path
 from recorder.log import Archive
 from recorder.reading import describe, read_part, read_steps, verify

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from duralab_bus import StreamItem
 from duralab_proto.arrays import from_array, samples_hash
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import hash_of_blocks
-from labbus import StreamItem
 from recorder.format import files_of
 from recorder.log import Archive
 from recorder.reading import audit, read_steps

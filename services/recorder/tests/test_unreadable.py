@@ -9,9 +9,9 @@ from unittest import mock
 
 import pytest
 
+from duralab_bus import Call, StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from labbus import Call, StreamItem
 from recorder.config import RecorderConfig
 from recorder.log import Archive, Placement, recovery
 from recorder.refused import RefusedError

@@ -6,8 +6,8 @@
 import json
 import sys
 
+from duralab_bus import HostedService, service_main
 from duralab_gateway import SERVICE
-from labbus import HostedService, service_main
 from rig_sim.loading import shipped_documents, shipped_titles
 from rig_sim.service import RigSimConfig, serve
 

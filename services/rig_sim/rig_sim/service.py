@@ -10,8 +10,8 @@ from typing import Self
 import structlog
 from pydantic import Field, model_validator
 
+from duralab_bus import Bus, ConfigError
 from duralab_gateway import SERVICE, GatewayConfig, RigServer, open_spools, serve_refusal
-from labbus import Bus, ConfigError
 from rig_sim.bus import simulated
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name

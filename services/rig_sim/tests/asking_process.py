@@ -4,12 +4,12 @@ import sys
 
 import numpy as np
 
-import labbus
+import duralab_bus
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import rig_pb2
 
 endpoint, run = sys.argv[1:]
-with labbus.open_bus(labbus.BusConfig(connect=(endpoint,)), service="client") as bus:
+with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="client") as bus:
     bus.wait_for_live({("rig_sim", "front_axle")}, 120.0)
     description = bus.query(
         bus.keys.rig_description("front_axle"), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-import labbus
+import duralab_bus
 from duralab_gateway import SERVICE, RigServer
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import rig_pb2
@@ -52,7 +52,7 @@ class Client:
         return self.bus.query(self.bus.keys.rig_play(RIG), request, rig_pb2.PlayResult, **options)
 
     def fault(self, *arguments, **options):
-        with pytest.raises(labbus.FaultError) as caught:
+        with pytest.raises(duralab_bus.FaultError) as caught:
             self.play(*arguments, **options)
         return caught.value
 
@@ -75,12 +75,12 @@ class Client:
 
 @contextmanager
 def served(rig, *, real_time=False):
-    with labbus.open_bus(service=SERVICE) as server_bus:
+    with duralab_bus.open_bus(service=SERVICE) as server_bus:
         server = RigServer(
-            server_bus, simulated(rig), labbus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time
+            server_bus, simulated(rig), duralab_bus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time
         )
         server_bus.declare_live(SERVICE, RIG)
-        with labbus.open_bus(labbus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:
+        with duralab_bus.open_bus(duralab_bus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:
             bus.wait_for_live({(SERVICE, RIG)}, WAIT)
             client = Client(bus)
             client.server = server

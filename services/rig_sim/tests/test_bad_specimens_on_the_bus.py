@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-import labbus
+import duralab_bus
 from duralab_proto.arrays import from_record, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
@@ -92,7 +92,7 @@ def write_all(folder):
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
-    with labbus.open_bus(service="client") as bus:
+    with duralab_bus.open_bus(service="client") as bus:
         config = folder / "rig_sim.yaml"
         content = {"bus": {"connect": list(bus.listening)}, "rigs": [GOOD], "specimens": write_all(folder)}
         config.write_text(yaml.safe_dump(content))
@@ -107,7 +107,7 @@ def lab(tmp_path_factory):
 
 
 def fault_of(bus, key, request, answer):
-    with pytest.raises(labbus.FaultError) as caught:
+    with pytest.raises(duralab_bus.FaultError) as caught:
         bus.query(key, request, answer)
     return caught.value
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_gateway import Approach, check_drive
 from duralab_proto.v1 import array_pb2, rig_pb2
-from labbus import FaultError
 from rig_sim import shipped_specimens
 from rig_sim.bus.simulated_rig import _drive_channel
 from rig_sim.specimen.specimen import Specimen, read_specimen

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-import labbus
+import duralab_bus
 from duralab_gateway import SERVICE, RigServer
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
@@ -30,7 +30,7 @@ class Lab:
         keys = bus.keys
         bus.declare_live("recorder", "main")
         rig_bus.wait_for_live({("recorder", "main")}, WAIT)
-        self.space = labbus.SpoolSpace(ROOM_BLOCKS * 10_000)
+        self.space = duralab_bus.SpoolSpace(ROOM_BLOCKS * 10_000)
         self.server = RigServer(rig_bus, simulated(rig), self.space, spool_wait_seconds=0.3)
         rig_bus.declare_live(SERVICE, RIG)
         bus.wait_for_live({(SERVICE, RIG)}, WAIT)
@@ -48,7 +48,7 @@ class Lab:
         return self.bus.query(self.bus.keys.rig_play(RIG), request, rig_pb2.PlayResult)
 
     def fault(self, *arguments, **options):
-        with pytest.raises(labbus.FaultError) as caught:
+        with pytest.raises(duralab_bus.FaultError) as caught:
             self.play(*arguments, **options)
         assert caught.value.code == query_pb2.FAULT_CODE_FAILED_PRECONDITION
         return caught.value.message
@@ -71,8 +71,8 @@ class Lab:
 @pytest.fixture
 def lab(front_axle):
     with (
-        labbus.open_bus(service=SERVICE) as rig_bus,
-        labbus.open_bus(labbus.BusConfig(connect=rig_bus.listening), service="client") as bus,
+        duralab_bus.open_bus(service=SERVICE) as rig_bus,
+        duralab_bus.open_bus(duralab_bus.BusConfig(connect=rig_bus.listening), service="client") as bus,
     ):
         lab = Lab(rig_bus, bus, front_axle)
         yield lab
@@ -101,7 +101,7 @@ def test_rig_ramps_down_says_why_and_keeps_every_block(lab, real_time):
 
 def test_a_stop_comes_through_where_its_state_cannot_be_published(lab, monkeypatch):
     def refuse(_state):
-        raise labbus.SpoolFullError("the spool is full.")
+        raise duralab_bus.SpoolFullError("the spool is full.")
 
     monkeypatch.setattr(lab.server._states, "put", refuse)
     keys = lab.bus.keys

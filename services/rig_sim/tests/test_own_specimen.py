@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import labbus
+import duralab_bus
 from rig_sim import SpecimenError, load_rig
 from rig_sim.checks.equilibrium import NoEquilibriumError
 from rig_sim.checks.stability import UnstableError, check_stability
@@ -37,7 +37,7 @@ def written(folder, **changes):
 
 
 def free_endpoint():
-    with labbus.open_bus(service="client") as bus:
+    with duralab_bus.open_bus(service="client") as bus:
         return bus.listening[0]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-import labbus
+import duralab_bus
 from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
@@ -71,7 +71,7 @@ class Lab:
         return self.bus.query(self.bus.keys.rig_play(RIG), request, rig_pb2.PlayResult, **options)
 
     def refused(self, *arguments, **options):
-        with pytest.raises(labbus.FaultError) as caught:
+        with pytest.raises(duralab_bus.FaultError) as caught:
             self.play(*arguments, **options)
         return caught.value
 
@@ -88,7 +88,7 @@ class Lab:
         def ask():
             try:
                 outcome.append(self.play(run, drive, real_time=True))
-            except labbus.FaultError as fault:
+            except duralab_bus.FaultError as fault:
                 outcome.append(fault)
 
         thread = threading.Thread(target=ask)
@@ -99,7 +99,7 @@ class Lab:
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
-    with labbus.open_bus(service="client") as bus:
+    with duralab_bus.open_bus(service="client") as bus:
         process = start(tmp_path_factory.mktemp("rig"), {"bus": {"connect": list(bus.listening)}})
         bus.wait_for_live({("rig_sim", "front_axle"), ("rig_sim", "predecessor")}, WAIT)
         yield Lab(bus)
@@ -256,7 +256,7 @@ def test_a_bad_request_is_refused_before_anything_moves(lab, run, change, field,
     record.channels[0].name = change.get("name", record.channels[0].name)
     record.channels[0].unit = change.get("unit", "m")
     request = rig_pb2.PlayRequest(run=run, drive=record)
-    with pytest.raises(labbus.FaultError) as caught:
+    with pytest.raises(duralab_bus.FaultError) as caught:
         lab.bus.query(lab.bus.keys.rig_play(RIG), request, rig_pb2.PlayResult)
     fault = caught.value
     assert (fault.code_name, fault.field, fault.service) == ("INVALID_ARGUMENT", field, "rig_sim")
@@ -284,7 +284,7 @@ def test_both_rigs_play_at_once(lab):
 
 
 def test_a_service_that_ends_in_mid_play_ramps_down_and_says_so(tmp_path):
-    with labbus.open_bus(service="client") as bus:
+    with duralab_bus.open_bus(service="client") as bus:
         process = start(
             tmp_path, {"bus": {"connect": list(bus.listening)}, "rigs": ["front_axle"]}, stderr=subprocess.DEVNULL
         )
@@ -306,7 +306,7 @@ def mule(tmp_path):
     text = (folder / "front_axle.yaml").read_text().replace("name: front_axle\n", "name: mule\n", 1)
     text = text.replace("minimum: -0.115, maximum: 0.115", "minimum: -0.125, maximum: 0.125")
     (tmp_path / "my mule.yaml").write_text(text)
-    with labbus.open_bus(service="client") as bus:
+    with duralab_bus.open_bus(service="client") as bus:
         config = {"bus": {"connect": list(bus.listening)}, "rigs": [], "specimens": [str(tmp_path / "my mule.yaml")]}
         process = start(tmp_path, config, stderr=subprocess.DEVNULL)
         try:
@@ -325,7 +325,7 @@ def test_a_users_rig_is_live_under_its_own_name_and_tells_of_an_end_stop(mule):
     for run in ("long", "again"):
         request = rig_pb2.PlayRequest(run=run, drive=to_record(told.drives, 1000.0, drive))
         with pytest.raises(
-            labbus.FaultError, match=r"the piston of left_vertical met its end stop \(125 mm\) at"
+            duralab_bus.FaultError, match=r"the piston of left_vertical met its end stop \(125 mm\) at"
         ) as caught:
             mule.query(mule.keys.rig_play("mule"), request, rig_pb2.PlayResult)
         assert (caught.value.code_name, caught.value.field) == ("FAILED_PRECONDITION", "drive.samples")

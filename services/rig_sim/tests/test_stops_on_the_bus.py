@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from served_rig import WAIT, served, wave
 
+import duralab_bus
 import duralab_gateway.playback_session
 import duralab_gateway.publishing
-import labbus
 from duralab_gateway.interlock import Interlock
 from duralab_gateway.motion import Block, RigFaultError
 from duralab_proto.arrays import from_array
@@ -194,7 +194,9 @@ def test_a_stop_while_a_reset_waits_for_the_rest_keeps_the_rig_latched(client, m
         return rest(interlock)
 
     monkeypatch.setattr(Interlock, "wait_for_rest", meanwhile)
-    with pytest.raises(labbus.FaultError, match=r"again while its reset waited \(somebody is in the cell\)") as caught:
+    with pytest.raises(
+        duralab_bus.FaultError, match=r"again while its reset waited \(somebody is in the cell\)"
+    ) as caught:
         client.reset()
     assert caught.value.code_name == "FAILED_PRECONDITION"
     assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED

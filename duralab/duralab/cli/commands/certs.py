@@ -145,11 +145,11 @@ def run_router(
     as_json: Json = False,
 ) -> None:
     """Run the router of a secured lab until Ctrl-C, to try one without zenohd."""
-    import labbus
+    import duralab_bus
     from duralab import security
     from duralab.security import AUTHORITY, read_certificates
+    from duralab_bus import BusError
     from duralab_proto.access import ROUTER
-    from labbus import BusError
 
     output = Output(as_json)
     content = security.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
@@ -157,7 +157,7 @@ def run_router(
     names = [file.name for file in read_certificates(folder)]
     members = [name for name in names if name != AUTHORITY and not name.startswith(f"{ROUTER}.")]
     try:
-        with labbus.run_router(content, listen=endpoint):
+        with duralab_bus.run_router(content, listen=endpoint):
             output.say(
                 f"The router of lab {lab} listens at {endpoint} and lets in {', '.join(members)}, each by its role. "
                 "Ctrl-C ends it."

@@ -26,7 +26,7 @@ def check_rig(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> 
     from duralab.conformance import all_passed
     from duralab.conformance import check_rig as check
     from duralab.lab import FIND_SECONDS, join_bus
-    from labbus import FaultError
+    from duralab_bus import FaultError
 
     output = Output(as_json)
     endpoint = endpoint_if_any(endpoint)

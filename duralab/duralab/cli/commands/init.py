@@ -106,7 +106,7 @@ def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:
         with open_lab(output, endpoint_if_any(None), rigs=(rig,)) as lab:
             return lab.describe(rig)
     from duralab.lab import FIND_SECONDS, Lab, join_bus
-    from labbus import FaultError
+    from duralab_bus import FaultError
 
     # A gateway alone answers as well: neither identifier nor recorder is needed yet.
     with join_bus(endpoint) as bus:

@@ -13,8 +13,8 @@ def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None
     import secrets
 
     from duralab.lab import FIND_SECONDS, join_bus
+    from duralab_bus import FaultError
     from duralab_proto.v1 import rig_pb2
-    from labbus import FaultError
 
     output = Output(as_json)
     with join_bus(endpoint_of_lab(endpoint)) as bus:

@@ -37,7 +37,7 @@ def status(endpoint: Connect = None, as_json: Json = False) -> None:
     """Show the services, rigs, running campaigns, recorder and disk of a lab."""
     from duralab.lab import join_bus, lab_status
     from duralab.processes import running_labs
-    from labbus import BusError
+    from duralab_bus import BusError
 
     output = Output(as_json)
     here = {lab.endpoint: Path(lab.recordings) for lab in running_labs()}

@@ -16,9 +16,9 @@ from duralab.errors import LabError
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.output_files import replace_when_complete
 from duralab.recording import parts_beside
+from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from duralab_recordings import part_path
-from labbus import Bus, FaultError
 
 PART_BYTES: Final = 2 * 1024 * 1024
 """A recording of 93 MB came in 0.4 s on loopback, in pieces of twice the size in 0.5 to 0.7."""

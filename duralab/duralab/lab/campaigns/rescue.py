@@ -12,9 +12,9 @@ from duralab.lab.campaigns.fetching import fetch_files, wait_until_closed
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace
 from duralab.lab.client import Asking
 from duralab.output_files import OUTPUTS
+from duralab_bus import BusError, FaultError
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import query_pb2
-from labbus import BusError, FaultError
 
 RESCUE_SECONDS: Final = 10.0
 """Longest wait for a campaign that was stopped to close its recording; then it is left where it is."""

@@ -21,8 +21,8 @@ from duralab.lab.deadline import Patience
 from duralab.lab.progress import OnProgress
 from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
+from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
-from labbus import Bus, FaultError
 
 _REFUSED: Final = frozenset(
     {

@@ -14,8 +14,8 @@ from duralab.lab.campaigns.result import CampaignResult
 from duralab.lab.client import Asking
 from duralab.lab.deadline import FOREVER, Patience
 from duralab.lab.progress import ENDED, OnProgress, follow_campaign, progress_of
+from duralab_bus import BusError, FaultError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from labbus import BusError, FaultError
 
 SILENCE_SECONDS: Final = 10.0
 _STOP_SILENCE_SECONDS: Final = 2.0

@@ -4,9 +4,9 @@ from duralab_proto.keys import check_rig, check_run
 from duralab_proto.v1 import identifier_pb2
 from duralab_settings import EstimatorSettings, ExcitationKind, ResolvedExcitation, SettingsError
 from duralab_settings.messages import from_message
+from duralab_spectra import hop_samples
 from identifier.excitation import ExperimentSettings
 from identifier.experiment import IdentificationSettings
-from spectra import hop_samples
 
 
 def settings_of(request: identifier_pb2.IdentifyRequest) -> IdentificationSettings:

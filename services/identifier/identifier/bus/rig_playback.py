@@ -5,10 +5,10 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_bus import Bus, Call, FaultError
 from duralab_proto.arrays import ArrayError, from_record, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
 from identifier.experiment import RigUnderTest
-from labbus import Bus, Call, FaultError
 
 
 def describe_rig(bus: Bus, rig: str) -> RigUnderTest:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import CrossSpectra
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Capture, Layout, Window
-from spectra import CrossSpectra
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class SpectralSums:
         Parameters
         ----------
         drive
-            Shape (drives, samples), as `spectra.as_record` returns it: finite, which is not looked at again.
+            Shape (drives, samples), as `duralab_spectra.as_record` returns it: finite, which is not looked at again.
         response
             Shape (responses, samples), likewise, sampled at the same instants.
 

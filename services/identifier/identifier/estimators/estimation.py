@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_settings import EstimatorKind
+from duralab_spectra import NotFiniteError, as_record, shaped_record
 from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import drive_condition, unit_diagonal
 from identifier.estimators.frf_estimate import FrfEstimate, ModelWarning, WarningCode
@@ -27,7 +28,6 @@ from identifier.estimators.spectral import estimate_from_spectra, on_all_lines
 from identifier.estimators.standstill import StandstillCheck
 from identifier.estimators.used_stretches import UsedStretches
 from identifier.layout import Layout, Window
-from spectra import NotFiniteError, as_record, shaped_record
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import NotFiniteError
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
-from spectra import NotFiniteError
 
 SHORTEST_FLAT_TOP = 3
 """Samples in a row at one extreme value that may be clipped: noise does not stand still, not even digitised."""

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from duralab_settings import PowerSpectrum
+from duralab_spectra import line_frequencies, require_sample_rate
 from identifier.excitation.fades import linear_fades
 from identifier.excitation.power_spectrum import power_density
 from identifier.excitation.random_streams import random_stream
-from spectra import line_frequencies, require_sample_rate
 
 
 def pure_random(

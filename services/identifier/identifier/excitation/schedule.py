@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_settings import ExcitationKind, SettingsError
+from duralab_spectra import count_blocks, hann_periodic, hop_samples, independent_averages, line_frequencies
 from identifier.excitation.hadamard import nearest_hadamard_order
 from identifier.excitation.multisine import choose_lines
 from identifier.excitation.orthogonal import experiments_of
 from identifier.excitation.power_spectrum import power_density
 from identifier.excitation.settings import ExperimentSettings
 from identifier.layout import Capture, Layout, Window
-from spectra import count_blocks, hann_periodic, hop_samples, independent_averages, line_frequencies
 
 AVERAGES_PER_DRIVE = 2
 """Independent averages of random drives needed for each; with as many as drives S_uu is singular by chance alone."""

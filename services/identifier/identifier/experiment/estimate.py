@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_settings import EstimatorSettings
+from duralab_spectra import as_record
 from identifier.estimators import EstimatorOptions, FrfEstimate, estimate
 from identifier.layout import Layout
-from spectra import as_record
 
 
 def estimate_experiment(

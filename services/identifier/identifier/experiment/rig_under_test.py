@@ -8,10 +8,10 @@ import numpy as np
 
 from duralab_proto.v1 import array_pb2, rig_pb2
 from duralab_settings import EstimatorKind, ExcitationKind, LevelKind, SettingsError
+from duralab_spectra import count_blocks
 from identifier.estimators import Estimation, EstimatorOptions
 from identifier.excitation import Experiment, ExperimentSettings, check_levels, design_experiment, schedule_experiment
 from identifier.experiment.settings import IdentificationSettings
-from spectra import count_blocks
 
 LARGEST_AVERAGED_SAMPLES = 2**28
 """Blocks times samples of a block: about half a minute of transforms."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spectra import as_frf, pseudo_inverse
+from duralab_spectra import as_frf, pseudo_inverse
 
 CONFIDENCE = 0.95
 """Share of the rigs that the model's uncertainty allows, for `Convergence.spectral_radius_95`."""

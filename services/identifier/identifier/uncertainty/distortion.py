@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_record, pseudo_inverse
 from identifier.layout import Layout, Window
-from spectra import as_record, pseudo_inverse
 
 FEWEST_PERIODS = 2
 """Periods of one drive from which its noise can be told."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_settings import SettingsError
+from duralab_spectra import as_record, dynamic_part, pseudo_inverse
 from identifier.uncertainty.valid_band import ValidBand
-from spectra import as_record, dynamic_part, pseudo_inverse
 
 CREST_FACTOR = 4.5
 """Peak over RMS to leave room for, where none is asked for: Gaussian noise passes it about once in 150 000 samples."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_record
 from identifier.uncertainty.valid_band import ValidBand
-from spectra import as_record
 
 
 @dataclass(frozen=True)

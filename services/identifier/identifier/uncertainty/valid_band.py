@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from spectra import line_frequencies
+from duralab_spectra import line_frequencies
 
 
 @dataclass(frozen=True)

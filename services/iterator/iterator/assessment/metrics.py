@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from loads import DAMAGE_EXPONENTS, damage_ratio
-from spectra import crest_factor, overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
+from duralab_loads import DAMAGE_EXPONENTS, damage_ratio
+from duralab_spectra import crest_factor, overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
 
 
 @dataclass(frozen=True)

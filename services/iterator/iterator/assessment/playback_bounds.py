@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from duralab_loads import DAMAGE_EXPONENTS
 from duralab_settings import StopCriteria
 from iterator.assessment.metrics import IterationMetrics
-from loads import DAMAGE_EXPONENTS
 
 
 class BoundedQuantity(enum.Enum):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spectra import as_record, noise_floor, rms
+from duralab_spectra import as_record, noise_floor, rms
 
 
 @dataclass(frozen=True)

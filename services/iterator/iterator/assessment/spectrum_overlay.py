@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spectra import as_record, auto_spectra, line_frequencies, paired_spectra
+from duralab_spectra import as_record, auto_spectra, line_frequencies, paired_spectra
 
 
 @dataclass(frozen=True)

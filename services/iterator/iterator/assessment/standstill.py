@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import as_record, rms
 from iterator.band import ControlBand, Segment
-from spectra import as_record, rms
 
 # Peak to peak over the target's RMS. Below it a target is silent for a while, and a good rig without noise may be at
 # rest. In a stretch longer than a period of the band's lowest frequency, a target that moves goes much further.

@@ -7,9 +7,9 @@ import enum
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_loads import DAMAGE_EXPONENTS
 from duralab_settings import StopCriteria
 from iterator.assessment.metrics import IterationMetrics
-from loads import DAMAGE_EXPONENTS
 
 
 class Outcome(enum.Enum):

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from duralab_spectra import band_mask, dynamic_part, static_levels
 from iterator.band.banded_transform import BandedTransform
 from iterator.band.rest import TARGET_FADE_SECONDS, faded
-from spectra import band_mask, dynamic_part, static_levels
 
 # Usual widths of the flanks outside the band, as shares of its edges.
 _LOWER_FLANK_SHARE: Final = 0.5

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import line_frequencies
 from iterator.band.band import ControlBand
-from spectra import line_frequencies
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from duralab_bus import Bus, FaultError
 from duralab_proto.keys import LONGEST_NAME, MAIN_INSTANCE, check_id
 from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.recorded import RecordedCampaign, read_campaign
 from iterator.campaign.recording_log import RecordingLog
-from labbus import Bus, FaultError
 
 _DISCOVERY_SECONDS: Final = 1.5
 # A run is named after its campaign and is a name itself; this is the most that is added, in a further attempt.

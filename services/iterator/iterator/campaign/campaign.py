@@ -11,6 +11,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
+from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.assessment import IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
@@ -37,7 +38,6 @@ from iterator.campaign.rig_playback import RigPlayback, words_of
 from iterator.campaign.status_board import StatusBoard
 from iterator.iteration_loop import Iteration, iterate
 from iterator.limits import DriveLimitError, DriveOverrunError
-from labbus import Bus, FaultError
 
 _PAUSED: Final = "paused"
 

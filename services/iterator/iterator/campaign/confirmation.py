@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
 from duralab_settings import StopCriteria
@@ -24,7 +25,6 @@ from iterator.campaign.messages import channel_metrics
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import standstills_in_words
 from iterator.iteration_loop import Iteration
-from labbus import FaultError
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.assessment import IterationMetrics, Outcome
@@ -14,7 +15,6 @@ from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
 from iterator.iteration_loop import Iteration, RecordedPlayback
 from iterator.model import ModelUncertainty, RigModel, rig_model
-from labbus import FaultError
 
 OUTCOMES: Final = {
     Outcome.REACHED: iterator_pb2.OUTCOME_REACHED,

@@ -11,10 +11,12 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_settings import Acceptance, PlaybackSettings, ResolvedUpdate, SettingsError, StopCriteria, UpdateKind
 from duralab_settings.messages import from_message
+from duralab_spectra import count_blocks, rms
 from iterator.band import ControlBand, OutsideBand, control_band, energy_outside_band
 from iterator.campaign.static_part import static_remarks
 from iterator.campaign.target_reach import require_reach, tiny_target_remarks
@@ -22,8 +24,6 @@ from iterator.iteration_loop import CampaignSettings
 from iterator.limits import DriveLimits
 from iterator.model import FEWEST_LINES, checked_response_weight
 from iterator.updates import FEWEST_BLOCKS, UpdateSettings
-from labbus import FaultError
-from spectra import count_blocks, rms
 
 # What rounding leaves of a constant target in the control band, relative to the constant.
 _ROUNDING: Final = 1e-9

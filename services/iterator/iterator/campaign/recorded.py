@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from google.protobuf.message import DecodeError, Message
 
+from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import ArrayError, from_array, samples_hash
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.messages import with_samples
-from labbus import Bus, FaultError
 
 _KINDS: Final = {
     kind.DESCRIPTOR.full_name: kind

@@ -10,8 +10,8 @@ from typing import Final
 
 from google.protobuf.message import Message
 
+from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from labbus import Bus, FaultError
 
 _ROOM_RETRY_SECONDS: Final = 1.0
 # A step that takes longer to be stored is a pause, and is shown as one.

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from google.protobuf.message import Message
 
+from duralab_bus import FaultError
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.campaign.recorded import RecordedCampaign
-from labbus import FaultError
 
 
 @dataclass(frozen=True)

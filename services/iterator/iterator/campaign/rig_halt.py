@@ -7,8 +7,8 @@ from typing import Final
 
 import structlog
 
+from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import rig_pb2
-from labbus import Bus, FaultError
 
 # A cancelled playback reaches the rig through the identifier too; it needs this long to be let go and ramp down.
 _PATIENCE_SECONDS: Final = 2.0

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
+from duralab_spectra import rms
 from iterator.band import ControlBand
-from spectra import rms
 
 # Relative to the RMS of what is reproduced; less is not reported.
 _REPORTED_SHARE: Final = 0.1

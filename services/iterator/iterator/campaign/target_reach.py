@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
-from labbus import FaultError
 
 # Of a response's range; a target that moves by less hardly leaves the sensor's noise.
 _TINY_SHARE: Final = 1e-3

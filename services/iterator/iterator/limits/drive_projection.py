@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import as_record, line_frequencies, rms
 from iterator.band import ControlBand, Segment, segments_of
 from iterator.limits.drive_limits import DriveLimits, LimitQuantity, drive_slew
-from spectra import as_record, line_frequencies, rms
 
 # Aimed at this much inside a limit, so that steps that only ever come nearer arrive after a finite number.
 _AIM_INSIDE: Final = 0.005

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from duralab_spectra import as_record
 from iterator.band import Segment, segments_of
-from spectra import as_record
 
 # Over which the error's energy is averaged, and how near a saturated drive counts, s.
 _WINDOW_SECONDS: Final = 1.0

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_record
 from iterator.band import ControlBand
 from iterator.model.interpolated_product import interpolated_product
 from iterator.model.rig import RigModel
-from spectra import as_record
 
 # Two sample rates that differ by less are the same one, rounded.
 _SAME_RATE: Final = 1e-9

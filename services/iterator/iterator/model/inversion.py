@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from spectra import inverse_frf
+from duralab_spectra import inverse_frf
 
 # Of levelling rows and columns of a matrix in turn (Sinkhorn): a few take units away, more would change little.
 _LEVELLING_ROUNDS: Final = 8

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_frf, band_mask
 from iterator.band import ControlBand
 from iterator.model.inversion import cautious_inverse, weighted_inverse
 from iterator.model.step_spectra import SeenStep
-from spectra import as_frf, band_mask
 
 FEWEST_LINES: Final = 4
 """Lines that the identified band must hold: a cubic is laid through them."""

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import CrossSpectra, count_blocks, hann_periodic, hop_samples, independent_averages, smooth_lines
 from iterator.model.history import IterationHistory, Playback
-from spectra import CrossSpectra, count_blocks, hann_periodic, hop_samples, independent_averages, smooth_lines
 
 SMOOTHED_LINES: Final = 5
 """Lines that a smoothed one is made of."""

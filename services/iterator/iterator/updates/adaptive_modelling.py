@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_settings import CorrectionPrediction, CorrectionShape
+from duralab_spectra import CrossSpectra, auto_spectra, count_blocks, paired_spectra
 from iterator.model import IterationHistory, RigModel, apply_inverse, driven_lines, predict
 from iterator.updates import basic_twr
 from iterator.updates.model_correction import (
@@ -18,7 +19,6 @@ from iterator.updates.model_correction import (
     full_correction_from_spectra,
 )
 from iterator.updates.settings import NextDrive, UpdateSettings
-from spectra import CrossSpectra, auto_spectra, count_blocks, paired_spectra
 
 FEWEST_BLOCKS: Final = 2
 """Blocks that a playback must hold: with a single one the coherence is 1 whatever was measured."""

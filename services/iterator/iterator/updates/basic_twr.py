@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import rms
 from iterator.band import ControlBand
 from iterator.model import IterationHistory, RigModel, apply_inverse, stepped_drive
 from iterator.updates.gains import gain_at
 from iterator.updates.segment_acceptance import accept_segments
 from iterator.updates.settings import NextDrive, UpdateSettings
-from spectra import rms
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:

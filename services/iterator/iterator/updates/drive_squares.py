@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import rms
 from iterator.band import ControlBand
 from iterator.model import drive_without
 from iterator.updates.basic_twr import StepStart
-from spectra import rms
 
 # Looks at what a drive's squares would do: each costs as much as a step of basic TWR. What is left after them is
 # learned from the playback.

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import smooth_lines
 from iterator.updates.settings import UpdateSettings
-from spectra import smooth_lines
 
 LARGEST_CONDITION: Final = 1e8
 """Condition number of the observed spectra, scaled to unit diagonal, above which a line gets no full correction."""

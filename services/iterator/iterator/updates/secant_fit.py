@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import smooth_lines
 from iterator.model import StepSpectra
 from iterator.updates.anchored_fit import AnchoredSteps
-from spectra import smooth_lines
 
 # Squares that leave more than the first share of what the drives alone leave of a response are noise; less than the
 # second, and they are taken whole. Random plants converge alike with 0.6 and 0.2.

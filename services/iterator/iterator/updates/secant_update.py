@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra import rms
 from iterator.model import (
     IterationHistory,
     RigModel,
@@ -20,7 +21,6 @@ from iterator.updates import basic_twr
 from iterator.updates.drive_squares import drive_for_squares
 from iterator.updates.secant_fit import fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
-from spectra import rms
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:

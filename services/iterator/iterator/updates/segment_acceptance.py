@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_spectra.transforms import backward, fast_length, forward
 from iterator.model import IterationHistory
-from spectra.transforms import backward, fast_length, forward
 
 
 @dataclass(frozen=True)

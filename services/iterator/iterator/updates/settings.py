@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Field, InstanceOf, field_validator
 
 from duralab_settings import ResolvedUpdate, UpdateKind
+from duralab_spectra import as_record
 from iterator.band import ControlBand
 from iterator.model import IterationHistory, Playback, RigModel
 from iterator.updates.segment_acceptance import AcceptanceSettings
-from spectra import as_record
 
 
 class UpdateSettings(ResolvedUpdate):

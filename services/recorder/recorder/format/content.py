@@ -8,10 +8,10 @@ from typing import Final
 
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
+from duralab_bus import Continuity
 from duralab_proto.keys import rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA
-from labbus import Continuity
 from recorder.format.runs import PlannedRun
 from recorder.format.sample_order import SampleOrder
 from recorder.format.steps import type_name_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
+from duralab_bus import Continuity
 from duralab_proto.v1 import recorder_pb2
-from labbus import Continuity
 
 MOST_BLOCKS: Final = 2**32
 """Of one playback: the log keeps 32 bits of a sequence number."""

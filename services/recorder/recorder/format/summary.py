@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from duralab_bus import Continuity
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from duralab_recordings import DAMAGE, SUMMARY_METADATA, index_reader, is_finished
-from labbus import Continuity
 from recorder.format.runs import MOST_BLOCKS, PlannedRun, ranges_of
 
 # Anybody may publish a state under any number of 64 bits, and it is written.

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 import structlog
 
+from duralab_bus import StreamItem
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import BlockPlace
-from labbus import StreamItem
 from recorder.format import Step, files_of, leaves_samples_out, recordings_in
 from recorder.log.interruptions import Interruptions
 from recorder.log.recording import DiskError, Recording, as_disk_error

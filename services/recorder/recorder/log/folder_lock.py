@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from labbus import ConfigError
+from duralab_bus import ConfigError
 
 LOCK: Final = ".recorder"
 """Locked, not its content: the lock goes with the process, however that ends."""

@@ -6,7 +6,7 @@ import threading
 import time
 from typing import Any, Final
 
-from labbus import StreamItem
+from duralab_bus import StreamItem
 
 MOST_BYTES: Final = 128 * 1024 * 1024
 # A parsed message and what Python keeps about it.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from labbus import StreamItem
+from duralab_bus import StreamItem
 from recorder.log.recording import DiskError
 
 RETRY_SECONDS: Final = 1.0

@@ -11,10 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+from duralab_bus import Continuity, StreamItem
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA, BlockPlace, block_places, part_metadata
-from labbus import Continuity, StreamItem
 from recorder.format import (
     SCENARIO_METADATA,
     SOFTWARE_METADATA,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
+from duralab_bus import Continuity
 from duralab_proto.v1 import query_pb2, recorder_pb2
-from labbus import Continuity
 from recorder.format import MOST_BLOCKS, PlannedRun
 from recorder.refused import RefusedError
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-import labbus
+import duralab_bus
 from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 
@@ -25,7 +25,7 @@ def start(folder, config, bus=None, **options):
 
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory):
-    with labbus.open_bus(service="client") as client:
+    with duralab_bus.open_bus(service="client") as client:
         folder = tmp_path_factory.mktemp("rig")
         process = start(folder, {"rigs": [RIG], "engines": {RIG: "drake"}}, client)
         try:
@@ -69,7 +69,7 @@ def test_a_stop_is_heard_while_drake_plays(bus):
         request = rig_pb2.PlayRequest(run="stopped", drive=to_record(told.drives, 1000.0, np.zeros((6, 20_000))))
         try:
             bus.query(keys.rig_play(RIG), request, rig_pb2.PlayResult)
-        except labbus.FaultError as fault:
+        except duralab_bus.FaultError as fault:
             faults.append(fault)
 
     bus.subscribe(keys.rig_signal(RIG, "stopped"), rig_pb2.SignalBlock, on_block)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from duralab_bus import FaultError
 from duralab_gateway import answer_frf
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import rig_pb2
-from labbus import FaultError
 from rig_sim.bus import describe_rig
 from rig_sim.loading import load_any_rig
 from rig_sim.specimen.specimen import shipped_specimens

@@ -1,0 +1,384 @@
+"""The bus as a service or a lab script uses it: joining, and everything a session can do."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Final, Self
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_bus.encoding import MessageT
+from duralab_bus.faults import BusError, FaultError
+from duralab_bus.metrics import HealthService, Metrics
+from duralab_bus.queries import Cancel, Handler, QueryClient, QueryServer, Served
+from duralab_bus.security import Permission
+from duralab_bus.session import (
+    BusConfig,
+    BusSession,
+    Declaration,
+    Identity,
+    Instance,
+    LiveCallback,
+    LivelinessTracker,
+    LiveWatch,
+    Reintroduction,
+    check_identity,
+    open_session,
+)
+from duralab_bus.spool import SPOOL_BYTES, SpoolFolder, SpoolSpace
+from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamMetrics, StreamPublisher, Subscription
+from duralab_proto.access import Operation
+from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
+from duralab_proto.v1 import health_pb2, query_pb2
+
+_STORING: Final = ("recorder", MAIN_INSTANCE)
+
+
+class LiveToken:
+    """Says that an instance of a service is there and answers for its health, until `close` or the process's end.
+
+    Parameters
+    ----------
+    token : Declaration
+        Of the liveliness token.
+    answering : Served
+        The query for its health.
+    on_close : callable
+        Told when it is closed.
+    """
+
+    def __init__(self, token: Declaration[Any], answering: Served, *, on_close: Callable[[LiveToken], None]) -> None:
+        self._token = token
+        self._answering = answering
+        self._on_close = on_close
+        self._closed = False
+
+    def close(self) -> None:
+        """Say it no more."""
+        if not self._closed:
+            self._closed = True
+            self._token.undeclare()
+            self._answering.close()
+            self._on_close(self)
+
+
+class Bus:
+    """One session on the bus; made by `open_bus`, closed by `close` or at the end of `with`. Safe for threads."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        config: BusConfig,
+        *,
+        service: str,
+        workers: int,
+        listening: tuple[str, ...],
+        identity: Identity | None = None,
+    ) -> None:
+        self.config = config
+        self.keys = Keys(config.lab)
+        self.service = service
+        self.listening = listening
+        """The endpoints others may connect to, with their actual ports."""
+        self._session = BusSession(session, config)
+        self._limit = config.largest_payload_bytes
+        self._tracker = LivelinessTracker(self._session, self.keys)
+        self._reintroduction = Reintroduction(config, self._tracker)
+        self._permission = Permission(identity, self.keys)
+        self._client = QueryClient(self._session, self.keys, self._tracker, largest_bytes=self._limit)
+        self.metrics = Metrics()
+        """Metrics of this process: served to Prometheus, and in the answer to a health query."""
+        self._server = QueryServer(
+            self._session, self.keys, service=service, workers=workers, largest_bytes=self._limit, metrics=self.metrics
+        )
+        self._replays = ReplayServer(self._session)
+        self._replay_client = ReplayClient(self._session, largest_bytes=self._limit)
+        # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
+        self._tokens: set[LiveToken] = set()
+        self._subscriptions: set[Subscription[Any]] = set()
+        self._watches: set[LiveWatch] = set()
+        self._spaces: set[SpoolSpace] = set()
+        streams = StreamMetrics(self.metrics)
+        streams.follow_spools(self._spaces, lambda: self._replays.unstored)
+        streams.follow_subscriptions(self._subscriptions)
+        self._published = streams.published
+        self._health = HealthService(self.metrics)
+        self._closing = threading.Lock()
+        self._closed = False
+
+    def serve(
+        self,
+        key_expression: str,
+        request_type: type[MessageT],
+        handler: Handler[MessageT],
+        *,
+        workers: int | None = None,
+    ) -> Served:
+        """Answer the queries on a key expression.
+
+        Parameters
+        ----------
+        key_expression : str
+            A key, or one with "*" for a name. Where two match a query, the more specific one answers.
+        request_type : type
+            The message that is expected; anything else is refused before the handler is called.
+        handler : callable
+            Called with (request, call) on a worker thread, once per query and never again. Returns the response, or
+            raises FaultError, or lets the ArrayError of the request's arrays and the KeyNameError of a name pass
+            (they become INVALID_ARGUMENT); anything else is logged and becomes INTERNAL. While it runs the client is
+            told once a second.
+        workers : int, optional
+            Threads for this key, as many as the bus was opened with where not given. Where given, queries wait for one
+            of them as long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
+        """
+        self._permission.expect(Operation.SERVE, key_expression)
+        return self._server.serve(key_expression, request_type, handler, workers=workers)
+
+    def query(
+        self,
+        key: str,
+        request: Message,
+        response_type: type[MessageT],
+        *,
+        silence_seconds: float = 10.0,
+        on_progress: Callable[[query_pb2.Progress], None] | None = None,
+        cancel: Cancel | None = None,
+    ) -> MessageT:
+        """Ask a service and wait for its one answer, however long it works.
+
+        Parameters
+        ----------
+        key : str
+            Without wildcards.
+        request : Message
+            The message the service expects.
+        response_type : type
+            The message it answers with.
+        silence_seconds : float
+            Longest time without a sign of life. A service gives one every second by itself.
+        on_progress : callable, optional
+            Called with each Progress, on this thread.
+        cancel : Cancel, optional
+            Such as a `threading.Event`. Once it is set, the wait ends; the service is told but may finish all the same.
+
+        Raises
+        ------
+        FaultError
+            PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there or vanishes,
+            DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key,
+            DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also where
+            the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names
+            the router, and says whether the request may have arrived. A read (`duralab_proto.access.Effect`) is asked
+            again there, for at most 3 s and not beyond its silence; what moves or changes something never is.
+        BusError
+            This bus is closed.
+        """
+        self._permission.expect(Operation.ASK, key)
+        session = self._session.current
+        try:
+            return self._client.query(
+                key,
+                request,
+                response_type,
+                silence_seconds=silence_seconds,
+                on_progress=on_progress,
+                cancel=cancel,
+            )
+        except zenoh.ZError as error:
+            self._session.expect_router(key, session)
+            raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
+
+    def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
+        """Return a publisher on one key, with an epoch of its own.
+
+        Parameters
+        ----------
+        key : str
+            Without wildcards.
+        spools : SpoolSpace, optional
+            Where it keeps the stream for replay; 64 MiB of memory of its own where not said. In a SpoolFolder it
+            survives this process.
+        durable : bool
+            Whether nothing may give way that the recorder has not marked as stored, wherever this session has met
+            one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
+        """
+        self._permission.expect(Operation.PUBLISH, key)
+        if spools is not None:
+            self._spaces.add(spools)
+        return StreamPublisher(
+            self._session,
+            key,
+            replays=self._replays,
+            # One stream that nobody marks takes an eighth of a space.
+            spools=spools or SpoolSpace(8 * SPOOL_BYTES),
+            held=durable and self._tracker.met(_STORING),
+            largest_bytes=self._limit,
+            published=self._published,
+        )
+
+    def serve_left_spools(self, spools: SpoolFolder) -> int:
+        """Offer what publishers that are dead left in a folder, until it is marked; return how many streams."""
+        self._spaces.add(spools)
+        left = spools.take_over()
+        for key, epoch, spool in left:
+            self._replays.offer(key=key, epoch=epoch, spool=spool).retire()
+        return len(left)
+
+    def subscribe(
+        self,
+        key_expression: str,
+        message_type: type[MessageT],
+        callback: Callable[[StreamItem[MessageT]], None],
+        on_problem: Callable[[FaultError], None] | None = None,
+        *,
+        repair: bool = False,
+    ) -> Subscription[MessageT]:
+        """Receive what is published on a key expression.
+
+        Parameters
+        ----------
+        key_expression : str
+            A key, or one with wildcards.
+        message_type : type
+            The message that is expected.
+        callback : callable
+            Called with each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
+            the oldest are dropped, and with `repair` fetched again when there is room.
+        on_problem : callable, optional
+            Called, never while `callback` is, with the FaultError of a message that is not what is expected; logged
+            otherwise. With `repair` its publisher is asked for it once more; where that cannot be read either, it is
+            lost, and nothing waits for it.
+        repair : bool
+            Whether to deliver whatever publishers of these keys still keep, also of streams that have ended, and all
+            that follows: each message once and in order. What is lost on the way is fetched from the publishers'
+            spools; what nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages
+            may be lost otherwise.
+        """
+        self._permission.expect(Operation.RECEIVE, key_expression)
+        subscription = Subscription(
+            self._session,
+            key_expression,
+            message_type,
+            callback,
+            on_problem=on_problem,
+            largest_bytes=self._limit,
+            client=self._replay_client if repair else None,
+            on_close=self._subscriptions.discard,
+        )
+        self._subscriptions.add(subscription)
+        return subscription
+
+    def declare_live(self, service: str, instance: str) -> LiveToken:
+        """Say that an instance of a service is there, and answer for its health; do it last, when it answers."""
+        if self._tracker.live(service, instance):
+            structlog.get_logger("duralab_bus").warning(
+                "Another one is on the bus.", service=service, instance=instance
+            )
+        answering = self.serve(
+            self.keys.health(service, instance),
+            health_pb2.HealthRequest,
+            lambda _request, _call: self._health.report(service, instance),
+        )
+        key = self.keys.live(service, instance)
+        declared = self._session.declare(lambda joined: joined.liveliness().declare_token(key))
+        token = LiveToken(declared, answering, on_close=self._tokens.discard)
+        self._tokens.add(token)
+        return token
+
+    def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
+        """Return who is there now, as (service, instance); a new session has not met everyone yet: see `discover`."""
+        return self._tracker.live(service, instance)
+
+    def watch_live(self, callback: LiveCallback) -> LiveWatch:
+        """Call back with (service, instance, alive) for everyone who is there and at every change, on an own thread."""
+        watch = LiveWatch(self._tracker, callback, on_close=self._watches.discard)
+        self._watches.add(watch)
+        return watch
+
+    def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
+        """Return who is there, like `live`, but only when this session is old enough to have met everyone."""
+        self._client.wait_until_discovered()
+        return self._tracker.live(service, instance)
+
+    def wait_for_live(self, instances: set[Instance], timeout_seconds: float) -> None:
+        """Wait until all of them are there.
+
+        Raises
+        ------
+        FaultError
+            UNAVAILABLE, naming who is missing after the timeout.
+        """
+        missing = self._tracker.wait_for(set(instances), timeout_seconds=timeout_seconds)
+        if missing:
+            names = ", ".join(sorted(f"{service}/{instance}" for service, instance in missing))
+            raise FaultError(
+                query_pb2.FAULT_CODE_UNAVAILABLE,
+                f"Not on the bus after {timeout_seconds:g} s: {names}; see whether it runs and what its log says.",
+            )
+
+    def stop_serving(self) -> None:
+        """Withdraw the liveliness tokens, take no more queries, tell the running handlers and wait a moment for them.
+
+        Asking and publishing go on, so that a service can still bring its own work to an end.
+        """
+        for token in list(self._tokens):
+            token.close()
+        self._server.close()
+
+    def close(self) -> None:
+        """Leave the bus: tokens first, then queries, streams and the session. Returns within about 3 s."""
+        with self._closing:
+            if self._closed:
+                return
+            self._closed = True
+        self.stop_serving()
+        for watch in list(self._watches):
+            watch.close()
+        for subscription in list(self._subscriptions):
+            subscription.close()
+        self._replays.close()
+        for space in self._spaces:
+            space.close()
+        self._reintroduction.close()
+        self._tracker.close()
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4) -> Bus:
+    """Join the bus.
+
+    Parameters
+    ----------
+    config : BusConfig, optional
+        How; an unconnected peer on loopback where not given.
+    service : str
+        Who joins, e.g. "rig_sim"; named in the faults it answers.
+    workers : int
+        Queries of one key answered at once, 1 or more.
+
+    Returns
+    -------
+    Bus
+        Open; to be closed.
+
+    Raises
+    ------
+    BusError
+        One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
+    """
+    config = config or BusConfig()
+    identity = check_identity(config.tls) if config.tls is not None else None
+    session, listening = open_session(config)
+    return Bus(session, config, service=service, workers=workers, listening=listening, identity=identity)

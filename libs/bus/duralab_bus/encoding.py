@@ -1,0 +1,78 @@
+"""Messages as they go over the bus: protobuf, with the encoding naming the message's type."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TypeVar
+
+import zenoh
+from google.protobuf.message import DecodeError, Message
+
+from duralab_bus.faults import FaultError
+from duralab_proto.v1 import query_pb2
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+def encoding_of(message_type: Message | type[Message]) -> str:
+    """Return the encoding of a message or message type: `application/protobuf;<full name>`.
+
+    Parameters
+    ----------
+    message_type : Message or type
+        Of the contract.
+
+    Returns
+    -------
+    str
+        As it goes beside the payload.
+    """
+    return f"application/protobuf;{message_type.DESCRIPTOR.full_name}"
+
+
+@cache
+def zenoh_encoding_of(message_type: type[Message]) -> zenoh.Encoding:
+    """Return the encoding of a message type as Zenoh keeps it; it is compared without reading its text again."""
+    return zenoh.Encoding(encoding_of(message_type))
+
+
+def encode(
+    message: Message,
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> bytes:
+    """Serialise a message that is about to be sent."""
+    # Asking for its size first would serialise it twice.
+    payload = message.SerializeToString(deterministic=True)
+    if len(payload) > largest_bytes:
+        raise _too_large(message.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
+    return payload
+
+
+def decode(
+    payload: zenoh.ZBytes | bytes | None,
+    encoding: zenoh.Encoding | None,
+    message_type: type[MessageT],
+    *,
+    largest_bytes: int,
+    code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+) -> MessageT:
+    """Check and parse what was received."""
+    # Thousands of times a second: what only a sentence needs is made for the sentence.
+    if encoding != zenoh_encoding_of(message_type):
+        received = "none" if encoding is None else str(encoding)
+        raise FaultError(code, f"The message has the encoding {received!r}; expected is {encoding_of(message_type)!r}.")
+    if payload is not None and len(payload) > largest_bytes:
+        raise _too_large(message_type.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
+    try:
+        return message_type.FromString(payload.to_bytes() if isinstance(payload, zenoh.ZBytes) else payload or b"")
+    except DecodeError as error:
+        name = message_type.DESCRIPTOR.full_name
+        raise FaultError(code, f"The payload of {len(payload or b'')} bytes is not a {name}; send one.") from error
+
+
+def _too_large(name: str, size: int, largest: int, *, code: query_pb2.FaultCode) -> FaultError:
+    return FaultError(
+        code, f"The {name} has {size} bytes; at most {largest} are allowed (`largest_payload_bytes` of the bus)."
+    )

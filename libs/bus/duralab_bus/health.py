@@ -1,0 +1,78 @@
+"""Is a service there and answering? `python -m duralab_bus.health SERVICE [INSTANCE …] [--config FILE]`.
+
+For health checks of containers and supervisors: joins the bus as the service's own configuration says, asks each
+instance for its health, and ends with exit code 0, or 1 and one sentence; 2 where it is misconfigured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict
+
+from duralab_bus.bus import open_bus
+from duralab_bus.faults import BusError, FaultError
+from duralab_bus.process import configured
+from duralab_bus.session import BusConfig, BusMode
+from duralab_bus.yaml_config import ConfigError
+from duralab_proto.keys import MAIN_INSTANCE
+from duralab_proto.v1 import health_pb2
+
+EXIT_SICK: Final = 1
+EXIT_MISCONFIGURED: Final = 2
+
+
+class _Joining(BaseModel):
+    """What of a service's configuration says how to join the bus."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    bus: BusConfig = BusConfig()
+
+
+def check_health(bus: BusConfig, service: str, instances: list[str], *, timeout_seconds: float) -> None:
+    """Ask instances of a service for their health."""
+    client = bus.model_copy(update={"mode": BusMode.CLIENT, "connect_timeout_seconds": timeout_seconds})
+    with open_bus(client, service="health") as session:
+        session.wait_for_live({(service, instance) for instance in instances}, timeout_seconds)
+        for instance in instances:
+            session.query(
+                session.keys.health(service, instance),
+                health_pb2.HealthRequest(),
+                health_pb2.Health,
+                silence_seconds=timeout_seconds,
+            )
+
+
+def main() -> int:
+    """Read the command line, ask, and return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m duralab_bus.health", description="Is a service there and answering?"
+    )
+    parser.add_argument("service", help="as in its liveliness key, e.g. rig_sim")
+    parser.add_argument("instance", nargs="*", default=[MAIN_INSTANCE], help="rigs, of rig_sim; main of the others")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="the service's own; the environment counts too")
+    parser.add_argument("--timeout", type=float, default=5.0, metavar="SECONDS")
+    options = parser.parse_args()
+    try:
+        config = configured(_Joining, options.config)
+        if not config.bus.connect:
+            raise ConfigError("The service connects to nobody, so nobody can look at it; name an endpoint in connect.")
+        check_health(config.bus, options.service, options.instance, timeout_seconds=options.timeout)
+    except ConfigError as error:
+        return _report(error, EXIT_MISCONFIGURED)
+    except (BusError, FaultError) as error:
+        return _report(error, EXIT_SICK)
+    return 0
+
+
+def _report(error: Exception, code: int) -> int:
+    sys.stderr.write(f"{error}\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,200 @@
+"""A service as a process: configuration, log, bus, liveliness, and an end in time."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Final, NoReturn, TypeVar
+
+import structlog
+from pydantic import BaseModel, ConfigDict, Field
+
+from duralab_bus.bus import Bus, open_bus
+from duralab_bus.faults import BusError, FaultError
+from duralab_bus.metrics import MetricsConfig, serve_metrics
+from duralab_bus.process.logs import configure_logs
+from duralab_bus.process.settings import configured
+from duralab_bus.process.stacks import log_stacks
+from duralab_bus.session import BusConfig
+from duralab_bus.yaml_config import ConfigError
+from duralab_proto.keys import MAIN_INSTANCE
+
+EXIT_MISCONFIGURED: Final = 2
+EXIT_STUCK: Final = 1
+_EXIT_SECONDS: Final = 2.8
+
+
+class ServiceConfig(BaseModel):
+    """What every service is told; services add their own fields in a subclass."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    bus: BusConfig = BusConfig()
+    # End when standard input ends: the supervisor holds the other end of the pipe, so that no service outlives it.
+    exit_with_parent: bool = False
+    # Where its figures are told to Prometheus; nowhere where not given.
+    metrics: MetricsConfig | None = None
+    # Queries of one key answered at once.
+    workers: int = Field(default=4, ge=1, le=64)
+
+
+ServiceConfigT = TypeVar("ServiceConfigT", bound=ServiceConfig)
+
+Build = Callable[[Bus], AbstractContextManager[object] | None]
+
+
+def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Sequence[str] = (MAIN_INSTANCE,)) -> None:
+    """Run a service until it is told to end.
+
+    Parameters
+    ----------
+    name : str
+        Of the service, as in its liveliness key.
+    config : ServiceConfig
+        Its configuration.
+    build : callable
+        Called with the open bus; declares what it serves. May return a context manager, entered at once and left
+        before the bus closes.
+    instances : sequence of str
+        What is declared live, after everything else: the rigs of rig_sim, "main" of the others.
+
+    Raises
+    ------
+    SystemExit
+        With code 2 after one sentence on standard error when the bus or the service cannot be set up as configured.
+        SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within 3 s. SIGUSR1
+        makes it log where its threads are.
+    """
+    configure_logs(name)
+    log = structlog.get_logger(name)
+    stop = _StopSignal(log)
+    stop.listen(standard_input=config.exit_with_parent)
+    with ExitStack() as stack:
+        try:
+            bus = stack.enter_context(open_bus(config.bus, service=name, workers=config.workers))
+            context = build(bus)
+            if context is not None:
+                stack.enter_context(context)
+            metrics = stack.enter_context(serve_metrics(config.metrics, bus.metrics)) if config.metrics else None
+        except (BusError, ConfigError, FaultError) as error:
+            _refuse(error)
+        # Who sees the token may ask, and a handler may run from then on: a signal must not cut in any more.
+        stop.set_up()
+        for instance in instances:
+            bus.declare_live(name, instance)
+        log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab, metrics=metrics)
+        stop.wait()
+        log.info("ending", why=stop.reason)
+        # Before what `build` made is taken apart: a handler may be using it.
+        bus.stop_serving()
+    log.info("ended")
+
+
+def service_main(
+    name: str,
+    config_type: type[ServiceConfigT],
+    build: Callable[[ServiceConfigT], Build],
+    *,
+    instances: Callable[[ServiceConfigT], Sequence[str]] = lambda _: (MAIN_INSTANCE,),
+) -> None:
+    """Run a service from the command line: `python -m <name> --config FILE`; see `configured` for the environment.
+
+    Parameters
+    ----------
+    name : str
+        Of the service.
+    config_type : type
+        Its configuration.
+    build : callable
+        Given the configuration, returns what `run_service` calls with the bus.
+    instances : callable, optional
+        Given the configuration, returns the instances to declare live.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=f"The {name} of a Duralab lab.")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="YAML file; the defaults where not given")
+    path: Path | None = parser.parse_args().config
+    try:
+        config = configured(config_type, path)
+    except ConfigError as error:
+        _refuse(error)
+    run_service(name, config, build(config), instances=instances(config))
+    # Everything is closed and written. Daemon threads of handlers and native libraries may still hold a lock, that of
+    # the log too: the interpreter's own way out would abort on it now and then.
+    sys.stderr.flush()
+    os._exit(0)
+
+
+def _refuse(error: Exception) -> NoReturn:
+    sys.stderr.write(f"{error}\n")
+    raise SystemExit(EXIT_MISCONFIGURED) from error
+
+
+class _StopSignal:
+    """Whatever tells the process to end: signals, or the end of standard input.
+
+    A signal handler may interrupt anything, also a lock being taken; so it sets a flag and writes to a pipe, no more.
+    """
+
+    def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
+        self._log = log
+        self._waiting = False
+        self._stopped = False
+        self._main_reads, self._main_writes = os.pipe()
+        self._signal_reads, self._signal_writes = os.pipe()
+        self.reason = ""
+
+    def listen(self, *, standard_input: bool) -> None:
+        # Python's own handlers wait for the main thread to come back from native code, which may build a plant or wait
+        # for a connection; the byte in this pipe does not.
+        os.set_blocking(self._signal_writes, False)
+        signal.set_wakeup_fd(self._signal_writes)
+        threading.Thread(target=self._watch, name="duralab_bus-watchdog", daemon=True).start()
+        # So that it writes its byte, and ends nothing.
+        signal.signal(signal.SIGUSR1, lambda _number, _frame: None)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._on_signal)
+        if standard_input:
+            threading.Thread(target=self._follow_parent, name="duralab_bus-parent", daemon=True).start()
+
+    def set_up(self) -> None:
+        """From now on a signal is only noted, until `wait` reads it."""
+        self._waiting = True
+
+    def wait(self) -> None:
+        os.read(self._main_reads, 1)
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if self._stopped:
+            return
+        self._stopped = True
+        self.reason = self.reason or signal.Signals(number).name
+        os.write(self._main_writes, b"!")
+        if not self._waiting:
+            # Still being set up: nothing reads the pipe yet.
+            raise SystemExit(0)
+
+    def _follow_parent(self) -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        self.reason = "the parent process ended"
+        # The same way out as for a signal, on the main thread.
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def _watch(self) -> None:
+        """Tell where the threads are when asked; end the process when it does not by itself, whatever is stuck."""
+        while os.read(self._signal_reads, 1)[0] == signal.SIGUSR1:
+            log_stacks()
+        # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
+        # Python's handler runs on the main one alone, and that would go on waiting.
+        os.write(self._main_writes, b"!")
+        time.sleep(_EXIT_SECONDS)
+        self._log.error("Something is stuck; the process ends without it.", after_seconds=_EXIT_SECONDS)
+        os._exit(EXIT_STUCK)

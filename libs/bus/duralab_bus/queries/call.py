@@ -1,0 +1,191 @@
+"""One query as its server sees it: from its arrival to its one answer."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, Generic
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_bus.encoding import MessageT, decode, encode, encoding_of
+from duralab_bus.faults import FaultError
+from duralab_bus.queries.refusal_log import RefusalLog, session_of
+from duralab_proto.arrays import ArrayError
+from duralab_proto.keys import KeyNameError
+from duralab_proto.v1 import query_pb2
+
+KEEP_ALIVE_SECONDS: Final = 0.8
+"""Progress is sent again after this time, so that a client hears of it at least once a second."""
+
+_SHORTEST_PROGRESS_SECONDS: Final = 0.05
+
+Handler = Callable[[MessageT, "Call"], Message]
+
+
+class Call:
+    """What a handler is given besides the request; made by the bus for each query."""
+
+    def __init__(self, key: str, *, send: Callable[[query_pb2.Progress], None], cancelled: threading.Event) -> None:
+        self.key = key
+        """The key that was queried, without wildcards."""
+        self._send = send
+        self._cancelled = cancelled
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether nobody waits for the answer any more: the client ended or gave up, or this bus closes.
+
+        Known 0.3 s after the client let go; never for a client that sends no id with its query.
+        """
+        return self._cancelled.is_set()
+
+    def progress(self, phase: str, fraction: float, *, remaining_seconds: float = -1.0, detail: str = "") -> None:
+        """Tell the client how far it is; may be called as often as one likes, more than 20 a second are thinned out.
+
+        Parameters
+        ----------
+        phase : str
+            What is done now, in words.
+        fraction : float
+            Share that is done, 0 to 1.
+        remaining_seconds : float
+            Expected time to the result, in seconds; negative where unknown.
+        detail : str
+            More about it, in words.
+        """
+        if not 0.0 <= fraction <= 1.0 or not math.isfinite(remaining_seconds):
+            raise ValueError(
+                f"Progress of {fraction} with {remaining_seconds} s to go cannot be; "
+                "the fraction is 0 to 1 and the time is finite."
+            )
+        self._send(
+            query_pb2.Progress(phase=phase, fraction=fraction, remaining_seconds=remaining_seconds, detail=detail)
+        )
+
+
+class QueryJob(Generic[MessageT]):
+    """A query on its way through a worker. Exactly one answer is sent, whoever of worker, ticker and closing sends."""
+
+    def __init__(
+        self,
+        query: zenoh.Query,
+        *,
+        request_type: type[MessageT],
+        handler: Handler[MessageT],
+        service: str,
+        largest_bytes: int,
+        refusals: RefusalLog,
+        on_end: Callable[[QueryJob[MessageT]], None],
+    ) -> None:
+        self.key = str(query.key_expr)
+        self.asker = "" if query.attachment is None else query.attachment.to_bytes().decode("ascii", "replace")
+        self._session = session_of(query)
+        self._refusals = refusals
+        self._query = query
+        self._request_type = request_type
+        self._handler = handler
+        self._service = service
+        self._largest_bytes = largest_bytes
+        self._on_end = on_end
+        self._lock = threading.Lock()
+        self._progress = query_pb2.Progress(remaining_seconds=-1.0)
+        self._sent_at = time.monotonic()
+        self._answered = False
+        self.code = "OK"
+        """How it was answered: the name of a fault's code, or OK."""
+        self._cancelled = threading.Event()
+        self._log = structlog.get_logger("duralab_bus").bind(key=self.key)
+
+    def cancel(self) -> None:
+        """Tell the handler that nobody waits any more."""
+        self._cancelled.set()
+
+    def run(self) -> None:
+        """Decode, call the handler, answer."""
+        try:
+            if self._cancelled.is_set():
+                raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The client gave up before the query began.")
+            if "*" in self.key:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+                    f"The key {self.key!r} has wildcards; ask one key at a time, see the liveliness tokens.",
+                )
+            query = self._query
+            request = decode(query.payload, query.encoding, self._request_type, largest_bytes=self._largest_bytes)
+            call = Call(self.key, send=self._report, cancelled=self._cancelled)
+            response = self._handler(request, call)
+            payload = encode(response, largest_bytes=self._largest_bytes, code=query_pb2.FAULT_CODE_INTERNAL)
+        except FaultError as fault:
+            self.refuse(fault)
+        except ArrayError as error:
+            # Handlers decode arrays of the request all the time; what is wrong with one is the client's to know.
+            self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field))
+        except KeyNameError as error:
+            # Likewise names: those in the key that was asked, and those that handlers make keys of.
+            self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error)))
+        except Exception as error:  # noqa: BLE001 - any defect of a handler must reach the client as a fault
+            self._log.exception("A query failed by a defect of this service.")
+            self.refuse(
+                FaultError(
+                    query_pb2.FAULT_CODE_INTERNAL,
+                    f"The {self._service} failed by a defect of its own ({type(error).__name__}: {error}); "
+                    "its log says more.",
+                )
+            )
+        else:
+            self._answer(lambda query: query.reply(self.key, payload, encoding=encoding_of(response)))
+
+    def refuse(self, fault: FaultError) -> None:
+        """Answer with a fault, unless it is answered."""
+        message = fault.to_message()
+        message.service = message.service or self._service
+        payload = message.SerializeToString()
+        self._refusals.report(self.key, fault, session=self._session, asker=self.asker)
+        self._answer(lambda query: query.reply_err(payload, encoding=encoding_of(message)), code=fault.code_name)
+
+    def keep_alive(self) -> None:
+        """Send the last progress again when the client has heard nothing for a while."""
+        # Not to wait for a reply that is being sent just now: that is a sign of life as well.
+        if not self._lock.acquire(blocking=False):
+            return
+        try:
+            if time.monotonic() - self._sent_at >= KEEP_ALIVE_SECONDS:
+                self._send_progress()
+        finally:
+            self._lock.release()
+
+    def _report(self, progress: query_pb2.Progress) -> None:
+        with self._lock:
+            new_phase = progress.phase != self._progress.phase
+            self._progress = progress
+            if new_phase or time.monotonic() - self._sent_at >= _SHORTEST_PROGRESS_SECONDS:
+                self._send_progress()
+
+    def _send_progress(self) -> None:
+        """Send it; the lock is held."""
+        if self._answered:
+            return
+        self._sent_at = time.monotonic()
+        try:
+            self._query.reply(self.key, self._progress.SerializeToString(), encoding=encoding_of(query_pb2.Progress))
+        except zenoh.ZError:
+            self._log.info("Progress could not be sent; the session is closed.")
+
+    def _answer(self, send: Callable[[zenoh.Query], None], *, code: str = "OK") -> None:
+        with self._lock:
+            if self._answered:
+                return
+            self._answered = True
+            self.code = code
+            try:
+                # Leaving the query undropped would let the client wait for more.
+                with self._query as query:
+                    send(query)
+            except zenoh.ZError:
+                self._log.warning("The answer could not be sent; the session is closed.")
+        self._on_end(self)

@@ -1,0 +1,387 @@
+"""The asking side of a bus: one query from its key to its result or fault, never without an end."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any, Final, Generic, Protocol, cast
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_bus.encoding import MessageT, decode, encode, encoding_of
+from duralab_bus.faults import FaultError
+from duralab_bus.queries.asking_tokens import AskingToken, AskingTokens
+from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Instance, LivelinessTracker
+from duralab_proto.access import Effect, effect_of
+from duralab_proto.keys import Keys, parse_live, serving
+from duralab_proto.v1 import query_pb2
+
+DISCOVERY_SECONDS: Final = 1.5
+"""A connection this young may not have met everyone, nor lead to every key that they serve: only after this time, in
+seconds, without a loss is a service said to be missing, or not to serve a key."""
+
+INTRODUCTION_SECONDS: Final = 0.5
+"""Who was never met may be on the way: two that a third has met are introduced to each other a moment later, up to
+some tenths of a second on a busy machine. So long a query waits for a stranger, however old its session is."""
+
+AGAIN_SECONDS: Final = 3.0
+"""Longest time, in seconds, in which a read that was cut off is asked again, and in which a change is held back."""
+
+# Zenoh has a link back within some 50 ms. Each ask declares a token, and Zenoh forgets none: few of them.
+_PAUSES_SECONDS: Final = (0.05, 0.1, 0.2, 0.4)
+# A router that is back for longer is not why a service is not.
+_RETURN_SECONDS: Final = 10.0
+
+# Zenoh ends a query by itself after 10 s otherwise. A durability test in real time takes days; the silence timeout and
+# the liveliness token end a query that leads nowhere long before.
+_ZENOH_TIMEOUT_SECONDS: Final = 30 * 24 * 3600.0
+_POLL_SECONDS: Final = 0.05
+# Of a key that is served a router told within 8 ms; without that wait every end was taken for an unserved key.
+_MATCHING_SECONDS: Final = 0.5
+_MATCHING_POLL_SECONDS: Final = 0.002
+
+
+class Cancel(Protocol):
+    """Says whether a wait is to end; a `threading.Event` is one."""
+
+    def is_set(self) -> bool:
+        """Return True once nobody waits any more."""
+        ...
+
+
+class _Gone:
+    """The service's liveliness token vanished."""
+
+
+class _Ended:
+    """Zenoh ended the query: no more replies."""
+
+
+_Event = zenoh.Reply | _Gone | _Ended
+
+
+@dataclass
+class _Question(Generic[MessageT]):
+    """One query: a change is asked once, a read again where its connection cut it off."""
+
+    key: str
+    instance: Instance
+    payload: bytes
+    encoding: str
+    response_type: type[MessageT]
+    effect: Effect
+    silence_seconds: float
+    on_progress: Callable[[query_pb2.Progress], None] | None
+    cancel: Cancel | None
+    asks: int = 0
+    deadline: float = math.inf
+    """When it was silent for too long, in s of the monotonic clock; a further ask does not put it off, a sign of life
+    does."""
+    cut_off: float = math.inf
+    """When it first ended without an answer, on the same clock."""
+
+    def expect_wanted(self) -> None:
+        if self.cancel is not None and self.cancel.is_set():
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, f"The query on {self.key} was cancelled.")
+
+    @property
+    def again_until(self) -> float:
+        return min(self.deadline, self.cut_off + AGAIN_SECONDS)
+
+    @property
+    def pause(self) -> float:
+        return _PAUSES_SECONDS[min(self.asks, len(_PAUSES_SECONDS)) - 1]
+
+
+class QueryClient:
+    """Client of the queries that one session sends.
+
+    `session`: Session on which it asks. `keys`: Keys of the lab. `tracker`: Liveliness of the services: a query ends
+    when its service vanishes. `largest_bytes`: Largest request that is sent and largest answer that is accepted, in
+    bytes.
+    """
+
+    def __init__(self, session: BusSession, keys: Keys, tracker: LivelinessTracker, *, largest_bytes: int) -> None:
+        self._session = session
+        self._keys = keys
+        self._tracker = tracker
+        self._tokens = AskingTokens(keys)
+        self._largest_bytes = largest_bytes
+        self._log = structlog.get_logger("duralab_bus")
+
+    def query(
+        self,
+        key: str,
+        request: Message,
+        response_type: type[MessageT],
+        *,
+        silence_seconds: float,
+        on_progress: Callable[[query_pb2.Progress], None] | None,
+        cancel: Cancel | None,
+    ) -> MessageT:
+        """Ask and wait for the answer; see `Bus.query`."""
+        if "*" in key:
+            raise ValueError(f"The key {key!r} has wildcards; a query goes to one key.")
+        question = _Question(
+            key=key,
+            instance=parse_live(serving(key)),
+            payload=encode(request, largest_bytes=self._largest_bytes),
+            encoding=encoding_of(request),
+            response_type=response_type,
+            effect=effect_of(key, self._keys),
+            silence_seconds=silence_seconds,
+            on_progress=on_progress,
+            cancel=cancel,
+        )
+        while True:
+            if question.asks and self._session.away:
+                raise self._interrupted(question)
+            self._session.expect_router(key)
+            self._expect_live(question)
+            if question.effect is Effect.CHANGE:
+                self._expect_way(question)
+            answer = self._ask(question)
+            if not isinstance(answer, _Gone | _Ended):
+                if question.asks > 1:
+                    self._log.warning(
+                        "A read was asked again: its connection was lost.",
+                        key=key,
+                        asks=question.asks,
+                        seconds=round(time.monotonic() - question.cut_off, 3),
+                    )
+                return answer
+            question.cut_off = min(question.cut_off, time.monotonic())
+            self._expect_another_ask(question, gone=isinstance(answer, _Gone))
+            time.sleep(question.pause)
+
+    def _ask(self, question: _Question[MessageT]) -> MessageT | _Gone | _Ended:
+        """Send it once and return its answer, or how it ended without one."""
+        events: SimpleQueue[_Event] = SimpleQueue()
+
+        def on_live(service: str, name: str, alive: bool) -> None:
+            if not alive and (service, name) == question.instance:
+                events.put(_Gone())
+
+        stop = zenoh.CancellationToken()
+        session = self._session.current
+        with self._tokens.held(session) as token:
+            self._tracker.subscribe(on_live)
+            question.deadline = min(question.deadline, time.monotonic() + question.silence_seconds)
+            try:
+                # Not through a declared querier: of four declared at once on one key, three ended without an answer.
+                session.get(
+                    question.key,
+                    zenoh.handlers.Callback(events.put, drop=lambda: events.put(_Ended()), indirect=False),
+                    payload=question.payload,
+                    encoding=question.encoding,
+                    attachment=token.asker,
+                    source_info=self._tracker.source,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                    # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    timeout=_ZENOH_TIMEOUT_SECONDS,
+                    cancellation_token=stop,
+                )
+                question.asks += 1
+                return self._follow(events, token, question)
+            finally:
+                self._tracker.unsubscribe(on_live)
+                stop.cancel()
+
+    def wait_until_discovered(self) -> None:
+        """Wait until the session is old enough to have met everyone."""
+        time.sleep(self._undiscovered_seconds)
+
+    @property
+    def _undiscovered_seconds(self) -> float:
+        return max(0.0, self._session.linked + DISCOVERY_SECONDS - time.monotonic())
+
+    def _follow(
+        self, events: SimpleQueue[_Event], token: AskingToken, question: _Question[MessageT]
+    ) -> MessageT | _Gone | _Ended:
+        while True:
+            question.expect_wanted()
+            left = question.deadline - time.monotonic()
+            try:
+                event = events.get(timeout=max(0.0, left if question.cancel is None else min(left, _POLL_SECONDS)))
+            except Empty:
+                if time.monotonic() < question.deadline:
+                    continue
+                if question.asks > 1:
+                    raise self._interrupted(question) from None
+                raise FaultError(
+                    query_pb2.FAULT_CODE_DEADLINE_EXCEEDED,
+                    f"{_named(question.instance)} was silent for {question.silence_seconds:g} s on {question.key}; "
+                    "it hangs, or its machine is overloaded.",
+                ) from None
+            if isinstance(event, _Gone | _Ended):
+                return event
+            token.answered = not _is_progress(event)
+            result = self._read(event, question.response_type, question.on_progress)
+            if result is not None:
+                return result
+            question.deadline = time.monotonic() + question.silence_seconds
+
+    def _read(
+        self,
+        reply: zenoh.Reply,
+        response_type: type[MessageT],
+        on_progress: Callable[[query_pb2.Progress], None] | None,
+    ) -> MessageT | None:
+        """Return the result, or None after progress; raise the service's fault."""
+        # A damaged answer is not the asker's fault: not INVALID_ARGUMENT.
+        code = query_pb2.FAULT_CODE_DATA_LOSS
+        limit = self._largest_bytes
+        if (error := reply.err) is not None:
+            raise FaultError.from_message(
+                decode(error.payload, error.encoding, query_pb2.Fault, largest_bytes=limit, code=code)
+            )
+        sample = reply.ok
+        if sample is None:
+            return None
+        if not _is_progress(reply):
+            return decode(sample.payload, sample.encoding, response_type, largest_bytes=limit, code=code)
+        progress = decode(sample.payload, sample.encoding, query_pb2.Progress, largest_bytes=limit, code=code)
+        if on_progress is not None:
+            on_progress(progress)
+        return None
+
+    def _expect_live(self, question: _Question[Any]) -> None:
+        instance = question.instance
+        # Who was met and is gone is gone.
+        patience = 0.0 if self._tracker.met(instance) else INTRODUCTION_SECONDS
+        patience = max(patience, self._undiscovered_seconds)
+        if question.asks:
+            patience = min(patience, max(0.0, question.again_until - time.monotonic()))
+        if not self._tracker.wait_for({instance}, timeout_seconds=patience):
+            return
+        if self._not_back(instance):
+            raise _unavailable(
+                f"{_named(instance)} has not come back to the bus since {self._session.router} was away, so "
+                f"{question.key} has no answer; see that both run, and ask again."
+            )
+        service = instance[0]
+        if service == "rig_sim":
+            rigs = sorted(rig for _, rig in self._tracker.live(service))
+            there = f"the rigs on it: {', '.join(map(repr, rigs))}" if rigs else "there is no rig, start one first"
+            raise _unavailable(f"No rig {instance[1]!r} is on the bus of lab {self._keys.lab!r}; {there}.")
+        there = sorted({f"{s}/{i}" for s, i in self._tracker.live()})
+        raise _unavailable(
+            f"No {service} is on the bus of lab {self._keys.lab!r}, "
+            f"live are {', '.join(there) or 'none'}; start it first."
+        )
+
+    def _not_back(self, instance: Instance) -> bool:
+        """Return whether an instance went with a router that has been away of late, and was not seen since."""
+        recently = self._session.disturbed(time.monotonic() - _RETURN_SECONDS)
+        back = self._tracker.moved(instance, self._session.linked + DEBOUNCE_SECONDS)
+        return recently and self._tracker.met(instance) and not back
+
+    def _expect_way(self, question: _Question[Any]) -> None:
+        """Hold a change until its key is known, where the connection was just lost or made: it is sent once only."""
+        until = time.monotonic() + min(AGAIN_SECONDS, question.silence_seconds)
+        while self._unsettled(question.instance, time.monotonic() - DISCOVERY_SECONDS):
+            question.expect_wanted()
+            self._session.expect_router(question.key)
+            if self._is_served(question.key, timeout_seconds=_POLL_SECONDS):
+                return
+            if time.monotonic() >= until:
+                raise _unavailable(
+                    f"{self._connection(question)}, so nothing was sent on {question.key}; ask again in a moment."
+                )
+
+    def _unsettled(self, instance: Instance, since: float) -> bool:
+        """Return whether the connection to an instance, over the router or of its own, was lost or made of late."""
+        return self._session.disturbed(since) or self._tracker.moved(instance, since)
+
+    def _expect_another_ask(self, question: _Question[Any], *, gone: bool) -> None:
+        """Raise why a query ended without a result; return where it may be asked again.
+
+        Zenoh itself does not tell a killed service from a missing one, nor from a connection that was just made anew:
+        there a query may end within milliseconds, before the keys of the others are known again (its issue 2767).
+        """
+        ended = time.monotonic()
+        instance, since, until = question.instance, ended - DISCOVERY_SECONDS, ended + 2 * DEBOUNCE_SECONDS
+        # That the link was lost is told some tenths of a millisecond after the query's end.
+        while not (gone or self._session.disturbed(since)) and time.monotonic() < until:
+            gone = self._tracker.wait_gone(instance, timeout_seconds=_POLL_SECONDS)
+        disturbed = self._session.disturbed(since)
+        if gone and not disturbed:
+            raise _unavailable(
+                f"{_named(instance)} left the bus before it answered {question.key}; it ended, crashed or is frozen: "
+                "see its log."
+            )
+        if not self._unsettled(instance, since):
+            raise self._unanswered(question)
+        if question.effect is Effect.CHANGE or time.monotonic() + question.pause >= question.again_until:
+            raise self._interrupted(question)
+
+    def _interrupted(self, question: _Question[Any]) -> FaultError:
+        """Return that a query was cut off by a connection: the router's, or else that of the service."""
+        if question.effect is Effect.READ:
+            outcome = f"{question.key}, a read, has no answer after being asked {question.asks} times; ask again"
+        else:
+            outcome = (
+                f"it is unknown whether the request on {question.key} arrived, and it is not sent again: see the state "
+                f"of {_within(question.instance)} before you ask again"
+            )
+        return _unavailable(f"{self._connection(question)}: {outcome}.")
+
+    def _connection(self, question: _Question[Any]) -> str:
+        # What cut off the first ask counts, however long ago.
+        since = min(question.cut_off, time.monotonic()) - DISCOVERY_SECONDS
+        if self._session.disturbed(since):
+            return f"The connection to {self._session.router} was lost or is just back"
+        return f"The connection of {_within(question.instance)} to the bus is just made"
+
+    def _unanswered(self, question: _Question[Any]) -> FaultError:
+        """Return why there is no result though the connection is whole."""
+        if self._is_served(question.key, timeout_seconds=_MATCHING_SECONDS):
+            return FaultError(
+                query_pb2.FAULT_CODE_DATA_LOSS,
+                f"{_named(question.instance)} ended the query on {question.key} without a result; its log says more.",
+            )
+        return FaultError(
+            query_pb2.FAULT_CODE_UNIMPLEMENTED,
+            f"{_named(question.instance)} is on the bus but does not answer {question.key}.",
+        )
+
+    def _is_served(self, key: str, *, timeout_seconds: float) -> bool:
+        until = time.monotonic() + timeout_seconds
+        try:
+            with self._session.current.declare_querier(key) as querier:
+                # The router tells of a key some milliseconds after it was asked. The stub of Zenoh 1.10.2 says bool; it
+                # is a MatchingStatus.
+                while not (served := cast(zenoh.MatchingStatus, querier.matching_status).matching):
+                    if time.monotonic() >= until:
+                        break
+                    time.sleep(_MATCHING_POLL_SECONDS)
+                return served
+        except zenoh.ZError:
+            if self._session.closed:
+                raise
+            return False  # Its link is lost.
+
+
+def _is_progress(reply: zenoh.Reply) -> bool:
+    sample = reply.ok
+    return sample is not None and str(sample.encoding) == encoding_of(query_pb2.Progress)
+
+
+def _named(instance: Instance) -> str:
+    service, name = instance
+    return f"The rig {name!r}" if service == "rig_sim" else f"The {service}"
+
+
+def _within(instance: Instance) -> str:
+    """Return the name of an instance as it stands within a sentence."""
+    return f"t{_named(instance)[1:]}"
+
+
+def _unavailable(message: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_UNAVAILABLE, message)

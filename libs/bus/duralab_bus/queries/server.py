@@ -1,0 +1,310 @@
+"""The serving side of a bus: queryables, their workers, keep-alive and cancellation."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import structlog
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_bus.encoding import MessageT
+from duralab_bus.faults import FaultError
+from duralab_bus.metrics import NO_LABELS, Labels, Metrics
+from duralab_bus.queries.call import Handler, QueryJob
+from duralab_bus.queries.refusal_log import RefusalLog
+from duralab_bus.queries.workers import PATIENCE_SECONDS, WorkerPool
+from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Declaration, Inbox
+from duralab_proto.keys import ANY, Keys
+from duralab_proto.v1 import query_pb2
+
+_TICK_SECONDS: Final = 0.1
+_DRAIN_SECONDS: Final = 1.5
+_REMEMBERED_DEPARTURES: Final = 256
+# A peer that is frozen says nothing of its tokens; who can answer does so within milliseconds.
+_TOKEN_SECONDS: Final = 0.5
+# Queries of one key that wait in Zenoh's own memory. Its threads never wait for Python's lock: a key that is flooded
+# keeps nobody from the others. When there are more, the oldest end without an answer.
+_MOST_UNTAKEN: Final = 1024
+
+
+@dataclass(frozen=True)
+class _Route:
+    """One served key expression."""
+
+    expression: zenoh.KeyExpr
+    request_type: type[Message]
+    handler: Handler[Any]
+    pool: WorkerPool[QueryJob[Any]]
+
+
+class Served:
+    """A key expression that is being served; made by `Bus.serve`, ended by `close`."""
+
+    def __init__(self, server: QueryServer, route: _Route, inbox: Inbox[Any]) -> None:
+        self._server = server
+        self._route = route
+        self._inbox = inbox
+        self._closed = False
+
+    def close(self) -> None:
+        """Take no more queries; those that run go on."""
+        if not self._closed:
+            self._closed = True
+            while (query := self._inbox.next_at_once()) is not None:
+                self._server.take(self._route, query)
+            self._inbox.undeclare()
+            self._server.forget(self, self._route)
+
+
+class QueryServer:
+    """Server of the queries that one session receives.
+
+    `session`: Session on which the keys are served. `keys`: Keys of the lab. `service`: Service that is named in
+    faults. `workers`: Threads of a key that asks for no other number, 1 or more. `largest_bytes`: Largest request that
+    is accepted and largest answer that is sent, in bytes. `metrics`: Metrics of the process; the server adds its own.
+    """
+
+    def __init__(
+        self,
+        session: BusSession,
+        keys: Keys,
+        *,
+        service: str,
+        workers: int,
+        largest_bytes: int,
+        metrics: Metrics,
+    ) -> None:
+        self._session = session
+        self._keys = keys
+        self._service = service
+        self._largest_bytes = largest_bytes
+        self._workers = workers
+        self._pools: list[WorkerPool[QueryJob[Any]]] = []
+        self._routes: list[_Route] = []
+        self._served: set[Served] = set()
+        self._changed = threading.Condition()
+        self._jobs: dict[QueryJob[Any], _Route] = {}
+        self._departures: dict[str, float] = {}
+        self._departed: deque[str] = deque(maxlen=_REMEMBERED_DEPARTURES)
+        self._askers: Declaration[Any] | None = None
+        self._closed = False
+        self._refusals = RefusalLog()
+        self._log = structlog.get_logger("duralab_bus")
+        self._answered = metrics.count(
+            "duralab_queries_total", "Queries answered, by key and code", labels=("key", "code")
+        )
+        metrics.follow(
+            "duralab_queries_running",
+            "Queries whose handler runs or waits for a worker",
+            self._running,
+            labels=("key",),
+        )
+        metrics.follow("duralab_queries_waiting", "Queries that wait for a worker", self._waiting)
+
+    def serve(
+        self, key_expression: str, request_type: type[MessageT], handler: Handler[MessageT], *, workers: int | None
+    ) -> Served:
+        """Answer the queries on a key expression; see `Bus.serve`."""
+        if self._askers is None:
+            self._askers = self._session.declare(
+                lambda joined: joined.liveliness().declare_subscriber(
+                    # Those that are there already are told as well: a link that is made anew brings them back.
+                    self._keys.asking(ANY),
+                    zenoh.handlers.Callback(self._on_asker, indirect=False),
+                    history=True,
+                )
+            )
+            threading.Thread(target=self._tick, name="duralab_bus-keep-alive", daemon=True).start()
+        # Workers for each key alone: who asks one without end keeps nobody from the others.
+        pool: WorkerPool[QueryJob[Any]] = WorkerPool(
+            workers or self._workers,
+            name=f"duralab_bus-{request_type.DESCRIPTOR.name}",
+            # Not to be refused: whoever asks a second time for a stop has the same right to it.
+            patience_seconds=PATIENCE_SECONDS if workers is None else math.inf,
+        )
+        with self._changed:
+            self._pools.append(pool)
+        route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
+        with self._changed:
+            self._routes.append(route)
+
+        inbox = self._session.receive(
+            lambda joined: joined.declare_queryable(
+                key_expression,
+                zenoh.handlers.RingChannel(_MOST_UNTAKEN),
+                # Complete: a query goes to one service only, even where two are started by mistake.
+                complete=True,
+            )
+        )
+        threading.Thread(
+            target=self._take_all,
+            args=(route, inbox),
+            name=f"duralab_bus-take-{request_type.DESCRIPTOR.name}",
+            daemon=True,
+        ).start()
+        served = Served(self, route, inbox)
+        with self._changed:
+            self._served.add(served)
+        return served
+
+    def forget(self, served: Served, route: _Route) -> None:
+        """Let go of what is served no more; the jobs of its own pool that wait are still done."""
+        with self._changed:
+            self._served.discard(served)
+            if route in self._routes:
+                self._routes.remove(route)
+            if route.pool in self._pools:
+                self._pools.remove(route.pool)
+                route.pool.finish()
+
+    def close(self) -> None:
+        """Take no more queries, tell the running handlers, wait a moment for them, answer for those that are stuck."""
+        with self._changed:
+            if self._closed:
+                return
+            self._closed = True
+            self._changed.notify_all()
+        with self._changed:
+            all_served, pools = list(self._served), list(self._pools)
+        for served in all_served:
+            served.close()
+        if self._askers is not None:
+            self._askers.undeclare()
+        for pool in pools:
+            for job in pool.close():
+                job.refuse(self._ended(job.key))
+        with self._changed:
+            for job in self._jobs:
+                job.cancel()
+            self._changed.wait_for(lambda: not self._jobs, _DRAIN_SECONDS)
+            stuck = list(self._jobs)
+        for job in stuck:
+            self._log.warning("A handler did not end in time.", key=job.key)
+            job.refuse(self._ended(job.key))
+
+    def _ended(self, key: str) -> FaultError:
+        return FaultError(
+            query_pb2.FAULT_CODE_UNAVAILABLE, f"The {self._service} ended before it answered {key}; start it again."
+        )
+
+    def _take_all(self, route: _Route, inbox: Inbox[Any]) -> None:
+        while (query := inbox.next()) is not None:
+            self.take(route, query)
+            route.pool.wait_for_room()
+
+    def take(self, route: _Route, query: zenoh.Query) -> None:
+        """Take a query over from Zenoh."""
+        with self._changed:
+            outranked = self._outranked(route, query.key_expr)
+        if outranked:
+            query.drop()
+            return
+        job = QueryJob(
+            query,
+            request_type=route.request_type,
+            handler=route.handler,
+            service=self._service,
+            largest_bytes=self._largest_bytes,
+            refusals=self._refusals,
+            on_end=lambda job: self._on_end(job, route),
+        )
+        with self._changed:
+            self._jobs[job] = route
+            departed = job.asker in self._departed
+            self._changed.notify_all()
+        if departed and not self._is_back(job.asker):
+            job.cancel()
+        if not route.pool.submit(job):
+            job.refuse(self._ended(job.key))
+
+    def _is_back(self, asker: str) -> bool:
+        """Return whether an asker that left is there: its token serves query after query, also over links that broke.
+
+        Asked, because its return may be told after its query has come.
+        """
+        token = self._keys.asking(ANY).removesuffix(ANY) + asker
+        try:
+            found = self._session.current.liveliness().get(token, timeout=_TOKEN_SECONDS)
+            back = any(reply.ok is not None for reply in found)
+        except zenoh.ZError:
+            return False  # The session is closed: there is nobody to answer.
+        if back:
+            self._note_back(asker)
+        return back
+
+    def _note_back(self, asker: str) -> None:
+        with self._changed:
+            self._departures.pop(asker, None)
+            if asker in self._departed:
+                self._departed.remove(asker)
+
+    def _outranked(self, route: _Route, key: zenoh.KeyExpr) -> bool:
+        """Return whether a more specific expression is served for this key: `campaign/start` before `campaign/*`."""
+        return any(
+            other is not route
+            and other.expression != route.expression
+            and route.expression.includes(other.expression)
+            and other.expression.includes(key)
+            for other in self._routes
+        )
+
+    def _on_end(self, job: QueryJob[Any], route: _Route) -> None:
+        self._answered.add(self._keys.within(str(route.expression)), job.code)
+        with self._changed:
+            self._jobs.pop(job, None)
+            self._changed.notify_all()
+
+    def _running(self) -> Mapping[Labels, float]:
+        with self._changed:
+            return Counter((self._keys.within(str(route.expression)),) for route in self._jobs.values())
+
+    def _waiting(self) -> Mapping[Labels, float]:
+        with self._changed:
+            return {NO_LABELS: sum(pool.waiting for pool in self._pools)}
+
+    def _on_asker(self, sample: zenoh.Sample) -> None:
+        asker = str(sample.key_expr).rpartition("/")[2]
+        if sample.kind == zenoh.SampleKind.PUT:
+            # Where it flapped before its query arrived, this one must not be cancelled.
+            self._note_back(asker)
+            return
+        with self._changed:
+            if any(job.asker == asker for job in self._jobs):
+                # Links flap: not cancelled before the token stayed away for a moment.
+                self._departures[asker] = time.monotonic() + DEBOUNCE_SECONDS
+            else:
+                self._departed.append(asker)
+
+    def _tick(self) -> None:
+        """Keep clients informed, refuse what waits too long, cancel what nobody waits for."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._jobs or self._closed)
+                if self._closed and not self._jobs:
+                    return
+                now = time.monotonic()
+                for asker in [asker for asker, until in self._departures.items() if until <= now]:
+                    del self._departures[asker]
+                    for job in self._jobs:
+                        if job.asker == asker:
+                            job.cancel()
+                jobs = list(self._jobs)
+                pools = list(self._pools)
+            for job in jobs:
+                job.keep_alive()
+            for pool in pools:
+                for overdue in pool.take_overdue():
+                    overdue.refuse(
+                        FaultError(
+                            query_pb2.FAULT_CODE_BUSY,
+                            f"All {pool.workers} workers of the {self._service} for it are taken; ask again later.",
+                        )
+                    )
+            time.sleep(_TICK_SECONDS)

@@ -1,0 +1,251 @@
+"""The router of a secured lab: its configuration, made from the access table, and running it in this process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import zenoh
+
+from duralab_bus.faults import BusError
+from duralab_bus.session import (
+    LARGEST_PAYLOAD_BYTES,
+    LINK_SETTINGS,
+    BusConfig,
+    TlsConfig,
+    check_identity,
+    explain_failure,
+)
+from duralab_proto.access import (
+    ACCESS,
+    ADMIN,
+    ROUTER,
+    SMALL_QUERY_BYTES,
+    Holder,
+    KeyAccess,
+    KeyKind,
+    Operation,
+    Role,
+    covers,
+    reserved,
+)
+from duralab_proto.keys import Keys
+
+DEFAULT_HOLDERS: Final = (*(Holder(role, "main") for role in Role), Holder(ADMIN, "main"))
+"""Who is let in by the configuration in deploy/router; `duralab certs router` writes one for those of a folder."""
+
+DEFAULT_PORT: Final = 7447
+CERTIFICATES_FOLDER: Final = "/etc/duralab/certificates"
+MOST_SESSIONS: Final = 64
+
+# What each operation sends to the router (ingress) and receives from it (egress), in Zenoh's words. A router that may
+# not tell a publisher of subscribers leaves it silent, likewise an asker of who answers.
+_MESSAGES: Final[Mapping[Operation, Mapping[str, tuple[str, ...]]]] = {
+    Operation.ASK: {"ingress": ("query",), "egress": ("reply", "declare_queryable")},
+    Operation.SERVE: {"ingress": ("declare_queryable", "reply"), "egress": ("query",)},
+    Operation.PUBLISH: {"ingress": ("put",), "egress": ("declare_subscriber",)},
+    Operation.RECEIVE: {"ingress": ("declare_subscriber",), "egress": ("put",)},
+    Operation.HOLD: {"ingress": ("liveliness_token",)},
+    Operation.WATCH: {
+        "ingress": ("liveliness_query", "declare_liveliness_subscriber"),
+        "egress": ("liveliness_token",),
+    },
+}
+
+_HEAD: Final = """\
+// The router of a secured lab, for zenohd {version}; docs/security.md explains it. Made by deploy/router/generate.py or
+// `duralab certs router` from the access table in proto/duralab_proto/access.py: change the table, not this file.
+"""
+
+
+def router_configuration(
+    holders: Iterable[Holder] = DEFAULT_HOLDERS,
+    *,
+    lab: str = "local",
+    version: str,
+    certificates: str = CERTIFICATES_FOLDER,
+    router: str = "main",
+    port: int = DEFAULT_PORT,
+) -> str:
+    """Return the configuration of the router as JSON5.
+
+    Parameters
+    ----------
+    holders : iterable of Holder
+        Who is let in, by the common names of their certificates. Who is left out is refused everything, also with a
+        certificate that is still valid: so one is withdrawn.
+    lab : str
+        Name of the lab.
+    version : str
+        Of Zenoh, as the clients have it.
+    certificates : str
+        Folder with `ca.crt`, `router.<name>.crt` and `router.<name>.key`, as the router sees it.
+    router : str
+        Name in the router's own certificate.
+    port : int
+        Where it listens, on all interfaces.
+
+    Returns
+    -------
+    str
+        For `zenohd --config`.
+    """
+    keys = Keys(lab)
+    own = f"{certificates.rstrip('/')}/{Holder(ROUTER, router).common_name}"
+    people = sorted({holder.common_name for holder in holders if holder.role not in (ADMIN, ROUTER)})
+    admins = sorted({holder.common_name for holder in holders if holder.role == ADMIN})
+    content: dict[str, Any] = {
+        "mode": "router",
+        "listen": {"endpoints": {"router": [f"tls/0.0.0.0:{port}"]}, "timeout_ms": 0, "exit_on_failure": True},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "timestamping": {"enabled": {"router": True, "peer": False, "client": False}},
+        # Read by nobody but who the last policy lets: a certificate of the role admin, from this machine.
+        "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
+        "transport": {
+            "unicast": {
+                "accept_timeout": 5000,
+                "accept_pending": 32,
+                "max_sessions": MOST_SESSIONS,
+                "max_links": 1,
+            },
+            "shared_memory": {"enabled": False},
+            "link": {
+                "protocols": ["tls"],
+                "tx": LINK_SETTINGS,
+                "rx": {"max_message_size": LARGEST_PAYLOAD_BYTES},
+                "tls": {
+                    "root_ca_certificate": f"{certificates.rstrip('/')}/ca.crt",
+                    "listen_certificate": f"{own}.crt",
+                    "listen_private_key": f"{own}.key",
+                    "enable_mtls": True,
+                    "verify_name_on_connect": True,
+                    "close_link_on_expiration": True,
+                },
+            },
+        },
+        "access_control": _access_control(keys, people=people, admins=admins),
+        # Requests without a record are small: what is larger does not reach the service it was meant to choke.
+        "low_pass_filter": [
+            {
+                "id": "small-queries",
+                "flows": ["ingress"],
+                "messages": ["query"],
+                "key_exprs": _small_queries(keys),
+                "size_limit": SMALL_QUERY_BYTES,
+            }
+        ],
+    }
+    return _HEAD.format(version=version) + json.dumps(content, indent=2) + "\n"
+
+
+def _access_control(keys: Keys, *, people: Sequence[str], admins: Sequence[str]) -> dict[str, Any]:
+    rules: list[dict[str, Any]] = []
+    subjects: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+    for role in Role:
+        names = [name for name in people if Holder.parse(name).role == role]
+        if not names:
+            continue
+        own = list(_rules(role, keys))
+        rules += own
+        subjects.append({"id": role.value, "link_protocols": ["tls"], "cert_common_names": names})
+        policies.append({"id": role.value, "rules": [rule["id"] for rule in own], "subjects": [role.value]})
+    if admins:
+        rules += [
+            _rule("admin-asks", "ingress", ("query",), ["@/**"]),
+            _rule("admin-is-answered", "egress", ("reply", "declare_queryable"), ["@/**"]),
+        ]
+        subjects.append(
+            {"id": "admin", "link_protocols": ["tls"], "interfaces": ["lo"], "cert_common_names": list(admins)}
+        )
+        policies.append({"id": "admin", "rules": ["admin-asks", "admin-is-answered"], "subjects": ["admin"]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rules(role: Role, keys: Keys) -> Iterable[dict[str, Any]]:
+    for operation, flows in _MESSAGES.items():
+        expressions = _expressions(ACCESS, role, operation, keys)
+        if expressions:
+            for flow, messages in flows.items():
+                yield _rule(f"{role}-{operation}-{flow}", flow, messages, expressions)
+            # Zenoh lets a denial win over what is allowed.
+            if withheld := reserved(role, operation, keys):
+                for flow, messages in flows.items():
+                    rule = _rule(f"{role}-{operation}-{flow}-not", flow, messages, withheld)
+                    yield {**rule, "permission": "deny"}
+
+
+def _expressions(rows: Sequence[KeyAccess], role: Role, operation: Operation, keys: Keys) -> list[str]:
+    # In the order of the table, each once.
+    return list(dict.fromkeys(row.expression(keys) for row in rows if row.permits(role, operation)))
+
+
+def _small_queries(keys: Keys) -> list[str]:
+    queries = [row for row in ACCESS if row.kind is KeyKind.QUERY]
+    bulk = [row.expression(keys) for row in queries if row.bulk]
+    small = [row.expression(keys) for row in queries if not row.bulk]
+    return [expression for expression in small if not any(covers(expression, large) for large in bulk)]
+
+
+def _rule(id: str, flow: str, messages: Sequence[str], expressions: Sequence[str]) -> dict[str, Any]:
+    return {
+        "id": id,
+        "permission": "allow",
+        "flows": [flow],
+        "messages": list(messages),
+        "key_exprs": list(expressions),
+    }
+
+
+@contextmanager
+def run_router(configuration: str, *, listen: str) -> Iterator[None]:
+    """Run the router of a secured lab, with its certificates and its access control, until the `with` statement ends.
+
+    Parameters
+    ----------
+    configuration : str
+        As `router_configuration` returns it.
+    listen : str
+        The endpoint it listens at, in place of the one in the configuration, e.g. "tls/127.0.0.1:7447".
+
+    Yields
+    ------
+    None
+        As soon as it accepts sessions. Zenoh's log goes to standard error, as far as RUST_LOG says, else warnings.
+
+    Raises
+    ------
+    BusError
+        One sentence: a certificate or key is missing, not usable or expired, or the endpoint cannot be used.
+    """
+    zenoh.init_log_from_env_or("warn")
+    try:
+        config = zenoh.Config.from_json5(configuration)
+        config.insert_json5("listen/endpoints", json.dumps({"router": [listen]}))
+        tls = json.loads(config.get_json("transport/link/tls"))
+    except (zenoh.ZError, ValueError) as error:
+        raise BusError(f"This is no configuration of a router: {error}; `duralab certs router` makes one.") from error
+    # Zenoh does not name the file that is missing.
+    ca, certificate, key = (
+        Path(tls[name]) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")
+    )
+    check_identity(TlsConfig(ca=ca, certificate=certificate, key=key))
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        if "in use" in str(error):
+            raise BusError(
+                f"The endpoint {listen} is in use by another process; end that one, or choose another."
+            ) from error
+        raise BusError(explain_failure(str(error), BusConfig())) from error
+    with session:
+        yield

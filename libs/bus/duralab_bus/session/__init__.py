@@ -1,0 +1,31 @@
+"""A session on the bus: configuration, opening, identity, rejoining after a loss, and liveliness."""
+
+from duralab_bus.session.callback_thread import CallbackThread
+from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
+from duralab_bus.session.identity import Identity, check_identity
+from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LiveCallback, LivelinessTracker, LiveWatch
+from duralab_bus.session.reintroduction import Reintroduction
+from duralab_bus.session.rejoining import BusSession, Declaration, Inbox
+from duralab_bus.session.session import LINK_SETTINGS, explain_failure, open_session
+
+__all__ = [
+    "DEBOUNCE_SECONDS",
+    "LARGEST_PAYLOAD_BYTES",
+    "LINK_SETTINGS",
+    "BusConfig",
+    "BusMode",
+    "BusSession",
+    "CallbackThread",
+    "Declaration",
+    "Identity",
+    "Inbox",
+    "Instance",
+    "LiveCallback",
+    "LiveWatch",
+    "LivelinessTracker",
+    "Reintroduction",
+    "TlsConfig",
+    "check_identity",
+    "explain_failure",
+    "open_session",
+]

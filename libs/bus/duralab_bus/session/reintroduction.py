@@ -1,0 +1,85 @@
+"""Links between peers, made again where one of them broke and Zenoh would not.
+
+A link to an endpoint of `connect` is made again by Zenoh for as long as it takes. One that two peers made because a
+third told them of each other is tried once, when it tells: a process that was frozen is told as soon as it is back,
+while it still takes its broken link for whole, and after that never again. A session that joins makes everyone tell
+everyone once more. So that is what happens here: one joins and leaves again when this process was frozen or a service
+vanished.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Final
+
+from duralab_bus.faults import BusError
+from duralab_bus.session.config import BusConfig, BusMode
+from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, LivelinessTracker
+from duralab_bus.session.session import LEASE_SECONDS, open_session
+
+_LOOK_SECONDS: Final = 0.5
+# By then both ends of a link have noticed that it is broken.
+_BROKEN_SECONDS: Final = LEASE_SECONDS + _LOOK_SECONDS
+# Telling and connecting take milliseconds on a machine that is not busy.
+_STAY_SECONDS: Final = 1.0
+# Whom to join is on the bus already, or gone.
+_JOINING_SECONDS: Final = 1.0
+_JOIN_SECONDS: Final = 2.0
+_ANY_PORT: Final = "0"
+
+
+class Reintroduction:
+    """Watches over the links of one session; ended by `close`.
+
+    `config`: Of the session. `tracker`: Tells who vanishes.
+    """
+
+    def __init__(self, config: BusConfig, tracker: LivelinessTracker) -> None:
+        self._tracker = tracker
+        self._joining = config.model_copy(
+            update={
+                "listen": tuple(f"{endpoint.rpartition(':')[0]}:{_ANY_PORT}" for endpoint in config.listen),
+                "connect_timeout_seconds": _JOINING_SECONDS,
+            }
+        )
+        self._closed = threading.Event()
+        self._due: float | None = None
+        self._thread: threading.Thread | None = None
+        # A client has its one link from its configuration; who connects to nobody is connected to.
+        if config.mode is BusMode.PEER and config.connect:
+            self._thread = threading.Thread(target=self._run, name="duralab_bus-reintroduction", daemon=True)
+            self._thread.start()
+            tracker.subscribe(self._on_live)
+
+    def close(self) -> None:
+        """Watch no more; returns at once where nobody is being introduced, and within 2 s."""
+        self._closed.set()
+        if self._thread is not None:
+            self._tracker.unsubscribe(self._on_live)
+            self._thread.join(_JOIN_SECONDS)
+
+    def _on_live(self, _service: str, _instance: str, alive: bool) -> None:
+        if not alive:
+            # It may be the link that is gone, and not the service. That it is noticed here took a lease already.
+            self._due = time.monotonic() + DEBOUNCE_SECONDS
+
+    def _run(self) -> None:
+        looked = time.monotonic()
+        while not self._closed.wait(_LOOK_SECONDS):
+            now = time.monotonic()
+            if now - looked > LEASE_SECONDS:
+                self._due = now + _BROKEN_SECONDS
+            looked = now
+            if self._due is not None and now >= self._due:
+                self._due = None
+                self._introduce()
+                looked = time.monotonic()
+
+    def _introduce(self) -> None:
+        try:
+            session, _ = open_session(self._joining)
+        except BusError:
+            return  # Who tells is gone as well. Zenoh goes on trying to reach it, and is told when it does.
+        self._closed.wait(_STAY_SECONDS)
+        session.close()

@@ -1,0 +1,88 @@
+"""What a stream carries: a message with the epoch of its publisher and its sequence number."""
+
+from __future__ import annotations
+
+import struct
+from typing import Final, Generic, NamedTuple, TypeAlias
+
+import zenoh
+
+from duralab_bus.encoding import MessageT, decode
+from duralab_bus.faults import FaultError
+from duralab_proto.v1 import query_pb2
+
+POSITION: Final = struct.Struct("<QQ")
+"""The attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
+
+
+# A tuple: one is made for every message that comes.
+class StreamItem(NamedTuple, Generic[MessageT]):
+    """One message of a stream.
+
+    Parameters
+    ----------
+    key : str
+        It was published on.
+    epoch : int
+        Of the publisher: a new one starts again at sequence number 0.
+    seq : int
+        Sequence number in the epoch, from 0.
+    message : Message
+        Parsed.
+    payload : bytes
+        The message as it was published: who stores it stores these bytes.
+    """
+
+    key: str
+    epoch: int
+    seq: int
+    message: MessageT
+    payload: bytes = b""
+
+    @property
+    def position(self) -> tuple[str, int, int]:
+        """Which message it is, of all streams: key, epoch and sequence number."""
+        return self.key, self.epoch, self.seq
+
+
+class RefusedItem(NamedTuple):
+    """One message of a stream that came and is not what is expected.
+
+    `key`: It was published on. `epoch`, `seq`: Its position, as of a StreamItem. `fault`: INVALID_ARGUMENT: what is
+    wrong with it.
+    """
+
+    key: str
+    epoch: int
+    seq: int
+    fault: FaultError
+
+    @property
+    def position(self) -> tuple[str, int, int]:
+        """Which message it is, of all streams: key, epoch and sequence number."""
+        return self.key, self.epoch, self.seq
+
+
+Received: TypeAlias = StreamItem[MessageT] | RefusedItem
+"""What came of a stream."""
+
+
+def read_item(
+    sample: zenoh.Sample, *, key: str, message_type: type[MessageT], largest_bytes: int
+) -> Received[MessageT]:
+    """Check and parse a stream message, live or replayed."""
+    attachment = sample.attachment
+    position = b"" if attachment is None else attachment.to_bytes()
+    if len(position) != POSITION.size:
+        raise FaultError(
+            query_pb2.FAULT_CODE_DATA_LOSS,
+            f"On {key}: The message has {len(position)} bytes of epoch and sequence number attached; expected are "
+            f"{POSITION.size}.",
+        )
+    epoch, seq = POSITION.unpack(position)
+    payload = sample.payload.to_bytes()
+    try:
+        message = decode(payload, sample.encoding, message_type, largest_bytes=largest_bytes)
+    except FaultError as fault:
+        return RefusedItem(key, epoch, seq, FaultError(fault.code, f"On {key}: {fault.message}"))
+    return StreamItem(key, epoch, seq, message, payload)

@@ -1,0 +1,202 @@
+"""The order of one stream: what may be handed on, what is held back behind a gap, what is missing, lost and stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Generic, TypeVar
+
+from duralab_bus.streams.continuity import Continuity
+
+MOST_HELD: Final = 2000
+"""Messages held back behind a gap; what comes beyond them is asked for again."""
+
+MOST_LOST_RANGES: Final = 1000
+"""Ranges of lost messages that are remembered: a stream of which every other message is refused may run for months."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class StreamProof:
+    """What a receiver knows of one epoch of a stream."""
+
+    received: int
+    """How many different messages were delivered."""
+    next: int
+    """How many were published, as far as is known."""
+    done: bool
+    """Whether that is all: its publisher closed it, or whoever counted them said so."""
+    missing: tuple[range, ...]
+    """Published, and neither delivered nor lost: still asked for."""
+    lost: tuple[range, ...]
+    """Gone from their publisher's spool before they were received, or received and refused; the first 1000 ranges."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every message that was ever published is delivered."""
+        return self.done and not self.missing and not self.lost
+
+
+class StreamOrder(Generic[T]):
+    """Puts the messages of one epoch in order. Not safe for threads."""
+
+    def __init__(self) -> None:
+        self._next = 0
+        self._held: dict[int, T] = {}
+        self._delivered = Continuity()
+        self._stored = Continuity()
+        self._lost: list[range] = []
+        self.lost = 0
+        """How many messages nobody has any more, or were refused."""
+        self._count = 0
+        self._done = False
+        self._begin: int | None = None
+        self._forgone = 0
+
+    @property
+    def blocked(self) -> bool:
+        """Whether messages are held back behind a gap."""
+        return bool(self._held)
+
+    @property
+    def gap(self) -> bool:
+        """Whether something is known to be published that is not here."""
+        return self._next < self._count
+
+    @property
+    def progress(self) -> tuple[int, bool]:
+        """Differs when something was delivered or lost, or the first is held back; not when more is held back."""
+        return self._delivered.received, self.blocked
+
+    @property
+    def missing(self) -> int:
+        """How many messages are published, as far as is known, and not delivered, held back or lost."""
+        return sum(gap.stop - gap.start for gap in self._delivered.missing(self._count)) - len(self._held)
+
+    @property
+    def mark(self) -> int:
+        """All below this number are stored, or lost: they need not be kept for this receiver."""
+        return self._stored.contiguous
+
+    def accept(self, seq: int, item: T) -> list[T]:
+        """Take a message; return what may be handed on now, in order.
+
+        Empty for a message that was here before, and for one behind a gap. One that was skipped is handed on at once.
+        """
+        if seq == self._next == self._delivered.next_seq and not self._held:
+            # The rule, of which there are thousands a second.
+            self._count = max(self._count, seq + 1)
+            self._deliver(seq)
+            return [item]
+        if seq in self._delivered or seq in self._held:
+            return []
+        self._count = max(self._count, seq + 1)
+        if seq > self._next:
+            if len(self._held) < MOST_HELD:
+                self._held[seq] = item
+            return []
+        if seq < self._next:
+            self._delivered.accept(seq)
+            return [item]
+        self._deliver(seq)
+        return [item, *self._release()]
+
+    def refuse(self, seq: int) -> tuple[bool, list[T]]:
+        """Note a message that cannot be read: it is lost, and the messages behind it do not wait for it."""
+        if seq in self._delivered or seq in self._held:
+            return not any(seq in gap for gap in self._lost), []
+        self._count = max(self._count, seq + 1)
+        if seq > self._next and len(self._held) + self._delivered.gaps >= MOST_HELD:
+            return False, []
+        self._delivered.accept(seq)
+        self._forgone += 1
+        # It will never be stored, and its publisher need not keep it for that.
+        self._stored.accept(seq)
+        self._lose(range(seq, seq + 1))
+        return True, self._release()
+
+    def learn(self, *, first: int, next: int, marked: int, done: bool) -> bool:
+        """Note what the publisher says of its spool; return whether `advance` may hand something on because of it."""
+        # What is beyond the end that its publisher tells is not of this stream.
+        self._count = next if done else max(self._count, next)
+        self._done = self._done or done
+        if self._begin is None:
+            # What was stored before this receiver was there is no loss of its own; who has the first was there.
+            self._begin = 0 if self._delivered.contiguous else marked
+        gone = [part for gap in self._delivered.missing(first) for part in self._not_held(gap)]
+        for gap in gone:
+            self._delivered.fill(gap)
+            self._forgone += gap.stop - gap.start
+            self._stored.fill(gap)
+            if lost := range(max(gap.start, self._begin), gap.stop):
+                self._lose(lost)
+        return bool(gone)
+
+    def expect(self, count: int) -> None:
+        """Note that so many messages were published, and no more will be."""
+        self._count = max(self._count, count)
+        self._done = True
+
+    def skip(self) -> None:
+        """Give up waiting for the first gap: nobody has what is missing, as far as is known."""
+        if self._held:
+            self._next = min(self._held)
+
+    def advance(self) -> list[T]:
+        """Return what may be handed on, after `learn` or `skip`."""
+        return self._release()
+
+    def wanted(self, most: int, *, start: int = 0) -> range:
+        """Return the first numbers from `start` on to ask for, at most so many; empty where none is missing."""
+        for gap in self._delivered.missing(self._count):
+            for part in self._not_held(range(max(gap.start, start), gap.stop)):
+                return part[:most]
+        return range(0)
+
+    def store(self, seq: int) -> None:
+        """Note that a message is stored."""
+        self._stored.accept(seq)
+
+    def proof(self) -> StreamProof:
+        """Return what is known."""
+        return StreamProof(
+            received=self._delivered.received - self._forgone,
+            next=self._count,
+            done=self._done,
+            missing=tuple(self._delivered.missing(self._count)),
+            # A refused message that is beyond the end is not of this stream either.
+            lost=tuple(
+                range(gap.start, min(gap.stop, self._count))
+                for gap in sorted(self._lost, key=lambda gap: gap.start)
+                if gap.start < self._count
+            ),
+        )
+
+    def _lose(self, gap: range) -> None:
+        self.lost += gap.stop - gap.start
+        if self._lost and self._lost[-1].stop == gap.start:
+            self._lost[-1] = range(self._lost[-1].start, gap.stop)
+        elif len(self._lost) < MOST_LOST_RANGES:
+            self._lost.append(gap)
+
+    def _deliver(self, seq: int) -> None:
+        self._delivered.accept(seq)
+        self._next = seq + 1
+
+    def _not_held(self, gap: range) -> list[range]:
+        """Return the parts of a gap that are not held back behind another one."""
+        inside = sorted(seq for seq in self._held if seq in gap)
+        edges = [gap.start, *(edge for seq in inside for edge in (seq, seq + 1)), gap.stop]
+        parts = [range(edges[number], edges[number + 1]) for number in range(0, len(edges), 2)]
+        return [part for part in parts if part]
+
+    def _release(self) -> list[T]:
+        released: list[T] = []
+        while True:
+            while self._next in self._held:
+                released.append(self._held.pop(self._next))
+                self._deliver(self._next)
+            following = self._delivered.first_missing(self._next)
+            if following == self._next:
+                return released
+            self._next = following

@@ -1,0 +1,140 @@
+"""Publishing a stream: messages with an epoch and a sequence number, kept for who could not take them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Final
+
+import zenoh
+from google.protobuf.message import Message
+
+from duralab_bus.encoding import encode, encoding_of, zenoh_encoding_of
+from duralab_bus.faults import BusError
+from duralab_bus.metrics import Counter
+from duralab_bus.session import BusSession
+from duralab_bus.spool import SPOOL_BYTES, Spool, SpoolSpace
+from duralab_bus.streams.item import POSITION
+from duralab_bus.streams.replay import ReplayServer
+
+# Above the queries: an answer that waits for a receiver holds its queue, and nothing of a stream must wait behind it.
+_PRIORITY: Final = zenoh.Priority.INTERACTIVE_LOW
+
+_epoch_lock = threading.Lock()
+_last_epoch = 0
+
+
+def _new_epoch() -> int:
+    """Return a number that no publisher had before: nanoseconds of the clock, so that later ones are larger."""
+    global _last_epoch  # noqa: PLW0603 - unique within the process even when the clock stands still
+    with _epoch_lock:
+        _last_epoch = max(_last_epoch + 1, time.time_ns())
+        return _last_epoch
+
+
+class StreamPublisher:
+    """Publishes on one key; made by `Bus.publisher`. May be used from several threads.
+
+    No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool,
+    from where receivers ask for it on `<key>/@replay`. Where nobody marks what is stored, the oldest gives way, and
+    the spool outlives `close` by a minute, but no more than three publishers closed later. Where somebody does,
+    everything that is not marked is kept: `shortage` says when to stop, and a full spool refuses.
+    """
+
+    def __init__(
+        self,
+        session: BusSession,
+        key: str,
+        *,
+        replays: ReplayServer,
+        spools: SpoolSpace,
+        held: bool,
+        largest_bytes: int,
+        published: Counter,
+    ) -> None:
+        self.key = key
+        self._published = published
+        self.epoch = _new_epoch()
+        self._largest_bytes = largest_bytes
+        self._lock = threading.Lock()
+        self._closed = False
+        self._session = session
+        self._publisher = session.declare(
+            lambda joined: joined.declare_publisher(
+                key,
+                # Not BLOCK: one receiver that is frozen would stop its publisher, and the rig with it.
+                congestion_control=zenoh.CongestionControl.DROP,
+                reliability=zenoh.Reliability.RELIABLE,
+                priority=_PRIORITY,
+            )
+        )
+        store = spools.store(key=key, epoch=self.epoch)
+        # Those of a process that nobody marks share the space with those that somebody does.
+        self._spool = Spool(store, held=held, unheld_bytes=min(SPOOL_BYTES, spools.largest_bytes // 8))
+        self._offer = replays.offer(key=key, epoch=self.epoch, spool=self._spool)
+
+    @property
+    def shortage(self) -> str:
+        """Why nothing more should be published until more is marked as stored; empty while there is room.
+
+        An eighth of the spool, or what is left of a segment on a full disk, is still there then: for what has to be
+        published all the same, such as the way down of a rig.
+        """
+        return self._spool.shortage
+
+    @property
+    def unmarked(self) -> int:
+        """How many messages are not marked as stored.
+
+        A publisher that could outrun its receiver waits while these are more than a few thousand: what a receiver has
+        no room for must be replayed, which costs both more than waiting.
+        """
+        return self._spool.unmarked
+
+    def put(self, message: Message) -> int:
+        """Publish a message; waits for no receiver.
+
+        Returns
+        -------
+        int
+            Its sequence number, from 0. That it was published does not prove that it arrived.
+
+        Raises
+        ------
+        FaultError
+            INVALID_ARGUMENT when it is too large.
+        SpoolFullError
+            It was not published, because it could not be kept.
+        BusError
+            The publisher or its bus is closed.
+        """
+        payload = encode(message, largest_bytes=self._largest_bytes)
+        # One lock around number and sending, so that the order on the wire is the order of the numbers.
+        with self._lock:
+            if self._closed:
+                raise BusError(f"The publisher of {self.key} is closed.")
+            # Kept first: whatever anybody received can be asked for again, also of a process that was killed.
+            seq = self._spool.append(payload, encoding_of(message))
+            self._send(payload, encoding=zenoh_encoding_of(type(message)), seq=seq)
+            self._published.add(message.DESCRIPTOR.name)
+            return seq
+
+    def _send(self, payload: bytes, *, encoding: zenoh.Encoding, seq: int) -> None:
+        publisher = self._publisher.current
+        if publisher is None:
+            return
+        try:
+            publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
+        except zenoh.ZError as error:
+            # While the router is away nobody receives it: it is asked for afterwards.
+            if self._session.closed:
+                raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
+
+    def close(self) -> None:
+        """Publish no more. What was put is still sent, and replayed for a while."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            self._publisher.undeclare()
+        self._offer.retire()

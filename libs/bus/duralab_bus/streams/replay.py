@@ -1,0 +1,289 @@
+"""Serving spools: a publisher answers on `<key>/@replay` and `<key>/@head`, and hears of marks on `<key>/@mark`.
+
+A replay query carries the key parameters `epoch`, `first` and `stop`: which publisher, and which sequence numbers from
+`first` on and before `stop`. Each reply is one message with payload, encoding and attachment as it was published; at
+most 1000 a query, the first ones there are. A publisher of another epoch, or one that has none of them any more, sends
+nothing. A head query is answered with one StreamHead for each epoch that is kept.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+import structlog
+import zenoh
+
+from duralab_bus.encoding import decode, encoding_of
+from duralab_bus.faults import BusError, FaultError
+from duralab_bus.session import BusSession, CallbackThread, Declaration
+from duralab_bus.spool import Spool
+from duralab_bus.streams.delayed_executor import DelayedExecutor
+from duralab_bus.streams.item import POSITION
+from duralab_proto.keys import stream_family
+from duralab_proto.v1 import query_pb2, stream_pb2
+
+MOST_REPLAYED: Final = 1000
+"""Messages answered to one query, so that no answer keeps the others waiting for long."""
+
+KEPT_SPOOLS: Final = 4
+KEPT_SECONDS: Final = 60.0
+"""Spools that nobody marks: those of the last publishers that were closed are kept for so long, because the tail of a
+run is asked for after it."""
+
+LAST_HEAD_SECONDS: Final = 5.0
+"""How long it is still told how many messages a stream had, when it ended and all of it is marked."""
+
+_LARGEST_SEQ: Final = 2**64
+_LARGEST_MARK: Final = 64
+# A recorder brings what it has to the disk four times a second.
+_LAST_MARKS_SECONDS: Final = 0.5
+
+
+def replay_key(key: str) -> str:
+    """Return where the replay of a stream is asked for; no wildcard of a subscription matches it."""
+    return f"{key}/@replay"
+
+
+def head_key(key: str) -> str:
+    """Return where it is asked how far a stream reaches."""
+    return f"{key}/@head"
+
+
+def mark_key(key: str) -> str:
+    """Return where it is published how far a stream is stored."""
+    return f"{key}/@mark"
+
+
+class SpoolOffer:
+    """The spool of one epoch as it is offered on the bus."""
+
+    def __init__(self, server: ReplayServer, *, key: str, epoch: int, spool: Spool) -> None:
+        self.spool = spool
+        self.epoch = epoch
+        self.done = False
+        self._server = server
+        self._key = key
+        self._expression = zenoh.KeyExpr(key)
+
+    def is_on(self, stream: zenoh.KeyExpr) -> bool:
+        """Whether a key, or an expression, is that of its stream."""
+        return stream.intersects(self._expression)
+
+    def retire(self) -> None:
+        """Nothing more will be published: offer it until it is marked, or for a while where nobody marks."""
+        self.done = True
+        self._server.retire(self)
+
+    def replay(self, query: zenoh.Query, *, first: int, stop: int) -> None:
+        """Send what is kept from number `first` on and before `stop`."""
+        for spooled in self.spool.read(first, stop, most=MOST_REPLAYED):
+            query.reply(
+                replay_key(self._key),
+                spooled.payload,
+                encoding=spooled.encoding,
+                attachment=POSITION.pack(self.epoch, spooled.seq),
+            )
+
+    def answer_head(self, query: zenoh.Query) -> None:
+        """Say how far it reaches."""
+        # Before the extent: what is done grows no more.
+        done, extent = self.done, self.spool.extent
+        head = stream_pb2.StreamHead(
+            epoch=self.epoch, first=extent.first, next=extent.next, marked=extent.marked, done=done
+        )
+        query.reply(head_key(self._key), head.SerializeToString(), encoding=encoding_of(head))
+
+    def take_mark(self, marked: int) -> None:
+        """Heed that all below a number are stored; on Zenoh's thread."""
+        if marked > self.spool.extent.next:
+            # Nobody stores what was never published: this is not the recorder.
+            structlog.get_logger("duralab_bus").warning("A mark is refused.", key=self._key, next=marked)
+        else:
+            self._server.do(lambda: self._mark(marked), bulk=False)
+
+    def _mark(self, marked: int) -> None:
+        self.spool.mark(marked)
+        if self.done and self.spool.settled:
+            self._server.settle(self)
+
+
+def _answered(query: zenoh.Query, answer: Callable[[zenoh.Query], None]) -> None:
+    try:
+        # Leaving the query undropped would let the asker wait for more.
+        with query:
+            answer(query)
+    except zenoh.ZError:
+        structlog.get_logger("duralab_bus").info("A replay could not be sent; its asker or this session is gone.")
+
+
+def _number(query: zenoh.Query, name: str) -> int:
+    text = query.parameters.get(name) or ""
+    if not (text.isascii() and text.isdigit()) or len(text) > len(str(_LARGEST_SEQ)) or int(text) > _LARGEST_SEQ:
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            f"The key parameter {name} is {text[:40]!r}; ask with 'epoch=…;first=…;stop=…', each from 0 to 2^64.",
+            field=name,
+        )
+    return int(text)
+
+
+class ReplayServer:
+    """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another.
+
+    It asks to be asked for a whole family of streams, such as all runs of a rig, and once: Zenoh 1.10.2 forgets nothing
+    that was ever declared on a key of its own, and every declaration takes longer for it (see
+    `queries/asking_tokens.py`).
+
+    `session`: Session on which the spools are offered.
+    """
+
+    def __init__(self, session: BusSession) -> None:
+        self._session = session
+        self._lock = threading.Lock()
+        self._offers: set[SpoolOffer] = set()
+        # Not the lock of the offers: what comes on Zenoh's threads must not wait for a declaration.
+        self._declaring = threading.Lock()
+        self._families: dict[str, tuple[Declaration[Any], ...]] = {}
+        self._retired: deque[SpoolOffer] = deque()
+        self._threads: dict[bool, CallbackThread[Callable[[], None]]] = {}
+        self._delayed = DelayedExecutor("duralab_bus-expiry")
+        self._closed = False
+
+    @property
+    def unstored(self) -> int:
+        """How many messages somebody is waited for to store."""
+        with self._lock:
+            extents = [offer.spool.extent for offer in self._offers if offer.spool.held]
+        return sum(extent.next - extent.marked for extent in extents)
+
+    def offer(self, *, key: str, epoch: int, spool: Spool) -> SpoolOffer:
+        """Offer a spool on the bus."""
+        with self._lock:
+            if self._closed:
+                raise BusError(f"The bus is closed; nothing can be published on {key}.")
+            if not self._threads:
+                for bulk, name in ((True, "duralab_bus-replay"), (False, "duralab_bus-heads")):
+                    self._threads[bulk] = CallbackThread(lambda job: job(), name=name)
+        offer = SpoolOffer(self, key=key, epoch=epoch, spool=spool)
+        with self._lock:
+            self._offers.add(offer)
+        try:
+            self._answer_for(stream_family(key))
+        except zenoh.ZError as error:
+            self.withdraw(offer)
+            raise BusError(f"Nothing can be published on {key}: {error}.") from error
+        return offer
+
+    def _answer_for(self, family: str) -> None:
+        with self._declaring:
+            if family in self._families:
+                return
+            replays, heads = self._callback(self._replay, bulk=True), self._callback(self._answer_heads, bulk=False)
+            marks = zenoh.handlers.Callback(self._take_mark, indirect=False)
+            self._families[family] = (
+                self._session.declare(lambda joined: joined.declare_queryable(replay_key(family), replays)),
+                self._session.declare(lambda joined: joined.declare_queryable(head_key(family), heads)),
+                self._session.declare(lambda joined: joined.declare_subscriber(mark_key(family), marks)),
+            )
+
+    def _callback(self, answer: Callable[[zenoh.Query], None], *, bulk: bool) -> zenoh.handlers.Callback[zenoh.Query]:
+        def take(query: zenoh.Query) -> None:
+            # On Zenoh's thread: nothing here may block.
+            self.do(lambda: _answered(query, answer), bulk=bulk)
+
+        return zenoh.handlers.Callback(take, indirect=False)
+
+    def _replay(self, query: zenoh.Query) -> None:
+        try:
+            epoch, first, stop = (_number(query, name) for name in ("epoch", "first", "stop"))
+        except FaultError as fault:
+            message = fault.to_message()
+            query.reply_err(message.SerializeToString(), encoding=encoding_of(message))
+            return
+        for offer in self._offered(query.key_expr):
+            if offer.epoch == epoch:
+                offer.replay(query, first=first, stop=stop)
+
+    def _answer_heads(self, query: zenoh.Query) -> None:
+        for offer in self._offered(query.key_expr):
+            offer.answer_head(query)
+
+    def _take_mark(self, sample: zenoh.Sample) -> None:
+        try:
+            mark = decode(sample.payload, sample.encoding, stream_pb2.StreamMark, largest_bytes=_LARGEST_MARK)
+        except FaultError as fault:
+            key = str(sample.key_expr).rpartition("/")[0]
+            structlog.get_logger("duralab_bus").warning("A mark is refused.", key=key, reason=fault.message)
+            return
+        for offer in self._offered(sample.key_expr):
+            if offer.epoch == mark.epoch:
+                offer.take_mark(mark.next)
+
+    def _offered(self, asked: zenoh.KeyExpr) -> list[SpoolOffer]:
+        """Return what is offered of the streams whose `@replay`, `@head` or `@mark` a key is."""
+        stream = zenoh.KeyExpr(str(asked).rpartition("/")[0])
+        with self._lock:
+            return [offer for offer in self._offers if offer.is_on(stream)]
+
+    def do(self, job: Callable[[], None], *, bulk: bool) -> None:
+        """Have something done on a thread of this server; never blocks."""
+        self._threads[bulk].put(job)
+
+    def retire(self, offer: SpoolOffer) -> None:
+        """Keep an offer until it is settled, or as one of the last few where nobody marks."""
+        if offer.spool.settled:
+            self.settle(offer)
+        if offer.spool.held:
+            return
+        with self._lock:
+            self._retired.append(offer)
+            surplus = self._retired.popleft() if len(self._retired) > KEPT_SPOOLS else None
+        if surplus is not None:
+            self._expire(surplus)
+        self._delayed.put(KEPT_SECONDS, lambda: self._expire(offer))
+
+    def settle(self, offer: SpoolOffer) -> None:
+        """Let go of a spool that nobody needs any more; its end is still told for a moment."""
+        offer.spool.close(delete=True)
+        self._delayed.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
+
+    def close(self) -> None:
+        """Offer nothing more, after a moment for the last marks; what is on disk and not marked stays there."""
+        deadline = time.monotonic() + _LAST_MARKS_SECONDS
+        while time.monotonic() < deadline and self._unsettled():
+            time.sleep(0.01)
+        with self._lock:
+            self._closed = True
+            offers = list(self._offers)
+        self._delayed.close()
+        for offer in offers:
+            self.withdraw(offer)
+        with self._declaring:
+            for declared in (one for family in self._families.values() for one in family):
+                declared.undeclare()
+            self._families.clear()
+        for thread in self._threads.values():
+            thread.close()
+
+    def _unsettled(self) -> bool:
+        with self._lock:
+            return any(offer.spool.held and not offer.spool.settled for offer in self._offers)
+
+    def _expire(self, offer: SpoolOffer) -> None:
+        # It may have been marked meanwhile: then it is kept until it is settled.
+        if not offer.spool.held:
+            self.withdraw(offer)
+
+    def withdraw(self, offer: SpoolOffer) -> None:
+        """Offer it no more, and let go of what was kept."""
+        with self._lock:
+            if offer not in self._offers:
+                return
+            self._offers.remove(offer)
+            if offer in self._retired:
+                self._retired.remove(offer)
+        offer.spool.close(delete=False)

@@ -1,0 +1,168 @@
+"""Load cycles of a signal by rainflow counting, and the pseudo-damage that they do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duralab_spectra import as_record
+
+DAMAGE_EXPONENTS: Final = (3.0, 5.0, 8.0)
+"""Slopes of the S-N lines that pseudo-damage is told for: from welded joints (3) to smooth parts (8)."""
+
+
+@dataclass(frozen=True)
+class LoadCycles:
+    """Cycles of one signal, one value each, in no order that means anything.
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (cycles,)
+        From valley to peak (not the amplitude, which is half of it), the signal's unit, greater than 0.
+    means : ndarray, shape (cycles,)
+        Between valley and peak, the signal's unit.
+    counts : ndarray, shape (cycles,)
+        1 for a closed cycle, 0.5 for one that the signal left open.
+    starts, ends : ndarray, shape (cycles,)
+        The samples, from 0, of the turning points that a cycle lies between.
+    """
+
+    ranges: NDArray[np.float64]
+    means: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    starts: NDArray[np.intp]
+    ends: NDArray[np.intp]
+
+
+def as_signal(signal: ArrayLike) -> NDArray[np.float64]:
+    """Check one channel's signal and return it as float64."""
+    values = np.asarray(signal)
+    if values.ndim != 1:
+        raise ValueError(f"signal has shape {values.shape}; a signal has shape (samples,): give one channel at a time.")
+    return as_record(values[np.newaxis], name="signal")[0]
+
+
+def count_load_cycles(signal: ArrayLike) -> LoadCycles:
+    """Count the cycles of a signal.
+
+    The residual is counted as half cycles: left out it is the largest ranges that are missing.
+
+    Parameters
+    ----------
+    signal : array_like, shape (samples,)
+        Finite.
+
+    Returns
+    -------
+    LoadCycles
+        None at all for a signal that does not move.
+
+    Raises
+    ------
+    ValueError
+        No signal, several channels, or a value that is not finite.
+
+    Notes
+    -----
+    Source: ASTM E1049-85, section 5.4.4, rainflow counting. Four-point counting with the residual as half cycles gives
+    the same cycles.
+    """
+    # pylife brings pandas along, which takes a second: only those who count cycles wait for it.
+    from pylife.stress.rainflow import FourPointDetector, FullRecorder
+
+    values = as_signal(signal)
+    recorder = FullRecorder()
+    detector = FourPointDetector(recorder=recorder).process(values)
+    residual = np.asarray(detector.residuals, dtype=np.float64)
+    start = np.concatenate([np.asarray(recorder.values_from, dtype=np.float64), residual[:-1]])
+    end = np.concatenate([np.asarray(recorder.values_to, dtype=np.float64), residual[1:]])
+    places = np.asarray(detector.residual_index, dtype=np.intp)
+    starts = np.concatenate([np.asarray(recorder.index_from, dtype=np.intp), places[:-1]])
+    ends = np.concatenate([np.asarray(recorder.index_to, dtype=np.intp), places[1:]])
+    counts = np.ones(start.size)
+    counts[start.size - residual[1:].size :] = 0.5
+    ranges = np.abs(end - start)
+    # A signal that ends on a turning point or rests throughout has that value twice in its residual.
+    moved = ranges > 0.0
+    return LoadCycles(
+        ranges=ranges[moved],
+        means=0.5 * (start + end)[moved],
+        counts=counts[moved],
+        starts=starts[moved],
+        ends=ends[moved],
+    )
+
+
+def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:
+    """Sum of the cycles' ranges to the power of the S-N line's slope: damage but for the material's own factor.
+
+    Parameters
+    ----------
+    cycles : LoadCycles
+        Of one signal.
+    exponent : float
+        Slope k of the S-N line, greater than 0.
+
+    Returns
+    -------
+    float
+        The signal's unit to the power k; doubling the signal makes it `2^k` as large.
+
+    Raises
+    ------
+    ValueError
+        The exponent is not greater than 0.
+
+    Notes
+    -----
+    Source: Palmgren (1924), Miner, "Cumulative damage in fatigue" (1945): linear accumulation; Basquin's S-N line.
+    """
+    if not (np.isfinite(exponent) and exponent > 0.0):
+        raise ValueError(f"The exponent of the S-N line is {exponent:g}; it must be finite and greater than 0.")
+    return float(np.sum(cycles.counts * cycles.ranges**exponent))
+
+
+def damage_ratio(
+    target: ArrayLike, response: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXPONENTS
+) -> NDArray[np.float64]:
+    """Pseudo-damage of each response over that of its target.
+
+    Parameters
+    ----------
+    target, response : array_like, shape (channels, samples)
+        In the same units; their static parts do not count. They need not be of the same length.
+    exponents : sequence of float
+        Slopes of the S-N line, each greater than 0.
+
+    Returns
+    -------
+    ndarray, shape (channels, exponents)
+        0 or more; 1 is the damage wanted.
+
+    Raises
+    ------
+    ValueError
+        Channels that differ, values that are not finite, or a target channel that does not move.
+    """
+    wanted, measured = as_record(target, name="target"), as_record(response, name="response")
+    if wanted.shape[0] != measured.shape[0]:
+        raise ValueError(
+            f"The target has {wanted.shape[0]} channels and the response {measured.shape[0]}; both need as many."
+        )
+    ratio = np.empty((wanted.shape[0], len(exponents)))
+    for i in range(wanted.shape[0]):
+        # Both in units of the target's range: the eighth power of a force in newtons is no number to add up.
+        unit = float(np.ptp(wanted[i]))
+        if unit == 0.0:
+            raise ValueError(
+                f"Target channel {i} does not move, so a damage relative to it is undefined; leave it out."
+            )
+        cycles = [count_load_cycles(signal[i] / unit) for signal in (measured, wanted)]
+        for column, exponent in enumerate(exponents):
+            done, intended = (pseudo_damage(counted, exponent) for counted in cycles)
+            ratio[i, column] = done / intended
+    return ratio

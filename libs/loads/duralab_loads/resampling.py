@@ -1,0 +1,82 @@
+"""A record at another sample rate."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duralab_spectra import as_record
+from duralab_spectra.records import require_sample_rate
+
+FLAT_SHARE = 0.87
+"""Up to this share of half the lower sample rate, amplitudes are kept; from 1 on nothing passes."""
+
+LARGEST_FACTOR = 2000
+"""Largest numerator or denominator of the ratio of the rates: the filter is 128 times as long."""
+
+_HALF_LENGTH = 64
+"""Samples of the lower rate on either side of the filter's centre."""
+
+_KAISER_BETA = 12.3
+"""120 dB of stop band (Kaiser's formula), which leaves a transition of 0.13 of half the lower rate."""
+
+_LARGEST_RATE_ERROR = 1e-6
+"""Of the ratio of the rates, where rounding wrote a file's time step: 4 ms in an hour."""
+
+
+def resample(samples: ArrayLike, *, sample_rate: float, new_rate: float) -> NDArray[np.float64]:
+    """Return the same signals, sampled at another rate; the first sample stays where it is.
+
+    Parameters
+    ----------
+    samples : array_like, shape (channels, samples)
+        Each row in its channel's unit.
+    sample_rate, new_rate : float
+        In hertz; their ratio must be one of whole numbers up to 2000.
+
+    Returns
+    -------
+    ndarray, shape (channels, ceil(samples new_rate / sample_rate))
+        What lies below 0.87 of half the lower rate is kept to 1e-6; what lies above half the new rate is removed, not
+        folded. Beyond its ends the record counts as turned about them, so the last 64 samples of the lower rate at
+        either end are less exact.
+
+    Raises
+    ------
+    ValueError
+        A rate that is not above 0, or a ratio of larger numbers.
+
+    Notes
+    -----
+    Source: Crochiere and Rabiner, *Multirate Digital Signal Processing* (1983), polyphase; window of Kaiser (1974).
+    """
+    record = as_record(samples)
+    require_sample_rate(sample_rate)
+    require_sample_rate(new_rate)
+    ratio = Fraction(new_rate / sample_rate).limit_denominator(LARGEST_FACTOR)
+    off = abs(float(ratio) * sample_rate / new_rate - 1.0)
+    if ratio.numerator > LARGEST_FACTOR or ratio.numerator == 0 or off > _LARGEST_RATE_ERROR:
+        raise ValueError(
+            f"From {sample_rate:.9g} to {new_rate:.9g} Hz is no ratio of whole numbers up to {LARGEST_FACTOR}; take a "
+            "rate that is, or resample in two steps."
+        )
+    up, down = ratio.numerator, ratio.denominator
+    if up == down or record.shape[1] == 1:
+        return record.copy()
+    slower = max(up, down)
+    half = _HALF_LENGTH * slower
+    # An ideal low-pass filter between the edges of the transition, under Kaiser's window; 1 at rest.
+    cutoff = 0.5 * (FLAT_SHARE + 1.0) / slower
+    kernel = np.sinc(cutoff * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, _KAISER_BETA)
+    kernel /= kernel.sum()
+    # A whole number of input periods in front, so that the first sample of the result is the record's first again.
+    extension = (half // up // down + 2) * down
+    extended = np.pad(record, ((0, 0), (extension, extension)), mode="reflect", reflect_type="odd")
+    # scipy.signal takes a second to import, and a service that wants a record's damage only shall start at once.
+    from scipy.signal import resample_poly
+
+    resampled = np.asarray(resample_poly(extended, up, down, axis=-1, window=kernel))
+    first, length = extension // down * up, -(-record.shape[1] * up // down)
+    return np.ascontiguousarray(resampled[:, first : first + length])

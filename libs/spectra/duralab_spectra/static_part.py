@@ -1,0 +1,74 @@
+"""The static part of a record that a band does not hold: the straight line from its level at the start to its end."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duralab_spectra.records import as_record, require_sample_rate
+
+# The level at an end of a record is averaged over this many periods of the band's lower edge, against sensor noise.
+_END_PERIODS: Final = 0.05
+
+
+def static_levels(samples: ArrayLike, *, lowest: float, sample_rate: float) -> NDArray[np.float64]:
+    """Return the levels at start and end between which a record's static part lies.
+
+    Parameters
+    ----------
+    samples
+        Shape (channels, samples).
+    lowest
+        Lower edge of the band, in hertz, greater than 0.
+    sample_rate
+        In hertz, greater than 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (channels, 2), in the record's units.
+
+    Raises
+    ------
+    ValueError
+        Where the samples are no record, or the edge or the sample rate is not greater than 0.
+    """
+    values = as_record(samples)
+    require_sample_rate(sample_rate)
+    if not lowest > 0.0:
+        raise ValueError(f"The band begins at {lowest} Hz; a static part is told from a band that begins above 0.")
+    count = values.shape[1]
+    ends = min(count, max(1, round(_END_PERIODS * sample_rate / lowest)))
+    parts = slice(0, ends), slice(count - ends, count)
+    return np.stack([values[:, part].mean(axis=1) for part in parts], axis=1)
+
+
+def dynamic_part(samples: ArrayLike, *, lowest: float, sample_rate: float) -> NDArray[np.float64]:
+    """Return a record without its static part, not limited to the band.
+
+    The band holds no static part, but a level that jumps to the zeros around the record, or from its end to its start,
+    would ring into the band. The mean would do so too: a damper moves the mean of a rough ride away from the rest
+    around it, and a drift leaves as much at both ends.
+
+    Parameters
+    ----------
+    samples
+        Shape (channels, samples); the static part is between its levels at start and end.
+    lowest
+        Lower edge of the band, in hertz, greater than 0.
+    sample_rate
+        In hertz, greater than 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (channels, samples), in the record's units.
+
+    Raises
+    ------
+    ValueError
+        Where the samples are no record, or the edge or the sample rate is not greater than 0.
+    """
+    values = as_record(samples)
+    start, end = static_levels(values, lowest=lowest, sample_rate=sample_rate).T
+    return values - np.linspace(start, end, values.shape[1], axis=1)
