@@ -25,7 +25,7 @@ _ENDS: Final = MappingProxyType(
     }
 )
 
-_WENT_ON: Final = " It went on to the last playback planned."
+_ALL_USED: Final = " The campaign used all planned iterations."
 """In place of "all playbacks were used", which sounds like a failure beside a target that was reached."""
 
 _MOST_DECIMALS: Final = 6
@@ -291,7 +291,7 @@ def _judged(
     if failed or not whole:
         return Verdict(Judgement.NOT_REACHED, f"The target was not reached: {told}{end}", limits, findings)
     if status.outcome == iterator_pb2.OUTCOME_ITERATIONS_USED:
-        end = _WENT_ON
+        end = _ALL_USED
     return Verdict(Judgement.REACHED, f"The target was reached: {told}{end}", limits, findings)
 
 
