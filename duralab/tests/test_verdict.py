@@ -258,7 +258,7 @@ def test_a_part_of_the_target_is_not_the_target():
 def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):
     status = iterator_pb2.CampaignStatus(phase=iterator_pb2.CAMPAIGN_PHASE_FINISHED, outcome=outcome)
     # Beside a target that was reached, "all playbacks were used" would sound like a failure.
-    reached = "to the last playback planned" if outcome == iterator_pb2.OUTCOME_ITERATIONS_USED else reason
+    reached = "used all planned iterations" if outcome == iterator_pb2.OUTCOME_ITERATIONS_USED else reason
     for limit, expected in ((0.25, reason), (0.7, reached)):
         assert expected in judged(table_of([0.6, 0.5]), status=status, relative_rms_error=limit).sentence
         others = [other for other in iterator_pb2.Outcome.values() if other not in (outcome, 0)]
