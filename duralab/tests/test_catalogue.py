@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from duralab.cli import app
 from duralab.errors import InputError
 from duralab.lab import Catalogue, Result
-from duralab.lab.client import Asking
+from duralab.lab.client import LabClient
 from duralab_proto.arrays import to_record
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import array_pb2, iterator_pb2, recorder_pb2
@@ -186,7 +186,7 @@ def test_an_id_that_is_no_text_is_refused(id):
         keys = Keys()
 
     with pytest.raises(InputError, match=f"^id is {id!r}; give its name as a text\\.$") as caught:
-        Catalogue(Asking(Named(), lambda: None)).verify(id)
+        Catalogue(LabClient(Named(), lambda: None)).verify(id)
     assert caught.value.field == "id"
 
 

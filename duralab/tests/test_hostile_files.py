@@ -24,7 +24,7 @@ BOMB = "\n".join(
 
 
 @pytest.fixture(autouse=True)
-def patience():
+def deadline():
     """Fail, where the code of before would hang."""
 
     def give_up(*_):

@@ -28,7 +28,7 @@ class Answers:
     def __init__(self, answer):
         self.answer, self.key, self.request = answer, None, None
 
-    def __call__(self, key, request, _kind, on_progress=None, patience=None, what=""):
+    def __call__(self, key, request, _kind, on_progress=None, deadline=None, what=""):
         self.key, self.request = key, request
         if on_progress is not None:
             on_progress(query_pb2.Progress(phase="playing", fraction=0.5, remaining_seconds=3.0))
@@ -36,7 +36,7 @@ class Answers:
 
 
 def identifier(answers):
-    return Identifier(query=answers, describe=lambda _: RIG, keys=KEYS, halting=lambda rig, patience: nullcontext())
+    return Identifier(query=answers, describe=lambda _: RIG, keys=KEYS, halting=lambda rig, deadline: nullcontext())
 
 
 def message(factor):

@@ -11,7 +11,7 @@ from typing import Final
 from duralab.data import Signals
 from duralab.display import html_table, text_table
 from duralab.errors import InputError
-from duralab.lab.client import Asking
+from duralab.lab.client import LabClient
 from duralab.lab.recorded_result import Result
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
@@ -188,7 +188,7 @@ def _channel_names(given: object) -> list[str]:
 class Catalogue:
     """What the recorder of a lab holds; made by `Lab.catalogue`."""
 
-    def __init__(self, ask: Asking) -> None:
+    def __init__(self, ask: LabClient) -> None:
         self._ask = ask
 
     def search(

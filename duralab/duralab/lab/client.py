@@ -1,4 +1,4 @@
-"""Asking services: a fault becomes an error for the user, and the end of a service explains what it broke."""
+"""Queries to services: a fault becomes an error for the user, and the end of a service explains what it broke."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from duralab.errors import (
     StoppedError,
     UnavailableError,
 )
-from duralab.lab.deadline import FOREVER, Patience
+from duralab.lab.deadline import FOREVER, Deadline
 from duralab_bus import Bus, FaultError
 from duralab_proto.v1 import query_pb2
 
@@ -37,7 +37,7 @@ _ERRORS: Final = MappingProxyType(
 MessageT = TypeVar("MessageT", bound=Message)
 
 
-class Asking:
+class LabClient:
     """A session on the bus, as the SDK asks through it.
 
     `bus`: The session. `failure`: Returns what happened to a service of this lab that ended by itself; None while all
@@ -64,16 +64,16 @@ class Asking:
         kind: type[MessageT],
         *,
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
-        patience: Patience = FOREVER,
+        deadline: Deadline = FOREVER,
         what: str = "The answer",
     ) -> MessageT:
-        """Ask and wait for the answer; raises LabError, where the patience is over one about `what`."""
+        """Ask and wait for the answer; raises LabError, where the deadline is over one about `what`."""
         try:
-            cancel = patience if patience.limited else None
+            cancel = deadline if deadline.limited else None
             return self.bus.query(key, request, kind, on_progress=on_progress, cancel=cancel)
         except FaultError as fault:
-            if fault.code == query_pb2.FAULT_CODE_CANCELLED and patience.is_set():
-                raise patience.error(what) from fault
+            if fault.code == query_pb2.FAULT_CODE_CANCELLED and deadline.is_set():
+                raise deadline.error(what) from fault
             raise self.explained(fault) from fault
 
     def explained(self, fault: FaultError) -> LabError:

@@ -12,7 +12,7 @@ from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError
 
 
 @dataclass(frozen=True)
-class Patience:
+class Deadline:
     """When to give up; `duralab_bus` asks it as it asks an event.
 
     `timeout_seconds`: The time allowed, as the caller said it; infinite where all the time in the world is. `deadline`:
@@ -39,18 +39,18 @@ class Patience:
         return LabTimeoutError(f"{what} took longer than the {self.timeout_seconds:g} s allowed.")
 
 
-FOREVER = Patience()
+FOREVER = Deadline()
 """Without an end."""
 
 
-def patience(timeout_seconds: float | None, cancel: threading.Event | None) -> Patience:
-    """Return the patience of a call that begins now."""
+def deadline_of(timeout_seconds: float | None, cancel: threading.Event | None) -> Deadline:
+    """Return the deadline of a call that begins now."""
     if cancel is not None and not isinstance(cancel, threading.Event):
         raise InputError(f"cancel is {cancel!r}; give a threading.Event, or leave it out.", field="cancel")
     if timeout_seconds is None:
-        return Patience(cancel=cancel)
+        return Deadline(cancel=cancel)
     require_time(timeout_seconds, field="timeout_seconds")
-    return Patience(timeout_seconds, time.monotonic() + timeout_seconds, cancel)
+    return Deadline(timeout_seconds, time.monotonic() + timeout_seconds, cancel)
 
 
 def require_time(seconds: object, *, field: str) -> None:

@@ -14,7 +14,7 @@ from duralab.arguments import progress_callback, real_numbers, require_seed
 from duralab.campaign import estimator_message, excitation_message
 from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
 from duralab.errors import InputError
-from duralab.lab.deadline import Patience, patience
+from duralab.lab.deadline import Deadline, deadline_of
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys
@@ -34,7 +34,7 @@ class Identifier:
     keys : Keys
         Of the lab.
     halting : callable
-        Makes the context in which the end of the patience stops a rig.
+        Makes the context in which the end of the deadline stops a rig.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Identifier:
         query: Callable[..., Any],
         describe: Callable[[str], Rig],
         keys: Keys,
-        halting: Callable[[str, Patience], AbstractContextManager[None]],
+        halting: Callable[[str, Deadline], AbstractContextManager[None]],
     ) -> None:
         self._query, self._describe, self._keys, self._halting = query, describe, keys, halting
 
@@ -124,14 +124,14 @@ class Identifier:
             The rig could not play it (`InputError`), or it did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
-        end = patience(timeout_seconds, cancel)
+        end = deadline_of(timeout_seconds, cancel)
         with self._halting(rig, end):
             message = self._query(
                 self._keys.identify(),
                 request,
                 identifier_pb2.Model,
                 on_progress=_report_to(on_progress),
-                patience=end,
+                deadline=end,
                 what=f"The identification of rig {rig!r}",
             )
         return Model.from_message(message)

@@ -23,7 +23,7 @@ from duralab.errors import InputError, LabError
 from duralab.lab.campaigns import (
     CampaignResult,
     RecordingsPlace,
-    Rescue,
+    Recovery,
     collect,
     followed,
     free_id,
@@ -32,8 +32,8 @@ from duralab.lab.campaigns import (
     stop_campaign,
 )
 from duralab.lab.catalogue import Catalogue
-from duralab.lab.client import Asking
-from duralab.lab.deadline import Patience, patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import Deadline, deadline_of
 from duralab.lab.health import ServiceHealth, health_of
 from duralab.lab.progress import OnProgress, RunProgress, Stage, progress_of
 from duralab.lab.rigs import LabRigs
@@ -77,7 +77,7 @@ class Lab(LabRigs):
         self._recordings = recordings or RecordingsPlace()
         self._bus = bus
         self._supervisor = supervisor
-        super().__init__(Asking(bus, self.failure))
+        super().__init__(LabClient(bus, self.failure))
 
     @property
     def endpoints(self) -> tuple[str, ...]:
@@ -184,7 +184,7 @@ class Lab(LabRigs):
         LabError
             A service is not there or ended.
         """
-        end = patience(timeout_seconds, cancel)
+        end = deadline_of(timeout_seconds, cancel)
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
         tell = progress_callback(on_progress)
         id = free_id(self._ask, plan.name)
@@ -213,9 +213,9 @@ class Lab(LabRigs):
         def begin() -> iterator_pb2.CampaignStatus:
             return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
 
-        rescue = Rescue(self._ask, id, folder, self._recordings)
-        status = followed(self._ask, id, begin=begin, tell=tell, rescue=rescue, patience=end)
-        return collect(self._ask, specification, status, folder=folder, rescue=rescue)
+        recovery = Recovery(self._ask, id, folder, self._recordings)
+        status = followed(self._ask, id, begin=begin, tell=tell, recovery=recovery, deadline=end)
+        return collect(self._ask, specification, status, folder=folder, recovery=recovery)
 
     def resume(
         self,
@@ -271,7 +271,7 @@ class Lab(LabRigs):
             place=self._recordings,
             replace=replace,
             tell=progress_callback(on_progress),
-            patience=patience(timeout_seconds, cancel),
+            deadline=deadline_of(timeout_seconds, cancel),
         )
 
     def _id_of(self, given: str | Path, *, out: str | Path | None) -> str:
@@ -313,7 +313,7 @@ class Lab(LabRigs):
         except FaultError as fault:
             raise self._ask.explained(fault) from fault
 
-    def _drive_road(self, plan: Campaign, id: str, inputs: Signals, *, tell: OnProgress, end: Patience) -> Signals:
+    def _drive_road(self, plan: Campaign, id: str, inputs: Signals, *, tell: OnProgress, end: Deadline) -> Signals:
         vehicle = plan.target.vehicle or ""
         tell(RunProgress(Stage.TARGET, f"driving {vehicle} over the road", 0.0, -1.0))
         run = f"{id}.target-{uuid.uuid4().hex[:8]}"

@@ -10,8 +10,8 @@ import numpy as np
 from duralab.arguments import progress_callback
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError
-from duralab.lab.client import Asking
-from duralab.lab.deadline import Patience, patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import Deadline, deadline_of
 from duralab.lab.identifier import Identifier
 from duralab.lab.playing import halting, play_drive, reset_rig, state_of_rig, stop_rig
 from duralab.lab.progress import OnProgress
@@ -27,11 +27,11 @@ class LabRigs:
 
     Parameters
     ----------
-    ask : Asking
+    ask : LabClient
         The lab.
     """
 
-    def __init__(self, ask: Asking) -> None:
+    def __init__(self, ask: LabClient) -> None:
         self._ask = ask
 
     def rig_names(self) -> list[str]:
@@ -45,7 +45,7 @@ class LabRigs:
             query=self._ask.query,
             describe=self.describe,
             keys=self._ask.bus.keys,
-            halting=lambda rig, patience: halting(self._ask, rig, patience),
+            halting=lambda rig, deadline: halting(self._ask, rig, deadline),
         )
 
     def rigs(self) -> Rigs:
@@ -171,7 +171,7 @@ class LabRigs:
         LabError
             It met a limit, or is gone.
         """
-        end = patience(timeout_seconds, cancel)
+        end = deadline_of(timeout_seconds, cancel)
         return self._play(
             rig, drive, run=run, seed=seed, real_time=real_time, tell=progress_callback(on_progress), end=end
         )
@@ -184,11 +184,11 @@ class LabRigs:
         run: str | None,
         seed: int,
         tell: OnProgress,
-        end: Patience,
+        end: Deadline,
         real_time: bool = False,
     ) -> Played:
         described = self.describe(rig)
-        return play_drive(self._ask, described, drive, run=run, seed=seed, real_time=real_time, tell=tell, patience=end)
+        return play_drive(self._ask, described, drive, run=run, seed=seed, real_time=real_time, tell=tell, deadline=end)
 
     def identify(
         self,

@@ -15,8 +15,8 @@ from typing import Any, Final, Self
 
 from duralab.data import Rig, RigState, Signals
 from duralab.errors import LabTimeoutError
-from duralab.lab.client import Asking
-from duralab.lab.deadline import patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import deadline_of
 from duralab.lab.progress import ENDED, POLL_SECONDS, RunProgress, progress_of
 from duralab_bus import StreamItem
 from duralab_proto.arrays import from_array
@@ -102,7 +102,7 @@ class Watch(Iterator[LabEvent]):
 
     Parameters
     ----------
-    ask : Asking
+    ask : LabClient
         The lab.
     describe : callable
         Describes a rig.
@@ -116,7 +116,7 @@ class Watch(Iterator[LabEvent]):
 
     def __init__(
         self,
-        ask: Asking,
+        ask: LabClient,
         *,
         describe: Callable[[str], Rig],
         rig: str,
@@ -124,7 +124,7 @@ class Watch(Iterator[LabEvent]):
         kinds: frozenset[Watched],
         timeout_seconds: float | None,
     ) -> None:
-        patience(timeout_seconds, None)  # a wrong time is an error here, not at the first event
+        deadline_of(timeout_seconds, None)  # a wrong time is an error here, not at the first event
         self.dropped = 0
         self._ask, self._describe, self._campaign = ask, describe, campaign
         self._silence_seconds = math.inf if timeout_seconds is None else timeout_seconds

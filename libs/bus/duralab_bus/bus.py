@@ -323,7 +323,7 @@ class Bus:
     def stop_serving(self) -> None:
         """Withdraw the liveliness tokens, take no more queries, tell the running handlers and wait a moment for them.
 
-        Asking and publishing go on, so that a service can still bring its own work to an end.
+        LabClient and publishing go on, so that a service can still bring its own work to an end.
         """
         for token in list(self._tokens):
             token.close()

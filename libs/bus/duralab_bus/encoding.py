@@ -43,7 +43,7 @@ def encode(
     code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
 ) -> bytes:
     """Serialise a message that is about to be sent."""
-    # Asking for its size first would serialise it twice.
+    # LabClient for its size first would serialise it twice.
     payload = message.SerializeToString(deterministic=True)
     if len(payload) > largest_bytes:
         raise _too_large(message.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)

@@ -13,11 +13,11 @@ from duralab.campaign import Campaign, PartialSettings, acceptance_message, comp
 from duralab.data import Rig
 from duralab.errors import InputError, LabError
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace
-from duralab.lab.campaigns.rescue import Rescue
+from duralab.lab.campaigns.recovery import Recovery
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.lab.campaigns.running import collect, followed, free_id
-from duralab.lab.client import Asking
-from duralab.lab.deadline import Patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import Deadline
 from duralab.lab.progress import OnProgress
 from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
@@ -97,7 +97,7 @@ def _stem_and_number(id: str) -> tuple[str, int]:
 
 
 def resume_campaign(
-    ask: Asking,
+    ask: LabClient,
     id: str,
     *,
     settings: Campaign | PartialSettings | None,
@@ -107,14 +107,14 @@ def resume_campaign(
     place: RecordingsPlace,
     replace: bool,
     tell: OnProgress,
-    patience: Patience,
+    deadline: Deadline,
 ) -> CampaignResult:
     """Resume a campaign and collect what it leaves; see `Lab.resume`.
 
     `ask`: The session. `id`: The campaign. `settings`: Whose update and stop criteria take the place of its own.
     `from_iteration`: The last playback to build on; 0 is the last there is. `describe`: Returns what a rig is.
     `folder`: Returns where the outputs of a campaign go. `place`: Where the recorder writes. `replace`: Whether outputs
-    that are there are overwritten. `tell`: Told how far it is. `patience`: How long to wait.
+    that are there are overwritten. `tell`: Told how far it is. `deadline`: How long to wait.
     Returns: The result, its files fetched.
     Raises `LabError`: See `Lab.resume`.
     """
@@ -140,10 +140,10 @@ def resume_campaign(
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
         require_outputs([folder(name) / file for file in OUTPUTS], replace=replace)
         request.new_id = name if name != id else ""
-        return followed(ask, name, begin=begin, tell=tell, rescue=rescue(name), patience=patience)
+        return followed(ask, name, begin=begin, tell=tell, recovery=recovery(name), deadline=deadline)
 
-    def rescue(name: str) -> Rescue:
-        return Rescue(ask, name, folder(name), place)
+    def recovery(name: str) -> Recovery:
+        return Recovery(ask, name, folder(name), place)
 
     name, status = id, None
     if settings is None and from_iteration == 0:
@@ -163,10 +163,10 @@ def resume_campaign(
                 raise
             raise _no_playback_left(error, id) from error
     specification = _as_resumed(parent, name, request, own_settings=settings is None)
-    return collect(ask, specification, status, folder=folder(name), rescue=rescue(name))
+    return collect(ask, specification, status, folder=folder(name), recovery=recovery(name))
 
 
-def _parent(ask: Asking, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
+def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
     """Check what is to be built on, and return what its campaign was asked to do."""
     if not (whole_number(from_iteration) and 0 <= from_iteration < 2**32):
         raise InputError(

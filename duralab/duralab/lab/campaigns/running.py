@@ -9,10 +9,10 @@ from typing import Final
 
 from duralab.errors import CampaignFaultError, LabError, ServiceEndedError, ended
 from duralab.lab.campaigns.fetching import fetch_result
-from duralab.lab.campaigns.rescue import Rescue
+from duralab.lab.campaigns.recovery import Recovery
 from duralab.lab.campaigns.result import CampaignResult
-from duralab.lab.client import Asking
-from duralab.lab.deadline import FOREVER, Patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import FOREVER, Deadline
 from duralab.lab.progress import ENDED, OnProgress, follow_campaign, progress_of
 from duralab_bus import BusError, FaultError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
@@ -21,7 +21,7 @@ SILENCE_SECONDS: Final = 10.0
 _STOP_SILENCE_SECONDS: Final = 2.0
 
 
-def free_id(ask: Asking, name: str, *, first: int = 1) -> str:
+def free_id(ask: LabClient, name: str, *, first: int = 1) -> str:
     """Return the campaign's name, with a number where the lab's recorder holds one of that name already.
 
     `ask`: The session. `name`: Without a number. `first`: Least number.
@@ -38,18 +38,18 @@ def free_id(ask: Asking, name: str, *, first: int = 1) -> str:
 
 
 def followed(
-    ask: Asking,
+    ask: LabClient,
     id: str,
     *,
     begin: Callable[[], iterator_pb2.CampaignStatus],
     tell: OnProgress,
-    rescue: Rescue,
-    patience: Patience = FOREVER,
+    recovery: Recovery,
+    deadline: Deadline = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
     """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is.
 
     `ask`: The session. `id`: Name of the campaign. `begin`: Begins it and returns its first status. `tell`: Receives
-    the progress. `rescue`: Keeps what can be kept where it fails. `patience`: How long to wait.
+    the progress. `recovery`: Keeps what can be kept where it fails. `deadline`: How long to wait.
     Returns: The status at the end.
     Raises `LabError`: The campaign could not be followed to its end.
     """
@@ -67,8 +67,8 @@ def followed(
         if (failure := ask.failure()) is not None:
             raise failure
         tell(progress_of(status))
-        if patience.is_set() and status.phase not in ENDED:
-            raise patience.error(f"The campaign {id!r}")
+        if deadline.is_set() and status.phase not in ENDED:
+            raise deadline.error(f"The campaign {id!r}")
 
     def stopped(reason: str, *, silence_seconds: float = SILENCE_SECONDS) -> None:
         # Best effort: the services that are left are ended with the lab.
@@ -81,24 +81,24 @@ def followed(
         except FaultError as fault:
             error = ask.explained(fault)
             # What was refused has left nothing behind.
-            raise (rescue.told(error, played=played) if begun else error) from fault
+            raise (recovery.told(error, played=played) if begun else error) from fault
         except LabError as error:
             ended_itself = isinstance(error, ServiceEndedError)
             stopped(str(error), silence_seconds=_STOP_SILENCE_SECONDS if ended_itself else SILENCE_SECONDS)
-            raise rescue.told(error, played=played) from error
+            raise recovery.told(error, played=played) from error
     except KeyboardInterrupt as interrupt:
         try:
             # Whoever interrupts does not want to wait for a service that is gone.
             stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
-            rescue.note(interrupt, played=played)
+            recovery.note(interrupt, played=played)
         except KeyboardInterrupt as again:
-            rescue.note_where_it_lies(again, played=played)
+            recovery.note_where_it_lies(again, played=played)
             raise
         raise
 
 
 def stop_campaign(
-    ask: Asking, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
+    ask: LabClient, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
 ) -> iterator_pb2.CampaignStatus:
     """Stop a campaign; raises FaultError where the iterator does not know it.
 
@@ -115,17 +115,17 @@ def stop_campaign(
 
 
 def collect(
-    ask: Asking,
+    ask: LabClient,
     specification: iterator_pb2.CampaignSpec,
     status: iterator_pb2.CampaignStatus,
     *,
     folder: Path,
-    rescue: Rescue,
+    recovery: Recovery,
 ) -> CampaignResult:
     """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is.
 
     `ask`: The session. `specification`: What was asked for. `status`: How the campaign ended. `folder`: Where its files
-    go. `rescue`: Keeps what can be kept where fetching fails.
+    go. `recovery`: Keeps what can be kept where fetching fails.
     Returns: The result, its files fetched.
     Raises `LabError`: The files could not be fetched; CampaignFaultError where the campaign ended early.
     """
@@ -135,15 +135,15 @@ def collect(
             field=status.fault.field,
             service=status.fault.service,
         )
-        raise rescue.told(error, played=bool(status.iterations))
+        raise recovery.told(error, played=bool(status.iterations))
     try:
         result = fetch_result(ask.bus, specification, status, folder=folder)
     except FaultError as fault:
-        raise rescue.named(ask.explained(fault)) from fault
+        raise recovery.named(ask.explained(fault)) from fault
     except LabError as error:
-        raise rescue.named(error) from error
+        raise recovery.named(error) from error
     except KeyboardInterrupt as interrupt:
-        rescue.note_where_it_lies(interrupt, played=True)
+        recovery.note_where_it_lies(interrupt, played=True)
         raise
-    rescue.place.fetched(specification.id)
+    recovery.place.fetched(specification.id)
     return result

@@ -13,8 +13,8 @@ import numpy as np
 from duralab.arguments import require_seed, require_switch, require_text
 from duralab.data import Played, Rig, RigState, Signals, actuator_use
 from duralab.errors import LabError, LabTimeoutError, StoppedError, ended
-from duralab.lab.client import Asking
-from duralab.lab.deadline import Patience
+from duralab.lab.client import LabClient
+from duralab.lab.deadline import Deadline
 from duralab.lab.playing.drives import drive_signals
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import ArrayError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def play_drive(
-    ask: Asking,
+    ask: LabClient,
     rig: Rig,
     drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals,
     *,
@@ -33,11 +33,11 @@ def play_drive(
     seed: int,
     real_time: bool,
     tell: Callable[[RunProgress], None],
-    patience: Patience,
+    deadline: Deadline,
 ) -> Played:
     """Play a drive on a rig; see `Lab.play`.
 
-    `ask`, `rig`, `drive`, `run`, `seed`, `real_time`, `tell`, `patience`: The lab, the rig as it described itself, and
+    `ask`, `rig`, `drive`, `run`, `seed`, `real_time`, `tell`, `deadline`: The lab, the rig as it described itself, and
     what `Lab.play` was given; drives have shape (drives, samples).
     Returns: What came back.
     Raises `LabError`: See `Lab.play`.
@@ -55,8 +55,8 @@ def play_drive(
 
     key = ask.key("rig", ask.bus.keys.rig_play, rig.name)
     what = f"The playback {name!r} on rig {rig.name!r}"
-    with halting(ask, rig.name, patience):
-        result = ask.query(key, request, rig_pb2.PlayResult, on_progress=report, patience=patience, what=what)
+    with halting(ask, rig.name, deadline):
+        result = ask.query(key, request, rig_pb2.PlayResult, on_progress=report, deadline=deadline, what=what)
     return Played(
         run=result.run,
         response=_checked_response(result, rig, run=name, samples=signals.samples.shape[1]),
@@ -95,22 +95,22 @@ def _wrong_answer(rig: Rig, what: str, *, field: str) -> LabError:
 
 
 @contextmanager
-def halting(ask: Asking, rig: str, patience: Patience) -> Iterator[None]:
-    """Stop a rig where the patience with what moves it ends, so that it rests when the error arrives.
+def halting(ask: LabClient, rig: str, deadline: Deadline) -> Iterator[None]:
+    """Stop a rig where the deadline with what moves it ends, so that it rests when the error arrives.
 
-    `ask`: The session. `rig`: Name of the rig. `patience`: Deadline of what moves the rig.
+    `ask`: The session. `rig`: Name of the rig. `deadline`: Deadline of what moves the rig.
     Yields: Nothing; the body of the `with` statement moves the rig.
     Raises `LabTimeoutError`: The time is over. `StoppedError`: The wait was cancelled.
     """
     try:
         yield
     except (StoppedError, LabTimeoutError) as error:
-        if not patience.is_set():
+        if not deadline.is_set():
             raise
         raise type(error)(f"{ended(str(error))} {_halted(ask, rig, str(error))}", service=error.service) from error
 
 
-def _halted(ask: Asking, rig: str, reason: str) -> str:
+def _halted(ask: LabClient, rig: str, reason: str) -> str:
     """Stop a rig; return a sentence about what came of it."""
     try:
         # The rig ramps down as soon as it learns that nobody waits; the answer to a stop tells when it rests.
@@ -122,7 +122,7 @@ def _halted(ask: Asking, rig: str, reason: str) -> str:
     return "The rig was stopped and is latched: look at it, then reset it."
 
 
-def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
+def stop_rig(ask: LabClient, rig: str, *, reason: str) -> RigState:
     """Ramp a rig down and latch it; return when it rests, or at once where its run cannot be stopped.
 
     `ask`: The session. `rig`: Name of the rig. `reason`: Why it is stopped, in words.
@@ -135,7 +135,7 @@ def stop_rig(ask: Asking, rig: str, *, reason: str) -> RigState:
     return RigState.from_message(message, goes_on=bool(message.run))
 
 
-def reset_rig(ask: Asking, rig: str) -> RigState:
+def reset_rig(ask: LabClient, rig: str) -> RigState:
     """Clear the latch of a rig.
 
     `ask`: The session. `rig`: Name of the rig.
@@ -145,7 +145,7 @@ def reset_rig(ask: Asking, rig: str) -> RigState:
     return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState))
 
 
-def state_of_rig(ask: Asking, rig: str) -> RigState:
+def state_of_rig(ask: LabClient, rig: str) -> RigState:
     """Ask a rig what it does.
 
     `ask`: The session. `rig`: Name of the rig.

@@ -1,4 +1,4 @@
-"""Asking publishers for what they keep: replays of what is missing, heads of what there is."""
+"""LabClient publishers for what they keep: replays of what is missing, heads of what there is."""
 
 from __future__ import annotations
 

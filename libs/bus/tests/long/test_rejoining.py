@@ -94,7 +94,7 @@ def test_who_was_cut_off_by_its_router_comes_back_as_another_session_and_lacks_n
         assert client.live() == {("rig_sim", "bench")}
 
 
-class Asking:
+class LabClient:
     """Asks one thing over and over on a thread, and keeps the faults."""
 
     def __init__(self, ask, *, times=10**9):
@@ -125,8 +125,10 @@ def test_no_restart_of_a_router_is_blamed_on_the_rig_and_no_playback_is_asked_tw
     with duralab_bus.open_bus(router.config(), service="test") as client:
         client.wait_for_live({("rig_sim", "bench")}, WAIT)
         state, play = client.keys.rig_state("bench"), client.keys.rig_play("bench")
-        reads = Asking(lambda: client.query(state, rig_pb2.StateRequest(), rig_pb2.RigState))
-        plays = Asking(lambda: client.query(play, rig_pb2.PlayRequest(run=f"steps.{next(runs)}"), rig_pb2.PlayResult))
+        reads = LabClient(lambda: client.query(state, rig_pb2.StateRequest(), rig_pb2.RigState))
+        plays = LabClient(
+            lambda: client.query(play, rig_pb2.PlayRequest(run=f"steps.{next(runs)}"), rig_pb2.PlayResult)
+        )
         for number in range(RESTARTS):
             before, refused = client._session.current, len(reads.faults)
             # Some so short that Zenoh has the link back, some long enough for another session.
@@ -174,7 +176,7 @@ def test_a_query_that_its_router_cuts_off_is_asked_again_if_it_reads_and_not_if_
         rig.declare_live("rig_sim", "bench")
         client.wait_for_live({("rig_sim", "bench")}, WAIT)
         began = client._session.current
-        asking = Asking(lambda: client.query(key, request_message, type(response)), times=1)
+        asking = LabClient(lambda: client.query(key, request_message, type(response)), times=1)
         until(lambda: asked)
         router.restart()
         asking.end()

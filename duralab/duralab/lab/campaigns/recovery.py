@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from duralab.errors import LabError, ended
 from duralab.lab.campaigns.fetching import fetch_files, wait_until_closed
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace
-from duralab.lab.client import Asking
+from duralab.lab.client import LabClient
 from duralab.output_files import OUTPUTS
 from duralab_bus import BusError, FaultError
 from duralab_proto.keys import MAIN_INSTANCE
@@ -25,13 +25,13 @@ LabErrorT = TypeVar("LabErrorT", bound=LabError)
 
 
 @dataclass(frozen=True)
-class Rescue:
+class Recovery:
     """What becomes of the recording of one campaign that ends badly.
 
     `ask`: The session. `id`: The campaign. `folder`: Where its outputs are to go. `place`: Where the recorder writes.
     """
 
-    ask: Asking
+    ask: LabClient
     id: str
     folder: Path
     place: RecordingsPlace
