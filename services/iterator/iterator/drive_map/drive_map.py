@@ -1,0 +1,248 @@
+"""The drive map: forward and backward, exact at every amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iterator.drive_map.map_terms import (
+    MapTerm,
+    dependency_order,
+    powers_of_frequency,
+    product_text,
+    unit_of_ratio,
+)
+from iterator.drive_map.product_band import ProductBand
+from spectra import as_record
+
+Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
+"""Function of a drive's index and its samples that returns the samples to play."""
+
+
+@dataclass(frozen=True)
+class DriveMap:
+    """Change of drive coordinates `v_a = u_a + s_a Σ_j K_aj ∗ π_j(u)` after which a rig is nearly linear, `y ≈ H ∗ v`.
+
+    `π_j` is a product of two drives in units of `scale`, see `MapTerm` for `K`. `K` acts from 0 Hz to
+    `highest_frequency` and fades to 0 in the tenth above it. No drive follows itself, so `T⁻¹` is explicit.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        One for each drive.
+    scale : tuple of float
+        `s`, RMS of each drive in the record that the map is learned from, drive units, greater than 0.
+    terms : tuple of MapTerm
+        Empty for the identity.
+    sample_rate : float
+        Of the drives, Hz.
+    highest_frequency : float
+        Upper end of the identified band, Hz; above 0 and below half the sample rate.
+
+    Raises
+    ------
+    ValueError
+        Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names a drive that
+        does not exist or stands twice, or the terms close a cycle.
+
+    Notes
+    -----
+    A wheel on arms moves on an arc: the lateral stroke follows the square of the vertical one. A rig whose actuators
+    hold the wheel off this arc answers with forces that no linear update can foresee.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    scale: tuple[float, ...]
+    terms: tuple[MapTerm, ...]
+    sample_rate: float
+    highest_frequency: float
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if not count == len(self.units) == len(self.scale):
+            raise ValueError(
+                f"The drive map has {count} names, {len(self.units)} units and {len(self.scale)} scales; it needs one "
+                "of each for each drive."
+            )
+        for name, scale in zip(self.names, self.scale, strict=True):
+            if not (np.isfinite(scale) and scale > 0.0):
+                raise ValueError(f"The scale of {name} in the drive map is {scale}; it must be finite and above 0.")
+        if not 0.0 < self.highest_frequency < self.sample_rate / 2.0:
+            raise ValueError(
+                f"The drive map ends at {self.highest_frequency:g} Hz; it must end above 0 and below half the sample "
+                f"rate, {self.sample_rate / 2.0:g} Hz."
+            )
+        seen = set[tuple[int, tuple[int, int]]]()
+        for term in self.terms:
+            if max(term.follower, *term.product) >= count:
+                raise ValueError(
+                    f"A term of the drive map joins the drives {term.product} and {term.follower}; there are {count}, "
+                    "counted from 0."
+                )
+            if (term.follower, term.product) in seen:
+                raise ValueError(f"The drive map has the term ({self._text(term)}) twice; state it once.")
+            seen.add((term.follower, term.product))
+        if dependency_order(self.terms, drives=count) is None:
+            raise ValueError(
+                f"The terms of the drive map close a cycle ({'; '.join(self.describe())}); no drive may follow itself, "
+                "directly or through others: leave a term out."
+            )
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether there is no term, so that drives stay as they are."""
+        return not self.terms
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """Drives in topological order: each stands behind those that it follows."""
+        order = dependency_order(self.terms, drives=len(self.names))
+        if order is None:
+            raise AssertionError("The terms were checked to close no cycle.")
+        return order
+
+    def to_mapped(self, drive: ArrayLike) -> NDArray[np.float64]:
+        """Return the mapped drive `v = T(u)`.
+
+        Parameters
+        ----------
+        drive : array_like, shape (n_u, samples)
+            `u`, drive units.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            `v`, drive units; the drive itself where there is no term.
+
+        Raises
+        ------
+        ValueError
+            The drive does not have the map's channels, or a value is not finite.
+        """
+        given = self._record(drive)
+        if self.is_identity:
+            return given
+        band = self._band(given.shape[1])
+        lowered = {i: band.lowered(given[i]) for i in self._leaders}
+        result = given.copy()
+        for i in self._followers:
+            result[i] += self._followed(i, lowered, band)
+        return result
+
+    def to_drive(self, mapped: ArrayLike, *, adjust: Adjust | None = None) -> NDArray[np.float64]:
+        """Return the drive `u = T⁻¹(v)`.
+
+        Parameters
+        ----------
+        mapped : array_like, shape (n_u, samples)
+            `v`, drive units.
+        adjust : callable, optional
+            Called with each drive in topological order, before the drives that follow it are made, for instance to hold
+            its limits. Drives that follow it then follow what it returns.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            `u`, drive units; the mapped drive itself where there is no term and nothing to adjust.
+
+        Raises
+        ------
+        ValueError
+            The drive does not have the map's channels, or a value is not finite.
+        """
+        given = self._record(mapped)
+        if self.is_identity and adjust is None:
+            return given
+        band = self._band(given.shape[1])
+        lowered: dict[int, NDArray[np.float64]] = {}
+        result = given.copy()
+        for i in self.order:
+            if i in self._followers:
+                result[i] -= self._followed(i, lowered, band)
+            if adjust is not None:
+                result[i] = adjust(i, result[i].copy())
+            if i in self._leaders:
+                lowered[i] = band.lowered(result[i])
+        return result
+
+    def describe(self) -> tuple[str, ...]:
+        """Return one sentence part for each term, such as "lateral follows −1.71 /m × vertical²"; its value at 0 Hz."""
+        return tuple(self._text(term) for term in self.terms)
+
+    def static_coefficient(self, term: MapTerm) -> float:
+        """Return how far a drive follows a product at 0 Hz: unit of the follower over both units of the product."""
+        first, second = term.product
+        return -term.coefficients[0] * self.scale[term.follower] / (self.scale[first] * self.scale[second])
+
+    def require_drives(self, names: tuple[str, ...], units: tuple[str, ...], *, sample_rate: float) -> None:
+        """Refuse a rig whose drives are not those of the map.
+
+        Parameters
+        ----------
+        names, units : tuple of str
+            Of the rig's drives.
+        sample_rate : float
+            Of the rig, Hz.
+
+        Raises
+        ------
+        ValueError
+            Names, units or the sample rate differ.
+        """
+        if names != self.names:
+            raise ValueError(
+                f"The drive map is for the drives {', '.join(self.names)} and the rig has {', '.join(names)}; a map "
+                "holds for the rig that it is learned on: learn it again."
+            )
+        for name, own, other in zip(names, self.units, units, strict=True):
+            if own != other:
+                raise ValueError(
+                    f"The drive map has {name} in {own} and the rig has it in {other}; learn the map again in the "
+                    "rig's units."
+                )
+        if sample_rate != self.sample_rate:
+            raise ValueError(
+                f"The drive map is for drives of {self.sample_rate:g} Hz and the rig plays {sample_rate:g} Hz; learn "
+                "it again at the rig's sample rate."
+            )
+
+    @cached_property
+    def _leaders(self) -> tuple[int, ...]:
+        return tuple(sorted({drive for term in self.terms for drive in term.product}))
+
+    @cached_property
+    def _followers(self) -> tuple[int, ...]:
+        return tuple(sorted({term.follower for term in self.terms}))
+
+    def _record(self, drive: ArrayLike) -> NDArray[np.float64]:
+        record = as_record(drive, name="drive")
+        if record.shape[0] != len(self.names):
+            raise ValueError(f"The drive has {record.shape[0]} channels; the drive map has {len(self.names)} drives.")
+        return record
+
+    def _band(self, samples: int) -> ProductBand:
+        return ProductBand(samples, sample_rate=self.sample_rate, highest=self.highest_frequency)
+
+    def _followed(
+        self, follower: int, lowered: Mapping[int, NDArray[np.float64]], band: ProductBand
+    ) -> NDArray[np.float64]:
+        """Return `s_a Σ_j K_aj ∗ π_j(u)` of one drive."""
+        powers = powers_of_frequency(band.frequency)
+        lines = np.zeros(band.frequency.size, dtype=np.complex128)
+        for term in self.terms:
+            if term.follower == follower:
+                first, second = term.product
+                product = (lowered[first] / self.scale[first]) * (lowered[second] / self.scale[second])
+                lines += (np.asarray(term.coefficients) @ powers) * band.lines(product)
+        return self.scale[follower] * band.samples(lines)
+
+    def _text(self, term: MapTerm) -> str:
+        first, second = term.product
+        unit = unit_of_ratio(self.units[term.follower], over=(self.units[first], self.units[second]))
+        value = f"{self.static_coefficient(term):.3g}".replace("-", "−")
+        return f"{self.names[term.follower]} follows {value} {unit} × {product_text(self.names[first], self.names[second])}"

@@ -1,0 +1,105 @@
+"""A rig's limits with a drive map: drives are projected in topological order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iterator.band import ControlBand
+from iterator.drive_map.drive_map import Adjust, DriveMap
+from iterator.limits import DriveLimits, DriveProjection, project_drive
+
+
+def project_mapped_drive(
+    mapped: ArrayLike,
+    *,
+    drive_map: DriveMap,
+    limits: DriveLimits,
+    band: ControlBand,
+    adjust: Adjust | None = None,
+) -> DriveProjection:
+    """Return the drive of a mapped drive, each channel projected to its limits before the ones that follow it are made.
+
+    A drive that follows a product then follows what the rig plays: projected after all drives are made, it would follow
+    a stroke that is not played, and the rig would answer with the forces that the map is there to avoid.
+
+    Parameters
+    ----------
+    mapped : array_like, shape (n_u, samples)
+        `v`, drive units.
+    drive_map : DriveMap
+        `T`.
+    limits : DriveLimits
+        Of the rig.
+    band : ControlBand
+        What a projection may change, see `project_drive`.
+    adjust : callable, optional
+        Called with each drive before it is projected, see `DriveMap.to_drive`.
+
+    Returns
+    -------
+    DriveProjection
+        The drive `u`, and every limit that it would have passed; `change` and `clipped` are relative to the drive
+        before its own projection.
+
+    Raises
+    ------
+    ValueError
+        The map is for other drives than the limits, a drive may not rest at 0, or a record does not fit.
+    """
+    drive_map.require_drives(limits.names, limits.units, sample_rate=limits.sample_rate)
+    require_rest_within_limits(drive_map, limits)
+    single: dict[int, DriveProjection] = {}
+
+    def project(i: int, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        wanted = samples if adjust is None else adjust(i, samples)
+        single[i] = project_drive(wanted[None, :], limits=_of_channel(limits, i), band=band)
+        return single[i].drive[0]
+
+    drive = drive_map.to_drive(mapped, adjust=project)
+    rows = [single[i] for i in range(drive.shape[0])]
+    return DriveProjection(
+        drive=drive,
+        passings=tuple(passing for row in rows for passing in row.passings),
+        change=np.concatenate([row.change for row in rows]),
+        saturated=np.concatenate([row.saturated for row in rows]),
+        clipped=np.concatenate([row.clipped for row in rows]),
+    )
+
+
+def require_rest_within_limits(drive_map: DriveMap, limits: DriveLimits) -> None:
+    """Refuse limits that do not hold the rest position of a drive that a map moves.
+
+    Parameters
+    ----------
+    drive_map : DriveMap
+        Its drives rest at `u = 0`, because `T(0) = 0`.
+    limits : DriveLimits
+        Of the same drives.
+
+    Raises
+    ------
+    ValueError
+        0 is outside the limits of a drive that leads or follows in a term.
+    """
+    for i in sorted({drive for term in drive_map.terms for drive in (term.follower, *term.product)}):
+        lowest, highest = float(limits.minimum[i]), float(limits.maximum[i])
+        if not lowest <= 0.0 <= highest:
+            raise ValueError(
+                f"The limits of {limits.names[i]} are {lowest:g} to {highest:g} {limits.units[i]} and the drive map "
+                "rests at 0; shift the drive so that its limits hold 0, or play without a map."
+            )
+
+
+def _of_channel(limits: DriveLimits, channel: int) -> DriveLimits:
+    row = slice(channel, channel + 1)
+    return replace(
+        limits,
+        names=limits.names[row],
+        units=limits.units[row],
+        minimum=limits.minimum[row],
+        maximum=limits.maximum[row],
+        slew_limit=limits.slew_limit[row],
+    )

@@ -1,0 +1,281 @@
+"""Least squares of what an FRF leaves unexplained on the products of drives, from pieces of one record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from iterator.drive_map.map_terms import COEFFICIENTS, powers_of_frequency
+from iterator.drive_map.product_band import ProductBand
+from iterator.model import RigModel
+from spectra import hann_periodic
+
+PIECE_SECONDS: Final = 8.0
+"""Length of a piece; pieces overlap by half."""
+_GROUP: Final = 4
+# Of the diagonal, so that candidates that are nearly equal have an answer.
+_RIDGE: Final = 1e-6
+
+Candidate = tuple[int, int]
+"""A follower and the number of a product."""
+
+
+@dataclass(frozen=True)
+class RecordPieces:
+    """Lines of the windowed pieces of a record, in the identified band.
+
+    Parameters
+    ----------
+    products : tuple of tuple of int
+        Pairs of drives, rising.
+    drive : ndarray, shape (lines, n_u, pieces)
+        Drive units.
+    response : ndarray, shape (lines, n_y, pieces)
+        Response units.
+    product : ndarray, shape (lines, products, pieces)
+        In units of the drives' scale.
+    frequency : ndarray, shape (lines,)
+        Hz.
+    scale : ndarray, shape (n_u,)
+        `s`, RMS of each drive; 1 where a drive rests.
+    """
+
+    products: tuple[tuple[int, int], ...]
+    drive: NDArray[np.complex128]
+    response: NDArray[np.complex128]
+    product: NDArray[np.complex128]
+    frequency: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.drive.shape[2])
+
+
+def cut_record(
+    drive: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    scale: NDArray[np.float64],
+    sample_rate: float,
+    identified: tuple[float, float],
+) -> RecordPieces:
+    """Cut a record and all products of two of its drives into Hann pieces that overlap by half.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        As played.
+    response : ndarray, shape (n_y, samples)
+        As measured.
+    scale : ndarray, shape (n_u,)
+        `s`, greater than 0.
+    sample_rate : float
+        Hz.
+    identified : tuple of float
+        Lowest and highest frequency of the identified band, Hz.
+
+    Returns
+    -------
+    RecordPieces
+        Without a piece where the record is shorter than one.
+    """
+    n_u, samples = drive.shape
+    band = ProductBand(samples, sample_rate=sample_rate, highest=identified[1])
+    centred = response - np.mean(response, axis=1, keepdims=True)
+    lowered = np.array([band.lowered(row) for row in (*drive, *centred)])[:, : band.short_samples]
+    products = tuple((i, k) for i in range(n_u) for k in range(i, n_u))
+    scaled = lowered[:n_u] / scale[:, None]
+    product = np.array([scaled[i] * scaled[k] for i, k in products])
+    # A product has a mean, which would leak into the lowest lines.
+    product -= np.mean(product, axis=1, keepdims=True)
+    length = 2 * round(PIECE_SECONDS * band.rate / 2.0)
+    frequency = np.arange(length // 2 + 1) * (band.rate / length)
+    inside = (frequency >= identified[0]) & (frequency <= identified[1])
+    window = hann_periodic(length)
+    records = np.concatenate((lowered, product))
+    starts = range(0, band.short_samples - length + 1, length // 2)
+    lines = np.empty((int(inside.sum()), records.shape[0], len(starts)), dtype=np.complex128)
+    for piece, start in enumerate(starts):
+        lines[:, :, piece] = np.fft.rfft(records[:, start : start + length] * window)[:, inside].T
+    of_drive, of_response, of_product = np.split(lines, (n_u, lowered.shape[0]), axis=1)
+    return RecordPieces(products, of_drive, of_response, of_product, frequency[inside], scale)
+
+
+class TermRegression:
+    """Normal equations of all candidates, of some pieces of a record; columns are formed when they are asked for.
+
+    Minimises `|R − W H S c P|²` with `R = W (Y − H U)` over the real coefficients `c` of the chosen candidates.
+
+    Parameters
+    ----------
+    pieces : RecordPieces
+        Of the record.
+    used : ndarray of bool, shape (pieces,)
+        Which of them count.
+    gain : ndarray, shape (lines, n_y, n_u)
+        `W H S`.
+    residual : ndarray, shape (lines, n_y, pieces)
+        `R`.
+    """
+
+    def __init__(
+        self,
+        pieces: RecordPieces,
+        *,
+        used: NDArray[np.bool_],
+        gain: NDArray[np.complex128],
+        residual: NDArray[np.complex128],
+    ) -> None:
+        product, own = pieces.product[:, :, used], residual[:, :, used]
+        self._conjugate = product.conj()
+        self._product = product
+        self._power = powers_of_frequency(pieces.frequency)
+        self._gram = np.matmul(gain.conj().transpose(0, 2, 1), gain)
+        self.energy = float(np.sum(np.abs(own) ** 2))
+        """float: `|R|²`."""
+        # (lines, n_u, products): what the drives would have to do, against the products.
+        wanted = np.matmul(gain.conj().transpose(0, 2, 1), np.matmul(own, self._conjugate.transpose(0, 2, 1)))
+        self.right: NDArray[np.float64] = np.einsum("mf,fap->apm", self._power.conj(), wanted).real
+        """ndarray, shape (n_u, products, coefficients): Right-hand side of each candidate."""
+        self._columns: dict[Candidate, NDArray[np.float64]] = {}
+
+    @cached_property
+    def blocks(self) -> NDArray[np.float64]:
+        """Diagonal blocks, shape (n_u, products, coefficients, coefficients), with the ridge."""
+        own = np.einsum("faa->fa", self._gram).real
+        power = np.sum(np.abs(self._product) ** 2, axis=2)
+        pairs = np.einsum("mf,nf->mnf", self._power.conj(), self._power)
+        blocks = np.einsum("mnf,fa,fp->apmn", pairs, own, power, optimize=True).real
+        diagonal = np.arange(COEFFICIENTS)
+        blocks[..., diagonal, diagonal] *= 1.0 + _RIDGE
+        return blocks
+
+    def column(self, candidate: Candidate) -> NDArray[np.float64]:
+        """Return what all candidates have in common with one: shape (n_u, products, coefficients, coefficients)."""
+        if candidate not in self._columns:
+            drive, number = candidate
+            shared = np.einsum("fpk,fk->fp", self._conjugate, self._product[:, number])
+            pairs = np.einsum("mf,nf->mnf", self._power.conj(), self._power)
+            self._columns[candidate] = np.einsum(
+                "mnf,fa,fp->apmn", pairs, self._gram[:, :, drive], shared, optimize=True
+            ).real
+        return self._columns[candidate]
+
+    def system(self, chosen: Sequence[Candidate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the matrix with its ridge and the right-hand side of the chosen candidates."""
+        size = COEFFICIENTS * len(chosen)
+        matrix = np.empty((size, size))
+        for i, (drive, number) in enumerate(chosen):
+            rows = slice(COEFFICIENTS * i, COEFFICIENTS * (i + 1))
+            for k, other in enumerate(chosen):
+                columns = slice(COEFFICIENTS * k, COEFFICIENTS * (k + 1))
+                same = other == (drive, number)
+                matrix[rows, columns] = (self.blocks if same else self.column(other))[drive, number]
+        return matrix, np.concatenate([self.right[each] for each in chosen])
+
+    def gains(self, chosen: Sequence[Candidate]) -> NDArray[np.float64]:
+        """Return by how much each further candidate lowers the residual's energy, shape (n_u, products); 0 without one.
+
+        That is the Schur complement's gain: `r = b_c − C N⁻¹ b`, `S = N_c − C N⁻¹ Cᵀ`, gain `rᵀ S⁻¹ r`.
+        """
+        blocks, right = self.blocks, self.right
+        if chosen:
+            matrix, own = self.system(chosen)
+            common = np.concatenate([self.column(each) for each in chosen], axis=3)
+            solved = np.linalg.solve(matrix, np.concatenate((own[:, None], _rows(common).T), axis=1))
+            right = right - common @ solved[:, 0]
+            other = solved[:, 1:].T.reshape(*common.shape[:2], COEFFICIENTS, -1)
+            blocks = blocks - np.matmul(common, other.transpose(0, 1, 3, 2))
+        moved = np.einsum("apmm->ap", self.blocks) > 0.0
+        safe = np.where(moved[..., None, None], blocks, np.eye(COEFFICIENTS))
+        gains = np.einsum("apm,apm->ap", right, np.linalg.solve(safe, right[..., None])[..., 0])
+        return np.where(moved, gains, 0.0)
+
+    def fit(self, chosen: Sequence[Candidate]) -> NDArray[np.float64]:
+        """Return the coefficients of the chosen candidates, shape (chosen × coefficients,)."""
+        return np.linalg.solve(*self.system(chosen)) if chosen else np.zeros(0)
+
+    def left(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> float:
+        """Return the energy that the chosen candidates leave with these coefficients."""
+        if not chosen:
+            return self.energy
+        matrix, right = self.system(chosen)
+        return self.energy + float(coefficients @ matrix @ coefficients - 2.0 * right @ coefficients)
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Normal equations of a whole record and of its two folds, alternate groups of four pieces.
+
+    Parameters
+    ----------
+    whole, first, second : TermRegression
+        Of all pieces and of each fold's.
+    pieces : RecordPieces
+        Of the record.
+    gain : ndarray, shape (lines, n_y, n_u)
+        `W H S`.
+    residual : ndarray, shape (lines, n_y, pieces)
+        `R`.
+    """
+
+    whole: TermRegression
+    first: TermRegression
+    second: TermRegression
+    pieces: RecordPieces
+    gain: NDArray[np.complex128]
+    residual: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, pieces: RecordPieces, *, model: RigModel, weight: NDArray[np.float64]) -> Folds:
+        """Form the normal equations with a model's FRF, `W = diag(weight)`."""
+        known = model.frequency[model.identified]
+        frf = CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(pieces.frequency, known[0], known[-1]))
+        residual = weight[:, None] * (pieces.response - np.matmul(frf, pieces.drive))
+        gain = np.ascontiguousarray(weight[:, None] * frf * pieces.scale)
+        odd = np.arange(pieces.count) // _GROUP % 2 == 1
+        whole, first, second = (
+            TermRegression(pieces, used=used, gain=gain, residual=residual) for used in (np.ones_like(odd), ~odd, odd)
+        )
+        return cls(whole, first, second, pieces, gain, residual)
+
+    def cross_validated(self, chosen: Sequence[Candidate]) -> float:
+        """Return the energy that is left in each fold with the coefficients of the other one, over the energy of both.
+
+        1 without a term, and where there is no energy at all.
+        """
+        left = self.second.left(chosen, self.first.fit(chosen)) + self.first.left(chosen, self.second.fit(chosen))
+        return left / self.whole.energy if self.whole.energy > 0.0 else 1.0
+
+    def doubt(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the covariance of the coefficients, from how much the pieces of the record disagree.
+
+        Notes
+        -----
+        Source: H. White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980); pieces
+        that overlap by half count with their neighbours' products (W. Newey, K. West, Econometrica 55, 1987).
+        """
+        power = powers_of_frequency(self.pieces.frequency)
+        columns = [
+            np.einsum("mf,fi,fk->mfik", power, self.gain[:, :, drive], self.pieces.product[:, number])
+            for drive, number in chosen
+        ]
+        regressors = np.concatenate(columns)
+        missing = self.residual - np.einsum("c,cfik->fik", coefficients, regressors)
+        scores = np.einsum("cfik,fik->ck", regressors.conj(), missing).real
+        neighbours = scores[:, 1:] @ scores[:, :-1].T
+        meat = scores @ scores.T + 0.5 * (neighbours + neighbours.T)
+        inverse = np.linalg.inv(self.whole.system(chosen)[0])
+        return np.asarray(inverse @ meat @ inverse)
+
+
+def _rows(common: NDArray[np.float64]) -> NDArray[np.float64]:
+    return common.reshape(-1, common.shape[3])
