@@ -244,5 +244,7 @@ class DriveMap:
     def _text(self, term: MapTerm) -> str:
         first, second = term.product
         unit = unit_of_ratio(self.units[term.follower], over=(self.units[first], self.units[second]))
-        value = f"{self.static_coefficient(term):.3g}".replace("-", "−")
-        return f"{self.names[term.follower]} follows {value} {unit} × {product_text(self.names[first], self.names[second])}"
+        coefficient = self.static_coefficient(term)
+        value = f"{'−' if coefficient < 0.0 else ''}{abs(coefficient):.3g}"
+        product = product_text(self.names[first], self.names[second])
+        return f"{self.names[term.follower]} follows {value} {unit} × {product}"

@@ -52,7 +52,7 @@ class MapTerm:
 
 def powers_of_frequency(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return `(jω/ω0)^m` of each coefficient, shape (coefficients, lines), of frequencies in Hz."""
-    return (1j * frequency / _UNIT_FREQUENCY) ** np.arange(COEFFICIENTS)[:, None]
+    return np.asarray((1j * frequency / _UNIT_FREQUENCY) ** np.arange(COEFFICIENTS)[:, None], dtype=np.complex128)
 
 
 def dependency_order(terms: Iterable[MapTerm], *, drives: int) -> tuple[int, ...] | None:

@@ -40,7 +40,7 @@ class ProductBand:
         self._short = 2 * cast(int, fft.next_fast_len(2 * count))
         self.rate: float = sample_rate * self._short / length
         """float: Rate of the products, Hz."""
-        self.frequency: NDArray[np.float64] = np.arange(count) * (sample_rate / length)
+        self.frequency: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (sample_rate / length)
         """ndarray, shape (lines,): Hz, from 0 to the end of the fade."""
         self.mask: NDArray[np.float64] = band_mask(self.frequency, 0.0, end, edge=fade)
         """ndarray, shape (lines,): 1 up to the highest frequency, 0 at the end of the fade."""
@@ -62,4 +62,3 @@ class ProductBand:
     def samples(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the record with these lines, at the drives' rate, shape (samples,)."""
         return cast(NDArray[np.float64], fft.irfft(lines * self.mask, self._length))[: self._samples]
-

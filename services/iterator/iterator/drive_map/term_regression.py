@@ -26,9 +26,45 @@ Candidate = tuple[int, int]
 """A follower and the number of a product."""
 
 
+class PieceCut:
+    """How records of one length are cut into Hann pieces that overlap by half, and which lines of them are kept.
+
+    Parameters
+    ----------
+    samples : int
+        Length of the records.
+    sample_rate : float
+        Of the records, Hz.
+    identified : tuple of float
+        Lowest and highest frequency of the identified band, Hz.
+    """
+
+    def __init__(self, samples: int, *, sample_rate: float, identified: tuple[float, float]) -> None:
+        self._band = ProductBand(samples, sample_rate=sample_rate, highest=identified[1])
+        self._length = 2 * round(PIECE_SECONDS * self._band.rate / 2.0)
+        lines = np.arange(self._length // 2 + 1, dtype=np.float64) * (self._band.rate / self._length)
+        self._inside = (lines >= identified[0]) & (lines <= identified[1])
+        self._window = hann_periodic(self._length)
+        self._starts = range(0, self._band.short_samples - self._length + 1, self._length // 2)
+        self.frequency: NDArray[np.float64] = lines[self._inside]
+        """ndarray, shape (lines,): Hz."""
+
+    def lowered(self, record: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a record in the band at the rate of products of its rows."""
+        return np.array([self._band.lowered(row)[: self._band.short_samples] for row in record])
+
+    def lines(self, lowered: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the lines of each piece, shape (lines, channels, pieces)."""
+        lines = np.empty((self.frequency.size, lowered.shape[0], len(self._starts)), dtype=np.complex128)
+        for piece, start in enumerate(self._starts):
+            cut = lowered[:, start : start + self._length] * self._window
+            lines[:, :, piece] = np.fft.rfft(cut)[:, self._inside].T
+        return lines
+
+
 @dataclass(frozen=True)
 class RecordPieces:
-    """Lines of the windowed pieces of a record, in the identified band.
+    """Lines of the pieces of a record and of all products of two of its drives.
 
     Parameters
     ----------
@@ -43,7 +79,7 @@ class RecordPieces:
     frequency : ndarray, shape (lines,)
         Hz.
     scale : ndarray, shape (n_u,)
-        `s`, RMS of each drive; 1 where a drive rests.
+        `s`, greater than 0.
     """
 
     products: tuple[tuple[int, int], ...]
@@ -60,53 +96,26 @@ class RecordPieces:
 
 
 def cut_record(
-    drive: NDArray[np.float64],
-    response: NDArray[np.float64],
-    *,
-    scale: NDArray[np.float64],
-    sample_rate: float,
-    identified: tuple[float, float],
+    drive: NDArray[np.float64], response: NDArray[np.float64], *, scale: NDArray[np.float64], cut: PieceCut
 ) -> RecordPieces:
-    """Cut a record and all products of two of its drives into Hann pieces that overlap by half.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        As played.
-    response : ndarray, shape (n_y, samples)
-        As measured.
-    scale : ndarray, shape (n_u,)
-        `s`, greater than 0.
-    sample_rate : float
-        Hz.
-    identified : tuple of float
-        Lowest and highest frequency of the identified band, Hz.
-
-    Returns
-    -------
-    RecordPieces
-        Without a piece where the record is shorter than one.
-    """
-    n_u, samples = drive.shape
-    band = ProductBand(samples, sample_rate=sample_rate, highest=identified[1])
-    centred = response - np.mean(response, axis=1, keepdims=True)
-    lowered = np.array([band.lowered(row) for row in (*drive, *centred)])[:, : band.short_samples]
+    """Cut a record and all products of two of its drives into pieces; none where it is shorter than one."""
+    n_u = drive.shape[0]
+    lowered = cut.lowered(drive)
     products = tuple((i, k) for i in range(n_u) for k in range(i, n_u))
-    scaled = lowered[:n_u] / scale[:, None]
+    scaled = lowered / scale[:, None]
     product = np.array([scaled[i] * scaled[k] for i, k in products])
-    # A product has a mean, which would leak into the lowest lines.
+    # A mean would leak into the lowest lines.
     product -= np.mean(product, axis=1, keepdims=True)
-    length = 2 * round(PIECE_SECONDS * band.rate / 2.0)
-    frequency = np.arange(length // 2 + 1) * (band.rate / length)
-    inside = (frequency >= identified[0]) & (frequency <= identified[1])
-    window = hann_periodic(length)
-    records = np.concatenate((lowered, product))
-    starts = range(0, band.short_samples - length + 1, length // 2)
-    lines = np.empty((int(inside.sum()), records.shape[0], len(starts)), dtype=np.complex128)
-    for piece, start in enumerate(starts):
-        lines[:, :, piece] = np.fft.rfft(records[:, start : start + length] * window)[:, inside].T
-    of_drive, of_response, of_product = np.split(lines, (n_u, lowered.shape[0]), axis=1)
-    return RecordPieces(products, of_drive, of_response, of_product, frequency[inside], scale)
+    centred = response - np.mean(response, axis=1, keepdims=True)
+    return RecordPieces(
+        products, cut.lines(lowered), cut.lines(cut.lowered(centred)), cut.lines(product), cut.frequency, scale
+    )
+
+
+def model_at(frequency: NDArray[np.float64], model: RigModel) -> NDArray[np.complex128]:
+    """Return a model's FRF at other lines of its identified band, shape (lines, n_y, n_u)."""
+    known = model.frequency[model.identified]
+    return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
 
 
 class TermRegression:
@@ -201,7 +210,7 @@ class TermRegression:
 
     def fit(self, chosen: Sequence[Candidate]) -> NDArray[np.float64]:
         """Return the coefficients of the chosen candidates, shape (chosen × coefficients,)."""
-        return np.linalg.solve(*self.system(chosen)) if chosen else np.zeros(0)
+        return np.asarray(np.linalg.solve(*self.system(chosen)), dtype=np.float64) if chosen else np.zeros(0)
 
     def left(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> float:
         """Return the energy that the chosen candidates leave with these coefficients."""
@@ -237,10 +246,11 @@ class Folds:
     @classmethod
     def of(cls, pieces: RecordPieces, *, model: RigModel, weight: NDArray[np.float64]) -> Folds:
         """Form the normal equations with a model's FRF, `W = diag(weight)`."""
-        known = model.frequency[model.identified]
-        frf = CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(pieces.frequency, known[0], known[-1]))
+        frf = model_at(pieces.frequency, model)
         residual = weight[:, None] * (pieces.response - np.matmul(frf, pieces.drive))
-        gain = np.ascontiguousarray(weight[:, None] * frf * pieces.scale)
+        # A drive that rests in the record says nothing about itself.
+        moves = np.any(pieces.drive != 0.0, axis=(0, 2))
+        gain = np.ascontiguousarray(weight[:, None] * frf * (pieces.scale * moves))
         odd = np.arange(pieces.count) // _GROUP % 2 == 1
         whole, first, second = (
             TermRegression(pieces, used=used, gain=gain, residual=residual) for used in (np.ones_like(odd), ~odd, odd)
@@ -255,7 +265,7 @@ class Folds:
         left = self.second.left(chosen, self.first.fit(chosen)) + self.first.left(chosen, self.second.fit(chosen))
         return left / self.whole.energy if self.whole.energy > 0.0 else 1.0
 
-    def doubt(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the covariance of the coefficients, from how much the pieces of the record disagree.
 
         Notes
