@@ -105,8 +105,8 @@ def learn_drive_map(
     Candidates are all products of two drives for every drive. They are chosen one by one: the one that explains most of
     what is left, among those that close no cycle, as long as the cross-validated residual falls by 2 % and the
     coefficients are significant. Then the FRF is estimated again on the mapped drives and the choice made with it,
-    until less than 5 % of what is left goes away. A term that explains little must also lower what the new FRF leaves by
-    2 %.
+    until a round lowers what is left by less than 5 %. A term that explains little must also lower what the new FRF
+    leaves by 2 %.
 
     Parameters
     ----------
@@ -194,18 +194,19 @@ def _learn_in_rounds(
     record: _Record, folds: Folds, candidates: list[Candidate], remarks: tuple[str, ...], *, estimate: EstimateModel
 ) -> LearnedDriveMap:
     """Estimate the model again on mapped drives, choose again with it, and so on."""
-    names, before = record.identity.names, record.energy
-    for number in range(1, _MOST_ROUNDS + 1):
+    before = record.energy
+    result = LearnedDriveMap(record.identity, record.model, (), remarks)
+    for _ in range(_MOST_ROUNDS):
         chosen, model, left, dropped = _confirmed(record, folds, candidates, estimate=estimate)
-        remarks = (*remarks, *dropped)
-        if not chosen or left > (1.0 - _WORTH_A_ROUND) * before or number == _MOST_ROUNDS:
-            return LearnedDriveMap(record.map_of(chosen), model, chosen, remarks)
-        before, folds = left, record.folds(model)
-        candidates, remarks = _choose(folds, names)
-        if not candidates:
+        if not chosen:
+            return LearnedDriveMap(record.identity, record.model, (), (*remarks, *dropped))
+        if left < before:
+            result = LearnedDriveMap(record.map_of(chosen), model, chosen, (*remarks, *dropped))
+        if left > (1.0 - _WORTH_A_ROUND) * before:
             break
-    remarks = ("No drive map is learned: the FRF estimated again on mapped drives needs no term.",)
-    return LearnedDriveMap(record.identity, record.model, (), remarks)
+        before, folds = left, record.folds(model)
+        candidates, remarks = _choose(folds, record.identity.names)
+    return result
 
 
 def _choose(folds: Folds, names: tuple[str, ...]) -> tuple[list[Candidate], tuple[str, ...]]:
