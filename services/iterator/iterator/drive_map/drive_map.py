@@ -16,7 +16,7 @@ from iterator.drive_map.map_terms import (
     product_text,
     unit_of_ratio,
 )
-from iterator.drive_map.product_band import ProductBand
+from iterator.drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
 from spectra import as_record
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
@@ -41,7 +41,7 @@ class DriveMap:
     sample_rate : float
         Of the drives, Hz.
     highest_frequency : float
-        Upper end of the identified band, Hz; above 0 and below half the sample rate.
+        Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
 
     Raises
     ------
@@ -72,10 +72,10 @@ class DriveMap:
         for name, scale in zip(self.names, self.scale, strict=True):
             if not (np.isfinite(scale) and scale > 0.0):
                 raise ValueError(f"The scale of {name} in the drive map is {scale}; it must be finite and above 0.")
-        if not 0.0 < self.highest_frequency < self.sample_rate / 2.0:
+        if not 0.0 < self.highest_frequency <= LARGEST_BAND_SHARE * self.sample_rate < np.inf:
             raise ValueError(
-                f"The drive map ends at {self.highest_frequency:g} Hz; it must end above 0 and below half the sample "
-                f"rate, {self.sample_rate / 2.0:g} Hz."
+                f"The drive map ends at {self.highest_frequency:g} Hz; it must end above 0 and at most at "
+                f"{LARGEST_BAND_SHARE:g} of the sample rate, {LARGEST_BAND_SHARE * self.sample_rate:g} Hz."
             )
         seen = set[tuple[int, tuple[int, int]]]()
         for term in self.terms:

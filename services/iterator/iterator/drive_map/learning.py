@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iterator.drive_map.drive_map import DriveMap
 from iterator.drive_map.map_terms import COEFFICIENTS, MapTerm, closes_cycle, product_text
+from iterator.drive_map.product_band import LARGEST_BAND_SHARE
 from iterator.drive_map.term_regression import (
     PIECE_SECONDS,
     Candidate,
@@ -33,8 +34,6 @@ _LEAST_SIGNIFICANCE: Final = 4.0
 # The folds have a group of four pieces each.
 _FEWEST_PIECES: Final = 8
 _MOST_TERMS: Final = 24
-# Of the sample rate: the products' fade ends below half of it.
-_HIGHEST_SHARE: Final = 0.45
 # An FRF that is estimated on drives as they are takes a part of the arcs as its own, after each round less of it: with
 # two rounds a stiff front axle that is identified at 8 mm has 14 % after three playbacks, with three 9 %.
 _MOST_ROUNDS: Final = 6
@@ -143,7 +142,7 @@ def learn_drive_map(
         scale=_floats(np.where(level > 0.0, level, 1.0)),
         terms=(),
         sample_rate=sample_rate,
-        highest_frequency=min(float(known[-1]), _HIGHEST_SHARE * sample_rate),
+        highest_frequency=min(float(known[-1]), LARGEST_BAND_SHARE * sample_rate),
     )
     cut = PieceCut(played.shape[1], sample_rate=sample_rate, identified=(float(known[0]), identity.highest_frequency))
     pieces = cut_record(played, measured, scale=np.asarray(identity.scale), cut=cut)

@@ -51,7 +51,18 @@ class MapTerm:
 
 
 def powers_of_frequency(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return `(jω/ω0)^m` of each coefficient, shape (coefficients, lines), of frequencies in Hz."""
+    """Return `(jω/ω0)^m` of each coefficient.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (lines,)
+        Hz.
+
+    Returns
+    -------
+    ndarray, shape (coefficients, lines)
+        No unit.
+    """
     return np.asarray((1j * frequency / _UNIT_FREQUENCY) ** np.arange(COEFFICIENTS)[:, None], dtype=np.complex128)
 
 

@@ -11,6 +11,8 @@ from scipy import fft
 
 from spectra import band_mask
 
+LARGEST_BAND_SHARE: Final = 0.45
+"""Largest upper end of a band over the sample rate; the fade above it ends below half the sample rate."""
 # Width of the fade above the band, as a share of its upper end.
 _FADE_SHARE: Final = 0.1
 # Zeros behind a record, in periods of the fade: its ringing has died out by then.
@@ -27,14 +29,14 @@ class ProductBand:
     sample_rate : float
         Of the records, Hz.
     highest : float
-        Hz, below half the sample rate; everything is whole up to it and fades to 0 above.
+        Hz, at most `LARGEST_BAND_SHARE` of the sample rate; everything is whole up to it and fades to 0 above.
     """
 
     def __init__(self, samples: int, *, sample_rate: float, highest: float) -> None:
-        end = min((1.0 + _FADE_SHARE) * highest, sample_rate / 2.0)
-        fade = end - highest
+        fade = _FADE_SHARE * highest
+        end = highest + fade
         length = 2 * cast(int, fft.next_fast_len(math.ceil((samples + _PADDING_PERIODS * sample_rate / fade) / 2)))
-        count = min(math.ceil(end * length / sample_rate) + 1, length // 2 + 1)
+        count = math.ceil(end * length / sample_rate) + 1
         self._samples, self._length, self._count = samples, length, count
         # A product of lines below `count` has lines below `2 count`; none of them folds back at this length.
         self._short = 2 * cast(int, fft.next_fast_len(2 * count))

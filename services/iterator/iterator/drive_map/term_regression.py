@@ -98,7 +98,24 @@ class RecordPieces:
 def cut_record(
     drive: NDArray[np.float64], response: NDArray[np.float64], *, scale: NDArray[np.float64], cut: PieceCut
 ) -> RecordPieces:
-    """Cut a record and all products of two of its drives into pieces; none where it is shorter than one."""
+    """Cut a record and all products of two of its drives into pieces.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n_u, samples)
+        As played, drive units.
+    response : ndarray, shape (n_y, samples)
+        As measured, response units.
+    scale : ndarray, shape (n_u,)
+        `s`, drive units, greater than 0.
+    cut : PieceCut
+        For records of this length.
+
+    Returns
+    -------
+    RecordPieces
+        Of no pieces where the record is shorter than one.
+    """
     n_u = drive.shape[0]
     lowered = cut.lowered(drive)
     products = tuple((i, k) for i in range(n_u) for k in range(i, n_u))
@@ -113,7 +130,20 @@ def cut_record(
 
 
 def model_at(frequency: NDArray[np.float64], model: RigModel) -> NDArray[np.complex128]:
-    """Return a model's FRF at other lines of its identified band, shape (lines, n_y, n_u)."""
+    """Return a model's FRF at other lines of its identified band.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (lines,)
+        Hz, within the identified band.
+    model : RigModel
+        Interpolated by a cubic between its own lines.
+
+    Returns
+    -------
+    ndarray, shape (lines, n_y, n_u)
+        Response unit per drive unit.
+    """
     known = model.frequency[model.identified]
     return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
 
