@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from duralab_spectra import CrossSpectra, line_frequencies
 from iterator import control_band, rig_model
-from spectra import CrossSpectra, line_frequencies
 
 from .linear_plants import BLOCK, SAMPLE_RATE, frequency_response, impulse_responses, play
 

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from iterator import UPDATES, IterationHistory, Playback, UpdateKind, UpdateSettings, rig_model
+from duralab_settings import UpdateKind
+from duralab_spectra import overall_relative_rms_error, rms
+from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, rig_model
 from iterator.drive_map import learn_drive_map, mapped_playback
-from spectra import overall_relative_rms_error, rms
 
 from .arc_rig import (
     BAND,
@@ -34,7 +35,7 @@ def reached(u):
 
 
 def errors(target, model, rig, *, drive_map=None, kind=UpdateKind.BASIC_TWR, gain=0.8, playbacks=5):
-    settings = UpdateSettings(BAND, np.full(2, gain), kind)
+    settings = UpdateSettings(band=BAND, iteration_gain=np.full(2, gain), kind=kind)
     history, found = IterationHistory(target=target), []
     for _ in range(playbacks):
         step = UPDATES[kind](history, model, settings)
@@ -132,7 +133,7 @@ def test_a_unit_changes_units_only():
 def test_a_map_is_learned_from_the_first_playback():
     """Without a record of the identification: the first playback of the model's drive has all of the arc in it."""
     target = reached(drive(seed=5, seconds=60.0, level=LEVEL * (2.0, 1.0)))
-    model, settings = exact_model(), UpdateSettings(BAND, np.ones(2), UpdateKind.BASIC_TWR)
+    model, settings = exact_model(), UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=UpdateKind.BASIC_TWR)
     u = UPDATES[settings.kind](IterationHistory(target=target), model, settings).drive
     y = play_arc(u)
     learned = learn(u, y, model, response_weight=1.0 / rms(target))

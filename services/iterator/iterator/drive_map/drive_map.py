@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_record
 from iterator.drive_map.map_terms import (
     MapTerm,
     dependency_order,
@@ -17,7 +18,6 @@ from iterator.drive_map.map_terms import (
     unit_of_ratio,
 )
 from iterator.drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
-from spectra import as_record
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
 """Function of a drive's index and its samples that returns the samples to play."""
@@ -30,27 +30,11 @@ class DriveMap:
     `π_j` is a product of two drives in units of `scale`, see `MapTerm` for `K`. `K` acts from 0 Hz to
     `highest_frequency` and fades to 0 in the tenth above it. No drive follows itself, so `T⁻¹` is explicit.
 
-    Parameters
-    ----------
-    names, units : tuple of str
-        One for each drive.
-    scale : tuple of float
-        `s`, RMS of each drive in the record that the map is learned from, drive units, greater than 0.
-    terms : tuple of MapTerm
-        Empty for the identity.
-    sample_rate : float
-        Of the drives, Hz.
-    highest_frequency : float
-        Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
-
-    Raises
-    ------
-    ValueError
-        Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names a drive that
-        does not exist or stands twice, or the terms close a cycle.
-
-    Notes
-    -----
+    `names`, `units`: One for each drive. `scale`: `s`, RMS of each drive in the record that the map is learned from,
+    drive units, greater than 0. `terms`: Empty for the identity. `sample_rate`: Of the drives, Hz. `highest_frequency`:
+    Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
+    Raises `ValueError`: Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names
+    a drive that does not exist or stands twice, or the terms close a cycle.
     A wheel on arms moves on an arc: the lateral stroke follows the square of the vertical one. A rig whose actuators
     hold the wheel off this arc answers with forces that no linear update can foresee.
     """
@@ -109,20 +93,9 @@ class DriveMap:
     def to_mapped(self, drive: ArrayLike) -> NDArray[np.float64]:
         """Return the mapped drive `v = T(u)`.
 
-        Parameters
-        ----------
-        drive : array_like, shape (n_u, samples)
-            `u`, drive units.
-
-        Returns
-        -------
-        ndarray, shape (n_u, samples)
-            `v`, drive units; the drive itself where there is no term.
-
-        Raises
-        ------
-        ValueError
-            The drive does not have the map's channels, or a value is not finite.
+        `drive`, shape (n_u, samples): `u`, drive units.
+        Returns: shape (n_u, samples): `v`, drive units; the drive itself where there is no term.
+        Raises `ValueError`: The drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(drive)
         if self.is_identity:
@@ -137,23 +110,12 @@ class DriveMap:
     def to_drive(self, mapped: ArrayLike, *, adjust: Adjust | None = None) -> NDArray[np.float64]:
         """Return the drive `u = T⁻¹(v)`.
 
-        Parameters
-        ----------
-        mapped : array_like, shape (n_u, samples)
-            `v`, drive units.
-        adjust : callable, optional
-            Called with each drive in topological order, before the drives that follow it are made, for instance to hold
-            its limits. Drives that follow it then follow what it returns.
-
-        Returns
-        -------
-        ndarray, shape (n_u, samples)
-            `u`, drive units; the mapped drive itself where there is no term and nothing to adjust.
-
-        Raises
-        ------
-        ValueError
-            The drive does not have the map's channels, or a value is not finite.
+        `mapped`, shape (n_u, samples): `v`, drive units. `adjust`: Called with each drive in topological order, before
+        the drives that follow it are made, for instance to hold its limits. Drives that follow it then follow what it
+        returns.
+        Returns: shape (n_u, samples): `u`, drive units; the mapped drive itself where there is no term and nothing to
+        adjust.
+        Raises `ValueError`: The drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(mapped)
         if self.is_identity and adjust is None:
@@ -182,17 +144,8 @@ class DriveMap:
     def require_drives(self, names: tuple[str, ...], units: tuple[str, ...], *, sample_rate: float) -> None:
         """Refuse a rig whose drives are not those of the map.
 
-        Parameters
-        ----------
-        names, units : tuple of str
-            Of the rig's drives.
-        sample_rate : float
-            Of the rig, Hz.
-
-        Raises
-        ------
-        ValueError
-            Names, units or the sample rate differ.
+        `names`, `units`: Of the rig's drives. `sample_rate`: Of the rig, Hz.
+        Raises `ValueError`: Names, units or the sample rate differ.
         """
         if names != self.names:
             raise ValueError(

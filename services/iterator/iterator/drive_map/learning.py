@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_spectra import as_record, rms
 from iterator.drive_map.drive_map import DriveMap
 from iterator.drive_map.map_terms import COEFFICIENTS, MapTerm, closes_cycle, product_text
 from iterator.drive_map.product_band import LARGEST_BAND_SHARE
@@ -22,7 +23,6 @@ from iterator.drive_map.term_regression import (
     model_at,
 )
 from iterator.model import RigModel
-from spectra import as_record, rms
 
 EstimateModel = Callable[[NDArray[np.float64]], RigModel]
 """Function of the mapped drive, shape (n_u, samples), that estimates the rig's model on it and the same response."""
@@ -49,16 +49,9 @@ _LINES_PER_COEFFICIENT: Final = 4
 class ChosenTerm:
     """A term of a learned drive map and how well it is known.
 
-    Parameters
-    ----------
-    term : MapTerm
-        The term.
-    standard_deviation : tuple of float
-        Of each coefficient, no unit.
-    significance : float
-        How many standard deviations the coefficients are away from 0, together.
-    residual : float
-        Cross-validated residual energy with this term and those before it, over that without a term; 0 to 1.
+    `term`: The term. `standard_deviation`: Of each coefficient, no unit. `significance`: How many standard deviations
+    the coefficients are away from 0, together. `residual`: Cross-validated residual energy with this term and those
+    before it, over that without a term; 0 to 1.
     """
 
     term: MapTerm
@@ -71,16 +64,9 @@ class ChosenTerm:
 class LearnedDriveMap:
     """What a record says of a rig's drives.
 
-    Parameters
-    ----------
-    drive_map : DriveMap
-        The identity where no term was chosen.
-    model : RigModel
-        From mapped drives to responses; the given model where no term was chosen or no estimate was asked for.
-    chosen : tuple of ChosenTerm
-        In the order in which they were chosen.
-    remarks : tuple of str
-        Sentences about what was not chosen, and why.
+    `drive_map`: The identity where no term was chosen. `model`: From mapped drives to responses; the given model where
+    no term was chosen or no estimate was asked for. `chosen`: In the order in which they were chosen. `remarks`:
+    Sentences about what was not chosen, and why.
     """
 
     drive_map: DriveMap
@@ -107,30 +93,13 @@ def learn_drive_map(
     until a round lowers what is left by less than 5 %. A term that explains little must also lower what the new FRF
     leaves by 2 %.
 
-    Parameters
-    ----------
-    drive : array_like, shape (n_u, samples)
-        As played, drive units; the whole record, fades and delays included.
-    response : array_like, shape (n_y, samples)
-        As measured, response units, not limited to the control band.
-    model : RigModel
-        Identified on the drives as they are.
-    names, units : tuple of str
-        Of the drives.
-    response_weight : array_like, shape (n_y,), optional
-        `W`: one over the target's RMS, 0 for a watched response. One over the RMS of each response where not given.
-    estimate : callable, optional
-        Estimates the model again, of the same record; the given model stays where not given, as for a first playback.
-
-    Returns
-    -------
-    LearnedDriveMap
-        The identity, with a sentence, where the record is too short or holds no such products.
-
-    Raises
-    ------
-    ValueError
-        Records do not fit each other, the model or the names.
+    `drive`, shape (n_u, samples): As played, drive units; the whole record, fades and delays included. `response`,
+    shape (n_y, samples): As measured, response units, not limited to the control band. `model`: Identified on the
+    drives as they are. `names`, `units`: Of the drives. `response_weight`, shape (n_y,): `W`: one over the target's
+    RMS, 0 for a watched response. One over the RMS of each response where not given. `estimate`: Estimates the model
+    again, of the same record; the given model stays where not given, as for a first playback.
+    Returns: The identity, with a sentence, where the record is too short or holds no such products.
+    Raises `ValueError`: Records do not fit each other, the model or the names.
     """
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
     _require_fitting(played, measured, model=model, names=names, units=units)

@@ -20,19 +20,9 @@ _UNIT_FREQUENCY: Final = 10.0
 class MapTerm:
     """One product of two drives that one drive follows.
 
-    Parameters
-    ----------
-    follower : int
-        Index of the drive that follows the product.
-    product : tuple of int
-        Indices of the two drives of the product, rising or equal.
-    coefficients : tuple of float
-        `c_m` of `K(ω) = Σ_m c_m (jω/ω0)^m`, no unit, `ω0 = 2π·10/s`; three finite values.
-
-    Raises
-    ------
-    ValueError
-        An index is negative, the product is not in rising order, or a coefficient is not finite.
+    `follower`: Index of the drive that follows the product. `product`: Indices of the two drives of the product, rising
+    or equal. `coefficients`: `c_m` of `K(ω) = Σ_m c_m (jω/ω0)^m`, no unit, `ω0 = 2π·10/s`; three finite values.
+    Raises `ValueError`: An index is negative, the product is not in rising order, or a coefficient is not finite.
     """
 
     follower: int
@@ -51,18 +41,7 @@ class MapTerm:
 
 
 def powers_of_frequency(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return `(jω/ω0)^m` of each coefficient.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (lines,)
-        Hz.
-
-    Returns
-    -------
-    ndarray, shape (coefficients, lines)
-        No unit.
-    """
+    """Return `(jω/ω0)^m` of each coefficient."""
     return np.asarray((1j * frequency / _UNIT_FREQUENCY) ** np.arange(COEFFICIENTS)[:, None], dtype=np.complex128)
 
 

@@ -14,26 +14,11 @@ from iterator.model import Playback
 def mapped_playback(playback: Playback, *, drive_map: DriveMap, band: ControlBand | None = None) -> Playback:
     """Return a playback with its mapped drive in place of its drive; updates work on it as it is.
 
-    Parameters
-    ----------
-    playback : Playback
-        As played.
-    drive_map : DriveMap
-        `T`.
-    band : ControlBand, optional
-        Given for a playback that was made before the map was learned: its mapped drive is limited to the band. What
-        `T(u)` has outside of it would otherwise be kept in every drive that follows. A drive that was made with the map
-        stays as it is, because its mapped drive is in the band.
-
-    Returns
-    -------
-    Playback
-        The playback itself where the map is the identity.
-
-    Raises
-    ------
-    ValueError
-        The drive does not have the map's channels.
+    `playback`: As played. `drive_map`: `T`. `band`: Given for a playback that was made before the map was learned: its
+    mapped drive is limited to the band. What `T(u)` has outside of it would otherwise be kept in every drive that
+    follows. A drive that was made with the map stays as it is, because its mapped drive is in the band.
+    Returns: The playback itself where the map is the identity.
+    Raises `ValueError`: The drive does not have the map's channels.
     """
     if drive_map.is_identity:
         return playback

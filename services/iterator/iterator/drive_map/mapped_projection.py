@@ -25,29 +25,12 @@ def project_mapped_drive(
     A drive that follows a product then follows what the rig plays: projected after all drives are made, it would follow
     a stroke that is not played, and the rig would answer with the forces that the map is there to avoid.
 
-    Parameters
-    ----------
-    mapped : array_like, shape (n_u, samples)
-        `v`, drive units.
-    drive_map : DriveMap
-        `T`.
-    limits : DriveLimits
-        Of the rig.
-    band : ControlBand
-        What a projection may change, see `project_drive`.
-    adjust : callable, optional
-        Called with each drive before it is projected, see `DriveMap.to_drive`.
-
-    Returns
-    -------
-    DriveProjection
-        The drive `u`, and every limit that it would have passed; `change` and `clipped` are relative to the drive
-        before its own projection.
-
-    Raises
-    ------
-    ValueError
-        The map is for other drives than the limits, a drive may not rest at 0, or a record does not fit.
+    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Of the rig. `band`: What a projection
+    may change, see `project_drive`. `adjust`: Called with each drive before it is projected, see `DriveMap.to_drive`.
+    Returns: The drive `u`, and every limit that it would have passed; `change` and `clipped` are relative to the drive
+    before its own projection.
+    Raises `ValueError`: The map is for other drives than the limits, a drive may not rest at 0, or a record does not
+    fit.
     """
     drive_map.require_drives(limits.names, limits.units, sample_rate=limits.sample_rate)
     require_rest_within_limits(drive_map, limits)
@@ -72,17 +55,8 @@ def project_mapped_drive(
 def require_rest_within_limits(drive_map: DriveMap, limits: DriveLimits) -> None:
     """Refuse limits that do not hold the rest position of a drive that a map moves.
 
-    Parameters
-    ----------
-    drive_map : DriveMap
-        Its drives rest at `u = 0`, because `T(0) = 0`.
-    limits : DriveLimits
-        Of the same drives.
-
-    Raises
-    ------
-    ValueError
-        0 is outside the limits of a drive that leads or follows in a term.
+    `drive_map`: Its drives rest at `u = 0`, because `T(0) = 0`. `limits`: Of the same drives.
+    Raises `ValueError`: 0 is outside the limits of a drive that leads or follows in a term.
     """
     for i in sorted({drive for term in drive_map.terms for drive in (term.follower, *term.product)}):
         lowest, highest = float(limits.minimum[i]), float(limits.maximum[i])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from spectra import band_mask
+from duralab_spectra import band_mask
 
 LARGEST_BAND_SHARE: Final = 0.45
 """Largest upper end of a band over the sample rate; the fade above it ends below half the sample rate."""
@@ -22,14 +22,8 @@ _PADDING_PERIODS: Final = 16.0
 class ProductBand:
     """Transforms of records of one length for products that are wanted up to a frequency.
 
-    Parameters
-    ----------
-    samples : int
-        Length of the records.
-    sample_rate : float
-        Of the records, Hz.
-    highest : float
-        Hz, at most `LARGEST_BAND_SHARE` of the sample rate; everything is whole up to it and fades to 0 above.
+    `samples`: Length of the records. `sample_rate`: Of the records, Hz. `highest`: Hz, at most `LARGEST_BAND_SHARE` of
+    the sample rate; everything is whole up to it and fades to 0 above.
     """
 
     def __init__(self, samples: int, *, sample_rate: float, highest: float) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from duralab_spectra import hann_periodic
 from iterator.drive_map.map_terms import COEFFICIENTS, powers_of_frequency
 from iterator.drive_map.product_band import ProductBand
 from iterator.model import RigModel
-from spectra import hann_periodic
 
 PIECE_SECONDS: Final = 8.0
 """Length of a piece; pieces overlap by half."""
@@ -29,14 +29,8 @@ Candidate = tuple[int, int]
 class PieceCut:
     """How records of one length are cut into Hann pieces that overlap by half, and which lines of them are kept.
 
-    Parameters
-    ----------
-    samples : int
-        Length of the records.
-    sample_rate : float
-        Of the records, Hz.
-    identified : tuple of float
-        Lowest and highest frequency of the identified band, Hz.
+    `samples`: Length of the records. `sample_rate`: Of the records, Hz. `identified`: Lowest and highest frequency of
+    the identified band, Hz.
     """
 
     def __init__(self, samples: int, *, sample_rate: float, identified: tuple[float, float]) -> None:
@@ -66,20 +60,9 @@ class PieceCut:
 class RecordPieces:
     """Lines of the pieces of a record and of all products of two of its drives.
 
-    Parameters
-    ----------
-    products : tuple of tuple of int
-        Pairs of drives, rising.
-    drive : ndarray, shape (lines, n_u, pieces)
-        Drive units.
-    response : ndarray, shape (lines, n_y, pieces)
-        Response units.
-    product : ndarray, shape (lines, products, pieces)
-        In units of the drives' scale.
-    frequency : ndarray, shape (lines,)
-        Hz.
-    scale : ndarray, shape (n_u,)
-        `s`, greater than 0.
+    `products`: Pairs of drives, rising. `drive`, shape (lines, n_u, pieces): Drive units. `response`, shape (lines,
+    n_y, pieces): Response units. `product`, shape (lines, products, pieces): In units of the drives' scale.
+    `frequency`, shape (lines,): Hz. `scale`, shape (n_u,): `s`, greater than 0.
     """
 
     products: tuple[tuple[int, int], ...]
@@ -98,24 +81,7 @@ class RecordPieces:
 def cut_record(
     drive: NDArray[np.float64], response: NDArray[np.float64], *, scale: NDArray[np.float64], cut: PieceCut
 ) -> RecordPieces:
-    """Cut a record and all products of two of its drives into pieces.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (n_u, samples)
-        As played, drive units.
-    response : ndarray, shape (n_y, samples)
-        As measured, response units.
-    scale : ndarray, shape (n_u,)
-        `s`, drive units, greater than 0.
-    cut : PieceCut
-        For records of this length.
-
-    Returns
-    -------
-    RecordPieces
-        Of no pieces where the record is shorter than one.
-    """
+    """Cut a record and all products of two of its drives into pieces."""
     n_u = drive.shape[0]
     lowered = cut.lowered(drive)
     products = tuple((i, k) for i in range(n_u) for k in range(i, n_u))
@@ -130,20 +96,7 @@ def cut_record(
 
 
 def model_at(frequency: NDArray[np.float64], model: RigModel) -> NDArray[np.complex128]:
-    """Return a model's FRF at other lines of its identified band.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (lines,)
-        Hz, within the identified band.
-    model : RigModel
-        Interpolated by a cubic between its own lines.
-
-    Returns
-    -------
-    ndarray, shape (lines, n_y, n_u)
-        Response unit per drive unit.
-    """
+    """Return a model's FRF at other lines of its identified band."""
     known = model.frequency[model.identified]
     return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
 
@@ -153,16 +106,8 @@ class TermRegression:
 
     Minimises `|R − W H S c P|²` with `R = W (Y − H U)` over the real coefficients `c` of the chosen candidates.
 
-    Parameters
-    ----------
-    pieces : RecordPieces
-        Of the record.
-    used : ndarray of bool, shape (pieces,)
-        Which of them count.
-    gain : ndarray, shape (lines, n_y, n_u)
-        `W H S`.
-    residual : ndarray, shape (lines, n_y, pieces)
-        `R`.
+    `pieces`: Of the record. `used`, shape (pieces,): Which of them count. `gain`, shape (lines, n_y, n_u): `W H S`.
+    `residual`, shape (lines, n_y, pieces): `R`.
     """
 
     def __init__(
@@ -254,16 +199,8 @@ class TermRegression:
 class Folds:
     """Normal equations of a whole record and of its two folds, alternate groups of four pieces.
 
-    Parameters
-    ----------
-    whole, first, second : TermRegression
-        Of all pieces and of each fold's.
-    pieces : RecordPieces
-        Of the record.
-    gain : ndarray, shape (lines, n_y, n_u)
-        `W H S`.
-    residual : ndarray, shape (lines, n_y, pieces)
-        `R`.
+    `whole`, `first`, `second`: Of all pieces and of each fold's. `pieces`: Of the record. `gain`, shape (lines, n_y,
+    n_u): `W H S`. `residual`, shape (lines, n_y, pieces): `R`.
     """
 
     whole: TermRegression
@@ -298,8 +235,6 @@ class Folds:
     def covariance(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the covariance of the coefficients, from how much the pieces of the record disagree.
 
-        Notes
-        -----
         Source: H. White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980); pieces
         that overlap by half count with their neighbours' products (W. Newey, K. West, Econometrica 55, 1987).
         """
