@@ -31,7 +31,11 @@ def test_its_figures_and_verdict_are_what_they_were(recording):
     for name in ("relative_rms_error", "rms_response", "peak_ratio", "damage_ratio"):
         assert getattr(table, name).tolist() == SAID[name]
     assert verdict.judgement.value == SAID["judgement"]
-    assert verdict.sentence == SAID["sentence"] + ORIGIN
+    # One sentence has other words since.
+    sentence = SAID["sentence"].replace(
+        "It went on to the last playback planned", "The campaign used all planned iterations"
+    )
+    assert verdict.sentence == sentence + ORIGIN
     for name, limit in SAID["limits"].items():
         assert getattr(verdict.limits, name) == (tuple(limit) if isinstance(limit, list) else limit)
     assert (list(recording.runs), recording.model.id) == (SAID["runs"], SAID["model"])
