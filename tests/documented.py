@@ -42,7 +42,7 @@ SECONDS = 300
 OWN_TESTS = {
     "docs/security.md": "tests/security/test_security_guide.py",
     "docs/guides/offline_analysis.md": "tests/long/test_offline_guide.py",
-    "docs/guides/own-specimen.md": "services/rig_sim/tests/test_own_specimen.py",
+    "docs/guides/own-specimen.md": "services/rig_sim/tests/long/test_own_specimen.py",
 }
 """Pages whose blocks another test runs, and compares with what the page shows."""
 

@@ -69,19 +69,21 @@ CORES = {
     "formats": Core(
         "duralab.formats",
         "duralab/duralab/formats",
-        tuple(
-            f"duralab/tests/test_{name}.py"
-            for name in (
-                "convert",
-                "foreign_files",
-                "formats",
-                "formats_fuzz",
-                "formats_guide",
-                "rpc3_reading",
-                "rpc3_writing",
-                "uff58",
-                "units",
-            )
+        (
+            "duralab/tests/long/test_formats_fuzz.py",
+            *(
+                f"duralab/tests/test_{name}.py"
+                for name in (
+                    "convert",
+                    "foreign_files",
+                    "formats",
+                    "formats_guide",
+                    "rpc3_reading",
+                    "rpc3_writing",
+                    "uff58",
+                    "units",
+                )
+            ),
         ),
     ),
 }

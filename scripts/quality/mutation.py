@@ -162,7 +162,7 @@ def _be_tested(area: Area, mutant: Mutant | None, seconds: int) -> None:
             install(mutant, ".".join(place.parts))
         with tempfile.TemporaryDirectory() as folder:
             os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = folder
-            tests = [f"{area.root}/tests/test_{name}.py" for name in area.tests]
+            tests = [str(next(Path(area.root, "tests").rglob(f"test_{name}.py"))) for name in area.tests]
             code = int(sys.modules["pytest"].main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
     finally:
         os._exit(code)

@@ -15,7 +15,7 @@ from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 WAIT = 120.0
 RIG = "front_axle"
 

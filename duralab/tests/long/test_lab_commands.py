@@ -15,7 +15,7 @@ from test_supervisor import wait_until_gone
 from duralab import Channel, Signals
 from duralab.formats import read_frequency_response, read_signals, write_signals
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 NAMES = synthetic_campaign.NAMES
 
 

@@ -16,7 +16,7 @@ from rig_sim import SpecimenError, load_rig
 from rig_sim.checks.equilibrium import NoEquilibriumError
 from rig_sim.checks.stability import UnstableError, check_stability
 
-GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "own-specimen.md"
+GUIDE = Path(__file__).resolve().parents[4] / "docs" / "guides" / "own-specimen.md"
 # The campaign needs the other services: tests/long/test_own_specimen_campaign.py runs it.
 TEXT = GUIDE.read_text(encoding="utf-8").partition("## 5. ")[0]
 FILES = dict(re.findall(r"```\w+ file=(\S+)\n(.*?)```", TEXT, flags=re.S))
