@@ -109,7 +109,7 @@ def test_equations_are_drawn_by_the_browser_itself(site: Path, pages: dict[Path,
     [
         ("reference/python.html", ["duralab.Lab", "duralab.start", "duralab.formats.read_signals"]),
         ("reference/commands.html", ["duralab-run", "duralab-doctor", "duralab-check-rig"]),
-        ("reference/campaign-file.html", ["target", "stopcriteria", "iteration_gain"]),
+        ("reference/campaign-file.html", ["target", "stopcriteria", "updatekind"]),
         ("reference/messages.html", ["RigDescription", "SignalBlock", "RigMode"]),
         ("source/services/iterator/iterator/updates/basic_twr.py.html", ["next_drive"]),
     ],
