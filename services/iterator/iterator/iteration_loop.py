@@ -27,7 +27,14 @@ from iterator.assessment import (
     passed_bound,
     standstills,
 )
-from iterator.band import DRIVE_FADE_SECONDS, faded
+from iterator.band import DRIVE_FADE_SECONDS, ControlBand, faded
+from iterator.drive_map import (
+    DriveMap,
+    drive_within_limits,
+    project_mapped_drive,
+    require_rest_within_limits,
+    wanted_drive,
+)
 from iterator.limits import (
     DriveLimits,
     DriveProjection,
@@ -96,10 +103,14 @@ class RecordedPlayback:
         As played.
     response : ndarray, shape (n_y, samples)
         As measured.
+    with_drive_map : bool
+        Whether the drive was made with the drive map that the campaign iterates with; False for a playback that was
+        made before the map was learned. It has no effect without a map.
     """
 
     drive: NDArray[np.float64]
     response: NDArray[np.float64]
+    with_drive_map: bool = True
 
 
 @dataclass(frozen=True)
@@ -111,7 +122,7 @@ class Iteration:
     number : int
         From 1.
     drive : ndarray, shape (n_u, samples)
-        As played.
+        As played. Updates work on `DriveMap.to_mapped` of it where there is a drive map.
     response : ndarray, shape (n_y, samples)
         As measured.
     response_in_band : ndarray, shape (n_y, samples)
@@ -180,6 +191,7 @@ def iterate(
     limits: DriveLimits | None = None,
     recorded: Sequence[RecordedPlayback] = (),
     update: Update | None = None,
+    drive_map: DriveMap | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
 
@@ -192,7 +204,8 @@ def iterate(
     target_in_band : array_like, shape (n_y, samples)
         From `ControlBand.limit_target`, any length.
     model : RigModel
-        As identified. A response of weight 0 is watched: neither its target nor what is measured there matters.
+        As identified, with a drive map from mapped drives to responses. A response of weight 0 is watched: neither its
+        target nor what is measured there matters.
     settings : CampaignSettings
         How and how long.
     limits : DriveLimits, optional
@@ -203,7 +216,11 @@ def iterate(
     update : callable, optional
         `(history, model, settings) -> NextDrive`, used in place of the update of `settings.update.kind`. It sees the
         controlled responses only, each playback divided by its level, and cannot write to the history. A function that
-        steps from `step_start` honours the acceptance of its settings.
+        steps from `step_start` honours the acceptance of its settings. Its drives are mapped ones where there is a map.
+    drive_map : DriveMap, optional
+        Change of drive coordinates `v = T(u)`: the update works on `v`, and `u = T⁻¹(v)` is played. Limits hold for
+        `u`, drive after drive: each follows what the limits leave of those that it depends on. Without a map, or
+        with the identity, the update works on the drives themselves.
 
     Yields
     ------
@@ -222,8 +239,10 @@ def iterate(
         `update` is not a function, or does not return a `NextDrive`.
     ValueError
         The response played back is not as long as the drive, not finite or of other channels, or the update refuses, or
-        the drive that `update` returns is not finite or of another shape.
+        the drive that `update` returns is not finite or of another shape, or the drive map is of another rig, unit or
+        sample rate, or the limits of a drive that it moves do not hold 0.
     """
+    drive_map = _fitting_map(drive_map, model=model, limits=limits)
     target, identified = as_record(target_in_band, name="target"), model
     controlled = controlled_responses(model)
     own_settings, model = controlled_settings(settings.update, controlled), controlled_model(model, controlled)
@@ -241,10 +260,15 @@ def iterate(
         step = make_step(comparable_history(history, settings.levels), model, without_squares if held else own_settings)
         model = step.model
         if number <= len(recorded):
-            drive, response = recorded[number - 1].drive, recorded[number - 1].response
+            before = recorded[number - 1]
+            drive, response = before.drive, before.response
+            mapped = _mapped(drive, drive_map, band=None if before.with_drive_map else settings.update.band)
         else:
-            drive, projection = _playable_drive(step, level=level, limits=limits, settings=own, first=number == 1)
-            passed = _predicted_beyond_bounds(drive / level, first_model, history, level=level, settings=own)
+            drive, projection = _playable_drive(
+                step, level=level, limits=limits, settings=own, drive_map=drive_map, first=number == 1
+            )
+            mapped = _mapped(drive, drive_map)
+            passed = _predicted_beyond_bounds(mapped / level, first_model, history, level=level, settings=own)
             if passed is not None:
                 row = int(np.flatnonzero(controlled)[passed.response])
                 raise PlaybackBoundError(number, replace(passed, response=row))
@@ -265,7 +289,7 @@ def iterate(
                 outcome = Outcome.BOUND_PASSED
             else:
                 outcome = judge_end_at_levels(metrics, settings.stop, settings.levels)
-        history = history.after(Playback(drive=drive / level, response=_rows(response_in_band, controlled)))
+        history = history.after(Playback(drive=mapped / level, response=_rows(response_in_band, controlled)))
         yield Iteration(
             number=number,
             drive=drive,
@@ -282,6 +306,24 @@ def iterate(
         )
 
 
+def _fitting_map(drive_map: DriveMap | None, *, model: RigModel, limits: DriveLimits | None) -> DriveMap | None:
+    """Return a drive map that fits model and limits, or None for the identity."""
+    if drive_map is None:
+        return None
+    drive_map.require_model(model)
+    if limits is not None:
+        drive_map.require_drives(limits.names, limits.units, sample_rate=limits.sample_rate)
+        require_rest_within_limits(drive_map, limits)
+    return None if drive_map.is_identity else drive_map
+
+
+def _mapped(
+    drive: NDArray[np.float64], drive_map: DriveMap | None, *, band: ControlBand | None = None
+) -> NDArray[np.float64]:
+    """Return a drive as updates see it; `band` for one that was made without the map."""
+    return drive if drive_map is None else drive_map.to_mapped(drive, band=band)
+
+
 def _predicted_beyond_bounds(
     drive: NDArray[np.float64], model: RigModel, history: IterationHistory, *, level: float, settings: CampaignSettings
 ) -> PassedBound | None:
@@ -289,7 +331,7 @@ def _predicted_beyond_bounds(
 
     The prediction is the last response and what the model says of the step from its drive. What is unknown of a rig,
     friction and arcs, is in the last response as far as the step is small. The identified model, because one that an
-    update has bent foresees what that update wants.
+    update has bent foresees what that update wants. The drive is a mapped one where there is a map.
     """
     if not is_bounded(settings.stop):
         return None
@@ -302,25 +344,35 @@ def _predicted_beyond_bounds(
 
 
 def _playable_drive(
-    step: NextDrive, *, level: float, limits: DriveLimits | None, settings: CampaignSettings, first: bool
+    step: NextDrive,
+    *,
+    level: float,
+    limits: DriveLimits | None,
+    settings: CampaignSettings,
+    drive_map: DriveMap | None,
+    first: bool,
 ) -> tuple[NDArray[np.float64], DriveProjection | None]:
     """Return the next drive at its level, from rest to rest and within the limits, and what was changed for them."""
     band = settings.update.band
     whole = faded(step.drive, sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)
     drive = level * whole
     if limits is None:
-        return drive, None
+        return drive if drive_map is None else drive_map.to_drive(drive), None
     if settings.limit_policy is LimitPolicy.PROJECT:
         if first:
+            if drive_map is not None:
+                whole = wanted_drive(whole, drive_map=drive_map, limits=limits, band=band)
             require_small_overrun(whole, limits=limits, allowed=settings.largest_overrun)
-        projection = project_drive(drive, limits=limits, band=band)
+        if drive_map is None:
+            projection = project_drive(drive, limits=limits, band=band)
+        else:
+            projection = project_mapped_drive(drive, drive_map=drive_map, limits=limits, band=band)
         return projection.drive, projection
-    require_within_limits(
-        drive,
-        last_drive=None if step.stepped_from is None else level * step.stepped_from,
-        limits=limits,
-        iteration_gain=settings.update.gains,
-    )
+    last, gains = None if step.stepped_from is None else level * step.stepped_from, settings.update.gains
+    if drive_map is None:
+        require_within_limits(drive, last_drive=last, limits=limits, iteration_gain=gains)
+    else:
+        drive = drive_within_limits(drive, last_mapped=last, drive_map=drive_map, limits=limits, iteration_gain=gains)
     return drive, None
 
 
@@ -356,6 +408,7 @@ def run_campaign(
     settings: CampaignSettings,
     limits: DriveLimits | None = None,
     update: Update | None = None,
+    drive_map: DriveMap | None = None,
 ) -> CampaignResult:
     """Iterate to the end; see `iterate`.
 
@@ -373,6 +426,8 @@ def run_campaign(
         Of the rig.
     update : callable, optional
         Used in place of the update of `settings.update.kind`, see `iterate`.
+    drive_map : DriveMap, optional
+        Change of drive coordinates that the update works in, see `iterate`.
 
     Returns
     -------
@@ -385,7 +440,17 @@ def run_campaign(
         As `iterate` does.
     """
     target_in_band = settings.update.band.limit_target(as_record(target, name="target"))
-    iterations = tuple(iterate(play, target_in_band, model=model, settings=settings, limits=limits, update=update))
+    iterations = tuple(
+        iterate(
+            play,
+            target_in_band,
+            model=model,
+            settings=settings,
+            limits=limits,
+            update=update,
+            drive_map=drive_map,
+        )
+    )
     outcome = iterations[-1].outcome
     if outcome is None:
         raise AssertionError("The last iteration carries the outcome.")

@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iterator import DriveLimits, LimitQuantity, Playback
+from iterator import DriveLimits, LimitQuantity
 from iterator.drive_map import (
     DriveMap,
     MapTerm,
-    mapped_playback,
     project_mapped_drive,
     require_rest_within_limits,
 )
@@ -76,8 +75,7 @@ def test_without_a_term_every_byte_stays():
     assert identity.describe() == ()
     assert identity.to_mapped(u).tobytes() == before
     assert identity.to_drive(u).tobytes() == before
-    playback = Playback(drive=u, response=u)
-    assert mapped_playback(playback, drive_map=identity, band=BAND) is playback
+    assert identity.to_mapped(u, band=BAND).tobytes() == before
 
 
 def test_a_static_coefficient_adds_the_product_itself_from_0_hz_on():
@@ -264,13 +262,10 @@ def test_limits_that_do_not_hold_rest_or_are_of_another_rig_are_refused():
 
 def test_a_playback_made_before_the_map_is_kept_in_the_band():
     map_, u = drive_map(SQUARE), BAND.limit_response(drive(seconds=20.0))
-    playback = Playback(drive=u, response=np.zeros_like(u))
-    whole = mapped_playback(playback, drive_map=map_)
-    np.testing.assert_array_equal(whole.drive, map_.to_mapped(u))
-    inside = mapped_playback(playback, drive_map=map_, band=BAND)
-    power = np.abs(np.fft.rfft(inside.drive[1])) ** 2
+    inside = map_.to_mapped(u, band=BAND)
+    power = np.abs(np.fft.rfft(inside[1])) ** 2
     frequency = np.fft.rfftfreq(u.shape[1], 1.0 / SAMPLE_RATE)
     assert power[frequency < 0.9].sum() < 1e-3 * power.sum()
     middle = (frequency > 3.0) & (frequency < 30.0)
-    wanted = np.abs(np.fft.rfft(whole.drive[1])) ** 2
+    wanted = np.abs(np.fft.rfft(map_.to_mapped(u)[1])) ** 2
     np.testing.assert_allclose(power[middle].sum(), wanted[middle].sum(), rtol=1e-2)

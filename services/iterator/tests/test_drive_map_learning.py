@@ -4,7 +4,7 @@ import pytest
 from duralab_settings import UpdateKind
 from duralab_spectra import overall_relative_rms_error, rms
 from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, rig_model
-from iterator.drive_map import learn_drive_map, mapped_playback
+from iterator.drive_map import learn_drive_map
 
 from .arc_rig import (
     BAND,
@@ -41,8 +41,9 @@ def errors(target, model, rig, *, drive_map=None, kind=UpdateKind.BASIC_TWR, gai
         step = UPDATES[kind](history, model, settings)
         model = step.model
         u = step.drive if drive_map is None else drive_map.to_drive(step.drive)
-        playback = Playback(drive=u, response=BAND.limit_response(rig(u)))
-        history = history.after(playback if drive_map is None else mapped_playback(playback, drive_map=drive_map))
+        mapped = u if drive_map is None else drive_map.to_mapped(u)
+        playback = Playback(drive=mapped, response=BAND.limit_response(rig(u)))
+        history = history.after(playback)
         found.append(overall_relative_rms_error(target, playback.response))
     return np.array(found)
 
@@ -139,8 +140,9 @@ def test_a_map_is_learned_from_the_first_playback():
     learned = learn(u, y, model, response_weight=1.0 / rms(target))
     (term,) = learned.drive_map.terms
     assert learned.drive_map.static_coefficient(term) == pytest.approx(-KAPPA, rel=0.01)
-    first = Playback(drive=u, response=BAND.limit_response(y))
-    history = IterationHistory(target=target).after(mapped_playback(first, drive_map=learned.drive_map, band=BAND))
+    mapped = learned.drive_map.to_mapped(u, band=BAND)
+    first = Playback(drive=mapped, response=BAND.limit_response(y))
+    history = IterationHistory(target=target).after(first)
     step = UPDATES[settings.kind](history, model, settings)
     response = BAND.limit_response(play_arc(learned.drive_map.to_drive(step.drive)))
     assert overall_relative_rms_error(target, first.response) > 0.1

@@ -8,8 +8,12 @@ from iterator.drive_map.learning import (
     learn_drive_map,
 )
 from iterator.drive_map.map_terms import MapTerm
-from iterator.drive_map.mapped_playback import mapped_playback
-from iterator.drive_map.mapped_projection import project_mapped_drive, require_rest_within_limits
+from iterator.drive_map.mapped_projection import (
+    drive_within_limits,
+    project_mapped_drive,
+    require_rest_within_limits,
+    wanted_drive,
+)
 
 __all__ = [
     "Adjust",
@@ -18,8 +22,9 @@ __all__ = [
     "EstimateModel",
     "LearnedDriveMap",
     "MapTerm",
+    "drive_within_limits",
     "learn_drive_map",
-    "mapped_playback",
     "project_mapped_drive",
     "require_rest_within_limits",
+    "wanted_drive",
 ]

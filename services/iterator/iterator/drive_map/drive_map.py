@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_spectra import as_record
+from iterator.band import ControlBand
 from iterator.drive_map.map_terms import (
     MapTerm,
     dependency_order,
@@ -18,6 +21,10 @@ from iterator.drive_map.map_terms import (
     unit_of_ratio,
 )
 from iterator.drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
+from iterator.model import RigModel
+
+# Two frequencies that differ by less, relatively, are the same one, rounded.
+_SAME_FREQUENCY: Final = 1e-9
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
 """Function of a drive's index and its samples that returns the samples to play."""
@@ -90,22 +97,24 @@ class DriveMap:
             raise AssertionError("The terms were checked to close no cycle.")
         return order
 
-    def to_mapped(self, drive: ArrayLike) -> NDArray[np.float64]:
+    def to_mapped(self, drive: ArrayLike, *, band: ControlBand | None = None) -> NDArray[np.float64]:
         """Return the mapped drive `v = T(u)`.
 
-        `drive`, shape (n_u, samples): `u`, drive units.
+        `drive`, shape (n_u, samples): `u`, drive units. `band`: Given for a drive that was made before the map was
+        learned: its mapped drive is limited to the band, because what `T(u)` has outside would stay in every drive that
+        follows. A drive that is made with the map has its mapped drive in the band already.
         Returns: shape (n_u, samples): `v`, drive units; the drive itself where there is no term.
         Raises `ValueError`: The drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(drive)
         if self.is_identity:
             return given
-        band = self._band(given.shape[1])
-        lowered = {i: band.lowered(given[i]) for i in self._leaders}
+        products = self._band(given.shape[1])
+        lowered = {i: products.lowered(given[i]) for i in self._leaders}
         result = given.copy()
         for i in self._followers:
-            result[i] += self._followed(i, lowered, band)
-        return result
+            result[i] += self._followed(i, lowered, products)
+        return result if band is None else _limited(result, band)
 
     def to_drive(self, mapped: ArrayLike, *, adjust: Adjust | None = None) -> NDArray[np.float64]:
         """Return the drive `u = T⁻¹(v)`.
@@ -158,10 +167,35 @@ class DriveMap:
                     f"The drive map has {name} in {own} and the rig has it in {other}; learn the map again in the "
                     "rig's units."
                 )
-        if sample_rate != self.sample_rate:
+        if not math.isclose(sample_rate, self.sample_rate, rel_tol=_SAME_FREQUENCY):
             raise ValueError(
                 f"The drive map is for drives of {self.sample_rate:g} Hz and the rig plays {sample_rate:g} Hz; learn "
                 "it again at the rig's sample rate."
+            )
+
+    def require_model(self, model: RigModel) -> None:
+        """Refuse a model that the map does not go with.
+
+        `model`: From mapped drives to responses.
+        Raises `ValueError`: Its number of drives or its sample rate is another one, or the map acts above its
+        identified band.
+        """
+        if model.frf.shape[2] != len(self.names):
+            raise ValueError(
+                f"The drive map has {len(self.names)} drives and the model {model.frf.shape[2]}; take the map and the "
+                "model of one rig."
+            )
+        sample_rate, highest = 2.0 * float(model.frequency[-1]), float(model.frequency[model.identified][-1])
+        if not math.isclose(sample_rate, self.sample_rate, rel_tol=_SAME_FREQUENCY):
+            raise ValueError(
+                f"The drive map is for drives of {self.sample_rate:g} Hz and the model for those of {sample_rate:g} "
+                "Hz; take both of one sample rate."
+            )
+        # The band's end that was asked for lies less than one line above the last identified one.
+        if self.highest_frequency > highest + float(model.frequency[1]):
+            raise ValueError(
+                f"The drive map acts up to {self.highest_frequency:g} Hz and the model is identified up to "
+                f"{highest:g} Hz; learn the map of the same identification as the model."
             )
 
     @cached_property
@@ -201,3 +235,15 @@ class DriveMap:
         value = f"{'−' if coefficient < 0.0 else ''}{abs(coefficient):.3g}"
         product = product_text(self.names[first], self.names[second])
         return f"{self.names[term.follower]} follows {value} {unit} × {product}"
+
+
+def _limited(drive: NDArray[np.float64], band: ControlBand) -> NDArray[np.float64]:
+    """Return a drive with what its band's mask leaves of it."""
+    transform = band.transform(drive.shape[1])
+    mask = band.drive_mask(transform.frequency)
+    lines = np.empty(mask.size, dtype=np.complex128)
+    result = np.empty_like(drive)
+    for row, limited in zip(drive, result, strict=True):
+        transform.lines(row, weight=mask, out=lines)
+        transform.samples(lines, out=limited)
+    return result

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iterator.band import ControlBand
 from iterator.drive_map.drive_map import Adjust, DriveMap
-from iterator.limits import DriveLimits, DriveProjection, project_drive
+from iterator.limits import DriveLimitError, DriveLimits, DriveProjection, project_drive, require_within_limits
+
+# Shares of a step that are tried, one after the other, where a step does not fit; below the smallest one none is named.
+_SMALLER_SHARE: Final = 0.9
+_SMALLEST_SHARE: Final = 0.01
 
 
 def project_mapped_drive(
@@ -50,6 +55,74 @@ def project_mapped_drive(
         saturated=np.concatenate([row.saturated for row in rows]),
         clipped=np.concatenate([row.clipped for row in rows]),
     )
+
+
+def wanted_drive(
+    mapped: ArrayLike, *, drive_map: DriveMap, limits: DriveLimits, band: ControlBand
+) -> NDArray[np.float64]:
+    """Return what a mapped drive asks of each channel, before its own limits and after those of the drives it follows.
+
+    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Of the rig. `band`: What a projection
+    may change.
+    Returns: shape (n_u, samples): Drive units; may pass the limits.
+    Raises `ValueError`: As `project_mapped_drive` does.
+    """
+    wanted: dict[int, NDArray[np.float64]] = {}
+
+    def keep(i: int, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        wanted[i] = samples
+        return samples
+
+    projection = project_mapped_drive(mapped, drive_map=drive_map, limits=limits, band=band, adjust=keep)
+    return np.stack([wanted[i] for i in range(projection.drive.shape[0])])
+
+
+def drive_within_limits(
+    mapped: NDArray[np.float64],
+    *,
+    last_mapped: NDArray[np.float64] | None,
+    drive_map: DriveMap,
+    limits: DriveLimits,
+    iteration_gain: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the drive of a mapped drive, or refuse it where it passes a limit and say which share of the gains fits.
+
+    `mapped`, shape (n_u, samples): `v`, drive units. `last_mapped`, shape (n_u, samples): Mapped drive that the update
+    stepped from; None is zero. `drive_map`: `T`. `limits`: Of the rig. `iteration_gain`, shape (n_y,): Gains of the
+    step.
+    Returns: shape (n_u, samples): `u`, drive units.
+    Raises `DriveLimitError`: A value or a slew of the drive is past its limit. `ValueError`: A record does not fit.
+    """
+    start = np.zeros_like(mapped) if last_mapped is None else last_mapped
+    drive, last_drive = drive_map.to_drive(mapped), drive_map.to_drive(start)
+    refused = _refusal(drive, last_drive, limits, iteration_gain)
+    if refused is None:
+        return drive
+    # The limits' own share is that of a drive that is proportional to the gains. One that follows a product is not.
+    share = refused.fitting_share
+    while share >= _SMALLEST_SHARE:
+        tried = drive_map.to_drive(start + share * (mapped - start))
+        if _refusal(tried, last_drive, limits, iteration_gain) is None:
+            break
+        share *= _SMALLER_SHARE
+    raise DriveLimitError(
+        refused.violation,
+        fitting_share=share if share >= _SMALLEST_SHARE else 0.0,
+        iteration_gain=iteration_gain,
+    )
+
+
+def _refusal(
+    drive: NDArray[np.float64],
+    last_drive: NDArray[np.float64],
+    limits: DriveLimits,
+    iteration_gain: NDArray[np.float64],
+) -> DriveLimitError | None:
+    try:
+        require_within_limits(drive, last_drive=last_drive, limits=limits, iteration_gain=iteration_gain)
+    except DriveLimitError as refused:
+        return refused
+    return None
 
 
 def require_rest_within_limits(drive_map: DriveMap, limits: DriveLimits) -> None:

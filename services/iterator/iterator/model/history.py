@@ -15,7 +15,7 @@ class Playback:
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        As played, drive units.
+        As played, or its mapped drive where the campaign has a drive map; drive units.
     response : ndarray, shape (n_y, samples)
         In the control band, as it is judged, response units.
     """

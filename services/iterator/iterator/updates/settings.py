@@ -81,7 +81,7 @@ class NextDrive:
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        To be played next, as long as the target.
+        To be played next, as long as the target; a mapped drive where the campaign has a drive map.
     model : RigModel
         What it was made with; goes into the next update.
     stepped_from : ndarray, shape (n_u, samples), or None
