@@ -1,12 +1,17 @@
 """What makes any rig a rig on the bus: checks, playback, stop and latch, streams. A rig is a class of four methods."""
 
-from duralab_gateway.description import complete_description
-from duralab_gateway.drive_check import check_drive
-from duralab_gateway.frf_query import answer_frf
-from duralab_gateway.gateway_process import GatewayConfig, open_spools, serve, serving
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from duralab_gateway.motion import Approach, Block, DrivePlayback, RigFaultError, Use, Watchdog
-from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, ShowsFrames, StepwiseRig
-from duralab_gateway.server import SERVICE, RigServer, serve_refusal
+
+if TYPE_CHECKING:
+    from duralab_gateway.description import complete_description
+    from duralab_gateway.drive_check import check_drive
+    from duralab_gateway.frf_query import answer_frf
+    from duralab_gateway.gateway_process import GatewayConfig, open_spools, serve, serving
+    from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, ShowsFrames, StepwiseRig
+    from duralab_gateway.server import SERVICE, RigServer, serve_refusal
 
 __all__ = [
     "SERVICE",
@@ -33,3 +38,30 @@ __all__ = [
     "serve_refusal",
     "serving",
 ]
+
+_MODULE_OF = {
+    "complete_description": "description",
+    "check_drive": "drive_check",
+    "answer_frf": "frf_query",
+    "GatewayConfig": "gateway_process",
+    "open_spools": "gateway_process",
+    "serve": "gateway_process",
+    "serving": "gateway_process",
+    "KnowsItsFrf": "rig",
+    "Phase": "rig",
+    "PlaybackRig": "rig",
+    "Rig": "rig",
+    "Run": "rig",
+    "ShowsFrames": "rig",
+    "StepwiseRig": "rig",
+    "SERVICE": "server",
+    "RigServer": "server",
+    "serve_refusal": "server",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import what talks to the bus when it is first used: a rig is loaded and played without one."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

@@ -1,6 +1,8 @@
 """The software's part of a content hash: every change of the sources counts, where a module lies does not."""
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -63,3 +65,8 @@ def test_a_change_of_the_way_to_the_first_sample_changes_the_hash(copy, motion):
     assert sources_hash(copy, motion) == software_hash()
     rewrite(motion, "0.5 * (1.0 - np.cos(", "0.4 * (1.0 - np.cos(")
     assert sources_hash(copy, motion) != software_hash()
+
+
+def test_a_rig_is_loaded_without_a_bus():
+    loaded = "import sys, rig_sim; sys.exit(bool({'zenoh', 'google.protobuf'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", loaded], check=False).returncode == 0
