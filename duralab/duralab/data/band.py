@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from duralab_proto.v1 import iterator_pb2
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

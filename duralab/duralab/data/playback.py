@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from duralab.data.recorded_signals import RecordedSignals
 from duralab.data.signals import Signals, signals_html, signals_text
 from duralab.display import html_table, text_table
 from duralab_proto.v1 import iterator_pb2, rig_pb2
-
-if TYPE_CHECKING:
-    pass
 
 USE_COLUMNS: Final = ("actuator", "peak of its limit", "saturated", "largest following error")
 

@@ -7,7 +7,6 @@ import uuid
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from duralab.arguments import folder_of, progress_callback, require_text
 from duralab.campaign import (
@@ -45,9 +44,6 @@ from duralab.target import describe_target, make_target
 from duralab_bus import Bus, FaultError
 from duralab_proto.keys import ANY
 from duralab_proto.v1 import iterator_pb2
-
-if TYPE_CHECKING:
-    pass
 
 
 class Lab(LabRigs):
