@@ -1,5 +1,7 @@
 """The conformance check: green on what keeps the contract, red at the right line on what breaks it, gentle on all."""
 
+import contextlib
+import ctypes
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +19,7 @@ from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
 from duralab.data import RigMode
 from duralab.errors import StoppedError
 from duralab.lab import Lab
-from duralab_proto.v1 import array_pb2
+from duralab_proto.v1 import array_pb2, rig_pb2
 
 SECONDS = 1.2
 
@@ -112,6 +114,26 @@ def test_a_gateway_that_keeps_the_contract_passes(findings):
 def test_a_rig_that_answers_at_the_end_keeps_the_contract_where_its_description_says_so(hall, rig):
     found = check_rig(hall[0], rig, seconds=SECONDS)
     assert [finding for finding in found if finding.outcome is not Outcome.PASSED] == []
+
+
+def test_a_pause_of_this_process_is_not_a_silence_of_the_rig(hall):
+    bus, playing = hall[0], threading.Event()
+
+    def on_state(item):
+        if item.message.mode == rig_pb2.RIG_MODE_PLAYING:
+            playing.set()
+
+    def pause():
+        assert playing.wait(60.0)
+        # A call through PyDLL keeps the interpreter's lock: nothing of this process runs meanwhile.
+        ctypes.PyDLL(None).usleep(2_000_000)
+
+    states = bus.subscribe(bus.keys.rig_state("rig_none"), rig_pb2.RigState, on_state)
+    with contextlib.closing(states), ThreadPoolExecutor(1) as pool:
+        paused = pool.submit(pause)
+        found = check_rig(bus, "rig_none", seconds=SECONDS)
+        paused.result()
+    assert [finding for finding in found if finding.outcome is Outcome.FAILED] == []
 
 
 def test_every_defect_has_its_line():
