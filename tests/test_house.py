@@ -78,6 +78,7 @@ def test_all_distributions_are_here():
     assert [str(path) for path in DISTRIBUTIONS] == [
         "duralab",
         "libs/bus",
+        "libs/drive_map",
         "libs/gateway",
         "libs/loads",
         "libs/recordings",

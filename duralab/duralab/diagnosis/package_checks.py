@@ -15,6 +15,7 @@ OWN: Final = (
     "duralab-gateway",
     "duralab-spectra",
     "duralab-roads",
+    "duralab-drive-map",
     "duralab-loads",
     "duralab-settings",
     "duralab-rig-sim",

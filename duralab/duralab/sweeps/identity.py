@@ -18,6 +18,7 @@ _DISTRIBUTIONS: Final = (
     "duralab-identifier",
     "duralab-iterator",
     "duralab-bus",
+    "duralab-drive-map",
     "duralab-loads",
     "duralab-proto",
     "duralab-recorder",

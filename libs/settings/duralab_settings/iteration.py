@@ -84,6 +84,16 @@ class SecantSettings(Section):
     regularisation: float = Field(default=1e-5, ge=0, le=1e6, description="Of the inverse, relative to the model.")
 
 
+class DriveMapSettings(Section):
+    """Whether updates work on mapped drives, which follow the arcs of the rig."""
+
+    learn: bool = Field(
+        default=True,
+        description="Learn from the identification which drives follow products of others, as on the arc of an arm; a "
+        "rig without arcs keeps its drives as they are.",
+    )
+
+
 class UpdateMethod(Section):
     """What an update is, whatever the rig."""
 
@@ -112,6 +122,9 @@ class UpdateMethod(Section):
         default=CorrectionShape.DIAGONAL, strict=False, description="Correct channel by channel or all with each other."
     )
     secant: SecantSettings = Field(default=SecantSettings(), description="What the secant update learns by.")
+    drive_map: DriveMapSettings = Field(
+        default=DriveMapSettings(), description="Change of drive coordinates after which the rig is nearly linear."
+    )
 
 
 class ResolvedUpdate(UpdateMethod):

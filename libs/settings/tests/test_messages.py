@@ -15,6 +15,7 @@ from duralab_settings import (
     Acceptance,
     ControlBandSettings,
     DamageExponent,
+    DriveMapSettings,
     EstimatorSettings,
     PlaybackSettings,
     ResolvedExcitation,
@@ -38,13 +39,14 @@ WHOLE = {
     EstimatorSettings: identifier_pb2.Estimator,
     ResolvedUpdate: iterator_pb2.UpdateSettings,
     SecantSettings: iterator_pb2.SecantSettings,
+    DriveMapSettings: iterator_pb2.DriveMapSettings,
     StopCriteria: iterator_pb2.StopCriteria,
     Acceptance: iterator_pb2.Acceptance,
 }
 """Models whose messages hold nothing else."""
 PARTS = {PlaybackSettings: iterator_pb2.CampaignSpec, ControlBandSettings: iterator_pb2.CampaignSpec}
-NO_SETTINGS = {"Record", "Array", "TargetStep"}
-"""Messages in a specification that hold signals and what was done with them."""
+NO_SETTINGS = {"Record", "Array", "TargetStep", "DriveMapRequest"}
+"""Messages in a specification that hold signals and what was done with them, or figures of another service."""
 
 PINK = {"lowest_frequency": 1.0, "highest_frequency": 50.0, "corner_frequency": 5.0, "decibels_per_octave": 3.0}
 

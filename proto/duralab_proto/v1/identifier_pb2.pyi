@@ -138,7 +138,7 @@ class Estimator(_message.Message):
     def __init__(self, kind: _Optional[_Union[EstimatorKind, str]] = ..., block_samples: _Optional[int] = ..., overlap: _Optional[float] = ..., local_order: _Optional[int] = ..., local_half_width: _Optional[int] = ...) -> None: ...
 
 class IdentifyRequest(_message.Message):
-    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only", "real_time")
+    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only", "real_time", "drive_map")
     RIG_FIELD_NUMBER: _ClassVar[int]
     EXCITATION_FIELD_NUMBER: _ClassVar[int]
     ESTIMATOR_FIELD_NUMBER: _ClassVar[int]
@@ -146,6 +146,7 @@ class IdentifyRequest(_message.Message):
     RIG_SEED_FIELD_NUMBER: _ClassVar[int]
     CHECK_ONLY_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     rig: str
     excitation: Excitation
     estimator: Estimator
@@ -153,7 +154,14 @@ class IdentifyRequest(_message.Message):
     rig_seed: int
     check_only: bool
     real_time: bool
-    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ..., real_time: _Optional[bool] = ...) -> None: ...
+    drive_map: DriveMapRequest
+    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ..., real_time: _Optional[bool] = ..., drive_map: _Optional[_Union[DriveMapRequest, _Mapping]] = ...) -> None: ...
+
+class DriveMapRequest(_message.Message):
+    __slots__ = ("response_weight",)
+    RESPONSE_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    response_weight: _array_pb2.Array
+    def __init__(self, response_weight: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class PlanRequest(_message.Message):
     __slots__ = ("identify",)
@@ -323,12 +331,44 @@ class Distortion(_message.Message):
     noise_share: _array_pb2.Array
     def __init__(self, noise_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., distortion_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., odd_distortion_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., even_distortion_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., distortion_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., noise_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
+class DriveMapTerm(_message.Message):
+    __slots__ = ("follower", "first", "second", "coefficients", "standard_deviation", "significance", "residual", "sentence")
+    FOLLOWER_FIELD_NUMBER: _ClassVar[int]
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    SECOND_FIELD_NUMBER: _ClassVar[int]
+    COEFFICIENTS_FIELD_NUMBER: _ClassVar[int]
+    STANDARD_DEVIATION_FIELD_NUMBER: _ClassVar[int]
+    SIGNIFICANCE_FIELD_NUMBER: _ClassVar[int]
+    RESIDUAL_FIELD_NUMBER: _ClassVar[int]
+    SENTENCE_FIELD_NUMBER: _ClassVar[int]
+    follower: int
+    first: int
+    second: int
+    coefficients: _array_pb2.Array
+    standard_deviation: _array_pb2.Array
+    significance: float
+    residual: float
+    sentence: str
+    def __init__(self, follower: _Optional[int] = ..., first: _Optional[int] = ..., second: _Optional[int] = ..., coefficients: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., standard_deviation: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., significance: _Optional[float] = ..., residual: _Optional[float] = ..., sentence: _Optional[str] = ...) -> None: ...
+
+class DriveMap(_message.Message):
+    __slots__ = ("scale", "highest_frequency", "terms", "remarks")
+    SCALE_FIELD_NUMBER: _ClassVar[int]
+    HIGHEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    TERMS_FIELD_NUMBER: _ClassVar[int]
+    REMARKS_FIELD_NUMBER: _ClassVar[int]
+    scale: _array_pb2.Array
+    highest_frequency: float
+    terms: _containers.RepeatedCompositeFieldContainer[DriveMapTerm]
+    remarks: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, scale: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., highest_frequency: _Optional[float] = ..., terms: _Optional[_Iterable[_Union[DriveMapTerm, _Mapping]]] = ..., remarks: _Optional[_Iterable[str]] = ...) -> None: ...
+
 class ModelRequest(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts")
+    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     DRIVES_FIELD_NUMBER: _ClassVar[int]
@@ -358,6 +398,7 @@ class Model(_message.Message):
     DISTORTION_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     VERDICTS_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
@@ -387,4 +428,5 @@ class Model(_message.Message):
     distortion: Distortion
     plan: ExperimentPlan
     verdicts: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ...) -> None: ...
+    drive_map: DriveMap
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ...) -> None: ...

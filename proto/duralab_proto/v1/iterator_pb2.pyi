@@ -99,8 +99,14 @@ class SecantSettings(_message.Message):
     regularisation: float
     def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ...) -> None: ...
 
+class DriveMapSettings(_message.Message):
+    __slots__ = ("learn",)
+    LEARN_FIELD_NUMBER: _ClassVar[int]
+    learn: bool
+    def __init__(self, learn: _Optional[bool] = ...) -> None: ...
+
 class UpdateSettings(_message.Message):
-    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "correction", "secant", "weights")
+    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "correction", "secant", "weights", "drive_map")
     KIND_FIELD_NUMBER: _ClassVar[int]
     ITERATION_GAIN_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
@@ -115,6 +121,7 @@ class UpdateSettings(_message.Message):
     CORRECTION_FIELD_NUMBER: _ClassVar[int]
     SECANT_FIELD_NUMBER: _ClassVar[int]
     WEIGHTS_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     kind: UpdateKind
     iteration_gain: _array_pb2.Array
     smallest_correction: float
@@ -129,7 +136,8 @@ class UpdateSettings(_message.Message):
     correction: CorrectionShape
     secant: SecantSettings
     weights: _array_pb2.Array
-    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., correction: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., weights: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    drive_map: DriveMapSettings
+    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., correction: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., weights: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_map: _Optional[_Union[DriveMapSettings, _Mapping]] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
     __slots__ = ("iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent", "error_bound", "peak_bound", "damage_bound")
@@ -402,7 +410,7 @@ class CampaignEvent(_message.Message):
     def __init__(self, status: _Optional[_Union[CampaignStatus, _Mapping]] = ...) -> None: ...
 
 class IterationStep(_message.Message):
-    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash", "error_in_band")
+    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash", "error_in_band", "with_drive_map", "learned_drive_map")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -417,6 +425,8 @@ class IterationStep(_message.Message):
     REMARKS_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
     ERROR_IN_BAND_FIELD_NUMBER: _ClassVar[int]
+    WITH_DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
+    LEARNED_DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     run: str
     drive: _array_pb2.Record
@@ -431,7 +441,9 @@ class IterationStep(_message.Message):
     remarks: _containers.RepeatedScalarFieldContainer[str]
     samples_hash: str
     error_in_band: _array_pb2.Array
-    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    with_drive_map: bool
+    learned_drive_map: _identifier_pb2.DriveMap
+    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., with_drive_map: _Optional[bool] = ..., learned_drive_map: _Optional[_Union[_identifier_pb2.DriveMap, _Mapping]] = ...) -> None: ...
 
 class ConfirmationStep(_message.Message):
     __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash", "error_in_band")

@@ -5,10 +5,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
 import structlog
+from numpy.typing import NDArray
 from pydantic import Field
 
 from duralab_bus import Bus, Call, FaultError, ServiceConfig
+from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from duralab_settings import SettingsError
@@ -23,6 +26,7 @@ from identifier.bus import (
     predict,
     settings_of,
 )
+from identifier.estimators import FrfEstimate
 from identifier.excitation import Experiment
 from identifier.experiment import (
     IdentificationSettings,
@@ -37,6 +41,7 @@ from identifier.modelling import (
     ModelCache,
     distortion_of,
     from_message,
+    learn_map,
     model_of,
     plan_message,
     to_message,
@@ -181,8 +186,8 @@ class IdentifierService:
         played, response = play_experiment(self._bus, request, rig=rig, drive=drive, call=call, progress=progress)
         call.progress("estimating the FRF", progress[1])
         try:
-            estimate = estimate_experiment(prepared.settings.estimator, layout, drive=drive, response=response)
-            levels = distortion_of(drive, response, layout)
+            estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=progress[1])
+            levels = distortion_of(mapped, response, layout)
         except ValueError as error:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, with_names(str(error), rig)) from error
         model = model_of(
@@ -193,12 +198,42 @@ class IdentifierService:
             estimate=estimate,
             played=played,
             levels=levels,
+            drive_map=drive_map,
         )
         message = to_message(model)
         self._cache.put(message)
         self._identified_rigs.add(request.rig)
         log.info("identified", model=message.id, blocks=message.blocks, warnings=len(message.warnings))
         return message
+
+    def _estimated(
+        self,
+        prepared: _Prepared,
+        drive: NDArray[np.float64],
+        response: NDArray[np.float64],
+        call: Call,
+        *,
+        at: float,
+    ) -> tuple[FrfEstimate, NDArray[np.float64], identifier_pb2.DriveMap | None]:
+        """Return the estimate, the drives that it is made from, and their map where one is asked for."""
+        settings, layout = prepared.settings, prepared.experiment.layout
+
+        def estimate_on(played: NDArray[np.float64]) -> FrfEstimate:
+            return estimate_experiment(settings.estimator, layout, drive=played, response=response)
+
+        estimate = estimate_on(drive)
+        if not settings.learn_drive_map:
+            return estimate, drive, None
+        call.progress("learning the drive map", at)
+        learned = learn_map(
+            drive,
+            response,
+            estimate=estimate,
+            estimate_again=estimate_on,
+            rig=prepared.rig,
+            response_weight=None if settings.response_weight is None else np.array(settings.response_weight),
+        )
+        return learned.model.estimate, learned.drive_map.to_mapped(drive), drive_map_message(learned)
 
     def _held(self, wanted: str, *, field: str = "") -> identifier_pb2.Model:
         message = self._cache.get(wanted)

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import InstanceOf, model_validator
 
+from duralab_drive_map import DriveMap, LearnedDriveMap, learn_drive_map
 from duralab_settings import LimitPolicy, PlaybackSettings, StopCriteria
-from duralab_spectra import as_record
+from duralab_spectra import as_record, rms
 from iterator.assessment import (
     IterationMetrics,
     Outcome,
@@ -28,22 +29,19 @@ from iterator.assessment import (
     standstills,
 )
 from iterator.band import DRIVE_FADE_SECONDS, ControlBand, faded
-from iterator.drive_map import (
-    DriveMap,
-    drive_within_limits,
-    project_mapped_drive,
-    require_rest_within_limits,
-    wanted_drive,
-)
 from iterator.limits import (
     DriveLimits,
     DriveProjection,
     UnreachableSegment,
+    drive_within_limits,
     held_share,
     project_drive,
+    project_mapped_drive,
+    require_rest_within_limits,
     require_small_overrun,
     require_within_limits,
     unreachable_segments,
+    wanted_drive,
 )
 from iterator.model import IterationHistory, Playback, RigModel, predict
 from iterator.updates import (
@@ -114,6 +112,20 @@ class RecordedPlayback:
 
 
 @dataclass(frozen=True)
+class MapFromFirstPlayback:
+    """The drive map is learned from the first playback, where the identification has none.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        Of the drives, in the rig's order.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Iteration:
     """One playback and what was made of it.
 
@@ -144,6 +156,10 @@ class Iteration:
         Where responses stood still while their target moved; after a controlled one nothing is made of the playback.
     passed_bound : PassedBound or None
         The bound of a playback that a controlled response passed furthest.
+    with_drive_map : bool
+        Whether the drive was made with a drive map.
+    learned : LearnedDriveMap or None
+        The drive map that was learned from this playback; later drives are made with it.
     """
 
     number: int
@@ -158,6 +174,8 @@ class Iteration:
     unreachable: tuple[UnreachableSegment, ...] = ()
     stood_still: tuple[Standstill, ...] = ()
     passed_bound: PassedBound | None = None
+    with_drive_map: bool = False
+    learned: LearnedDriveMap[RigModel] | None = None
 
 
 @dataclass(frozen=True)
@@ -191,7 +209,7 @@ def iterate(
     limits: DriveLimits | None = None,
     recorded: Sequence[RecordedPlayback] = (),
     update: Update | None = None,
-    drive_map: DriveMap | None = None,
+    drive_map: DriveMap | MapFromFirstPlayback | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
 
@@ -217,7 +235,7 @@ def iterate(
         `(history, model, settings) -> NextDrive`, used in place of the update of `settings.update.kind`. It sees the
         controlled responses only, each playback divided by its level, and cannot write to the history. A function that
         steps from `step_start` honours the acceptance of its settings. Its drives are mapped ones where there is a map.
-    drive_map : DriveMap, optional
+    drive_map : DriveMap or MapFromFirstPlayback, optional
         Change of drive coordinates `v = T(u)`: the update works on `v`, and `u = T⁻¹(v)` is played. Limits hold for
         `u`, drive after drive: each follows what the limits leave of those that it depends on. Without a map, or
         with the identity, the update works on the drives themselves.
@@ -242,7 +260,8 @@ def iterate(
         the drive that `update` returns is not finite or of another shape, or the drive map is of another rig, unit or
         sample rate, or the limits of a drive that it moves do not hold 0.
     """
-    drive_map = _fitting_map(drive_map, model=model, limits=limits)
+    to_learn = drive_map if isinstance(drive_map, MapFromFirstPlayback) else None
+    own_map = _fitting_map(None if isinstance(drive_map, MapFromFirstPlayback) else drive_map, model, limits)
     target, identified = as_record(target_in_band, name="target"), model
     controlled = controlled_responses(model)
     own_settings, model = controlled_settings(settings.update, controlled), controlled_model(model, controlled)
@@ -261,17 +280,16 @@ def iterate(
         model = step.model
         if number <= len(recorded):
             before = recorded[number - 1]
-            drive, response = before.drive, before.response
-            mapped = _mapped(drive, drive_map, band=None if before.with_drive_map else settings.update.band)
+            drive, response, with_map = before.drive, before.response, before.with_drive_map and own_map is not None
+            mapped = _mapped(drive, own_map, band=None if with_map else settings.update.band)
         else:
             drive, projection = _playable_drive(
-                step, level=level, limits=limits, settings=own, drive_map=drive_map, first=number == 1
+                step, level=level, limits=limits, settings=own, drive_map=own_map, first=number == 1
             )
-            mapped = _mapped(drive, drive_map)
-            passed = _predicted_beyond_bounds(mapped / level, first_model, history, level=level, settings=own)
-            if passed is not None:
-                row = int(np.flatnonzero(controlled)[passed.response])
-                raise PlaybackBoundError(number, replace(passed, response=row))
+            mapped, with_map = _mapped(drive, own_map), own_map is not None
+            _require_within_bounds(
+                mapped / level, first_model, history, number=number, level=level, settings=own, controlled=controlled
+            )
             # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
             response = as_record(play(drive.copy()), name="response").copy()
         stood_still = standstills(response, level * target, band=settings.update.band)
@@ -282,13 +300,14 @@ def iterate(
         metrics = (*metrics, judged)
         passed = None if dead else passed_bound(judged, settings.stop, level=level)
         if number >= len(recorded):
-            # What a dead sensor told is not judged: it may come out as anything, even as reached.
-            if dead:
-                outcome = Outcome.RESPONSE_STOOD_STILL
-            elif passed is not None:
-                outcome = Outcome.BOUND_PASSED
-            else:
-                outcome = judge_end_at_levels(metrics, settings.stop, settings.levels)
+            outcome = _outcome(metrics, settings, dead=dead, passed=passed)
+        learned = None
+        if to_learn is not None and number == 1 and not dead:
+            weight = np.divide(1.0, rms(target), out=np.zeros(len(target)), where=controlled)
+            learned = _learned(drive, response, to_learn, model=identified, weight=weight, limits=limits)
+            if not learned.drive_map.is_identity:
+                own_map = learned.drive_map
+                mapped = _mapped(drive, own_map, band=settings.update.band)
         history = history.after(Playback(drive=mapped / level, response=_rows(response_in_band, controlled)))
         yield Iteration(
             number=number,
@@ -303,10 +322,33 @@ def iterate(
             unreachable=() if dead else _unreachable(history, projection, settings=settings, controlled=controlled),
             stood_still=stood_still,
             passed_bound=passed,
+            with_drive_map=with_map,
+            learned=learned,
         )
 
 
-def _fitting_map(drive_map: DriveMap | None, *, model: RigModel, limits: DriveLimits | None) -> DriveMap | None:
+def _learned(
+    drive: NDArray[np.float64],
+    response: NDArray[np.float64],
+    to_learn: MapFromFirstPlayback,
+    *,
+    model: RigModel,
+    weight: NDArray[np.float64],
+    limits: DriveLimits | None,
+) -> LearnedDriveMap[RigModel]:
+    """Learn a drive map from the first playback; the identity, with a sentence, where the limits do not allow one."""
+    learned = learn_drive_map(
+        drive, response, model=model, names=to_learn.names, units=to_learn.units, response_weight=weight
+    )
+    try:
+        _fitting_map(learned.drive_map, model, limits)
+    except ValueError as error:
+        identity = replace(learned.drive_map, terms=())
+        return replace(learned, drive_map=identity, chosen=(), remarks=(*learned.remarks, f"{error}."))
+    return learned
+
+
+def _fitting_map(drive_map: DriveMap | None, model: RigModel, limits: DriveLimits | None) -> DriveMap | None:
     """Return a drive map that fits model and limits, or None for the identity."""
     if drive_map is None:
         return None
@@ -320,27 +362,56 @@ def _fitting_map(drive_map: DriveMap | None, *, model: RigModel, limits: DriveLi
 def _mapped(
     drive: NDArray[np.float64], drive_map: DriveMap | None, *, band: ControlBand | None = None
 ) -> NDArray[np.float64]:
-    """Return a drive as updates see it; `band` for one that was made without the map."""
-    return drive if drive_map is None else drive_map.to_mapped(drive, band=band)
+    """Return a drive as updates see it; `band` for one that was made without the map.
+
+    What `T(u)` of such a drive has outside the band would stay in every drive that follows; a drive that is made with
+    the map has its mapped drive in the band already.
+    """
+    if drive_map is None:
+        return drive
+    mapped = drive_map.to_mapped(drive)
+    return mapped if band is None else band.limit_drive(mapped)
 
 
-def _predicted_beyond_bounds(
-    drive: NDArray[np.float64], model: RigModel, history: IterationHistory, *, level: float, settings: CampaignSettings
-) -> PassedBound | None:
-    """Return the bound of a playback that the identified model's prediction of a drive passes furthest, or None.
+def _require_within_bounds(
+    drive: NDArray[np.float64],
+    model: RigModel,
+    history: IterationHistory,
+    *,
+    number: int,
+    level: float,
+    settings: CampaignSettings,
+    controlled: NDArray[np.bool_],
+) -> None:
+    """Refuse a drive of which the identified model predicts that a playback passes its bounds.
 
     The prediction is the last response and what the model says of the step from its drive. What is unknown of a rig,
     friction and arcs, is in the last response as far as the step is small. The identified model, because one that an
     update has bent foresees what that update wants. The drive is a mapped one where there is a map.
     """
     if not is_bounded(settings.stop):
-        return None
+        return
     if history.playbacks:
         last = history.playbacks[-1]
         predicted = last.response + predict(model, drive - last.drive, band=settings.update.band)
     else:
         predicted = predict(model, drive, band=settings.update.band)
-    return passed_bound(judge_response(history.target, predicted, level=level), settings.stop, level=level)
+    passed = passed_bound(judge_response(history.target, predicted, level=level), settings.stop, level=level)
+    if passed is not None:
+        row = int(np.flatnonzero(controlled)[passed.response])
+        raise PlaybackBoundError(number, replace(passed, response=row))
+
+
+def _outcome(
+    metrics: tuple[IterationMetrics, ...], settings: CampaignSettings, *, dead: bool, passed: PassedBound | None
+) -> Outcome | None:
+    """Return why a campaign ends after its last playback, or None."""
+    # What a dead sensor told is not judged: it may come out as anything, even as reached.
+    if dead:
+        return Outcome.RESPONSE_STOOD_STILL
+    if passed is not None:
+        return Outcome.BOUND_PASSED
+    return judge_end_at_levels(metrics, settings.stop, settings.levels)
 
 
 def _playable_drive(
@@ -408,7 +479,7 @@ def run_campaign(
     settings: CampaignSettings,
     limits: DriveLimits | None = None,
     update: Update | None = None,
-    drive_map: DriveMap | None = None,
+    drive_map: DriveMap | MapFromFirstPlayback | None = None,
 ) -> CampaignResult:
     """Iterate to the end; see `iterate`.
 
@@ -426,7 +497,7 @@ def run_campaign(
         Of the rig.
     update : callable, optional
         Used in place of the update of `settings.update.kind`, see `iterate`.
-    drive_map : DriveMap, optional
+    drive_map : DriveMap or MapFromFirstPlayback, optional
         Change of drive coordinates that the update works in, see `iterate`.
 
     Returns

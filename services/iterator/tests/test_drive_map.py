@@ -5,13 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from duralab_drive_map import DriveMap, MapTerm
 from iterator import DriveLimits, LimitQuantity
-from iterator.drive_map import (
-    DriveMap,
-    MapTerm,
-    project_mapped_drive,
-    require_rest_within_limits,
-)
+from iterator.limits import project_mapped_drive, require_rest_within_limits
 
 from .arc_rig import BAND, NAMES, UNITS, drive
 from .linear_plants import SAMPLE_RATE
@@ -75,7 +71,7 @@ def test_without_a_term_every_byte_stays():
     assert identity.describe() == ()
     assert identity.to_mapped(u).tobytes() == before
     assert identity.to_drive(u).tobytes() == before
-    assert identity.to_mapped(u, band=BAND).tobytes() == before
+    assert identity.to_mapped(u).tobytes() == before
 
 
 def test_a_static_coefficient_adds_the_product_itself_from_0_hz_on():
@@ -262,7 +258,7 @@ def test_limits_that_do_not_hold_rest_or_are_of_another_rig_are_refused():
 
 def test_a_playback_made_before_the_map_is_kept_in_the_band():
     map_, u = drive_map(SQUARE), BAND.limit_response(drive(seconds=20.0))
-    inside = map_.to_mapped(u, band=BAND)
+    inside = BAND.limit_drive(map_.to_mapped(u))
     power = np.abs(np.fft.rfft(inside[1])) ** 2
     frequency = np.fft.rfftfreq(u.shape[1], 1.0 / SAMPLE_RATE)
     assert power[frequency < 0.9].sum() < 1e-3 * power.sum()

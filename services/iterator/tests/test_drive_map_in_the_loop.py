@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duralab_drive_map import DriveMap, MapTerm, learn_drive_map
 from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
 from duralab_spectra import rms
 from iterator import (
@@ -14,6 +15,7 @@ from iterator import (
     DriveLimits,
     DriveOverrunError,
     LimitQuantity,
+    MapFromFirstPlayback,
     NextDrive,
     PlaybackBoundError,
     RecordedPlayback,
@@ -24,7 +26,6 @@ from iterator import (
     predict,
     rig_model,
 )
-from iterator.drive_map import DriveMap, MapTerm, learn_drive_map
 
 from .arc_rig import BAND, IDENTIFIED, KAPPA, LEVEL, NAMES, UNITS, drive, exact_model, play_arc
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, play
@@ -321,6 +322,41 @@ def test_a_map_that_is_learned_from_the_first_playback_takes_up_that_playback():
     power = np.abs(np.fft.rfft(mapped[1])) ** 2
     frequency = np.fft.rfftfreq(mapped.shape[1], 1.0 / SAMPLE_RATE)
     assert power[frequency < 0.5].sum() < 1e-4 * power.sum()
+
+
+def test_the_loop_learns_the_map_from_its_first_playback_where_the_identification_has_none():
+    target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
+    given, to_learn = settings(gain=1.0, iterations=4), MapFromFirstPlayback(NAMES, UNITS)
+    steps = run(play_arc, given, target=target, drive_map=to_learn)
+    errors = [step.metrics.overall_relative_rms_error for step in steps]
+    assert errors[0] > 0.1
+    assert max(errors[1:]) < 0.01
+    assert [step.with_drive_map for step in steps] == [False, True, True, True]
+    assert steps[0].learned is not None
+    assert steps[0].learned.drive_map.describe() == ("lateral follows −3 /m × vertical²",)
+    assert [step.learned for step in steps[1:]] == [None] * 3
+    # A campaign that goes on after two of them does what this one did.
+    recorded = [RecordedPlayback(step.drive, step.response, step.with_drive_map) for step in steps[:2]]
+    resumed = run(play_arc, given, target=target, drive_map=to_learn, recorded=recorded)
+    assert [step.drive.tobytes() for step in resumed] == [step.drive.tobytes() for step in steps]
+
+
+def test_a_first_playback_of_a_linear_rig_teaches_no_map_and_changes_no_byte():
+    target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
+    model = rig_model(*frequency_response(1.1 * H), identified_band=IDENTIFIED)
+    steps = run(linear, settings(), target=target, model=model, drive_map=MapFromFirstPlayback(NAMES, UNITS))
+    without = run(linear, settings(), target=target, model=model)
+    assert [step.drive.tobytes() for step in steps] == [step.drive.tobytes() for step in without]
+
+
+def test_a_first_playback_teaches_no_map_that_rests_outside_the_limits():
+    target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
+    off = DriveLimits(NAMES, UNITS, np.array([-1.0, 1e-9]), np.ones(2), np.zeros(2), SAMPLE_RATE)
+    steps = run(
+        play_arc, settings(iterations=2), target=target, drive_map=MapFromFirstPlayback(NAMES, UNITS), limits=off
+    )
+    assert [step.with_drive_map for step in steps] == [False, False]
+    assert "lateral are 1e-09 to 1 m and the drive map rests at 0" in steps[0].learned.remarks[-1]
 
 
 THREE = np.concatenate([H, 5e-4 * H[:1] + 0.3 * H[1:]])

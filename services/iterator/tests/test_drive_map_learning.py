@@ -1,32 +1,26 @@
 import numpy as np
 import pytest
 
+from duralab_drive_map import learn_drive_map
 from duralab_settings import UpdateKind
 from duralab_spectra import overall_relative_rms_error, rms
-from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, rig_model
-from iterator.drive_map import learn_drive_map
+from iterator import UPDATES, IterationHistory, Playback, UpdateSettings
 
 from .arc_rig import (
     BAND,
-    IDENTIFIED,
     KAPPA,
     LEVEL,
     NAMES,
     UNITS,
     drive,
-    estimated_model,
     exact_model,
     play_arc,
 )
-from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, play
+from .linear_plants import impulse_responses, play
 
 
 def learn(u, y, model=None, **options):
     return learn_drive_map(u, y, model=model or exact_model(), names=NAMES, units=UNITS, **options)
-
-
-def noisy(y, share=0.02, seed=9):
-    return y + share * rms(y)[:, None] * np.random.default_rng(seed).standard_normal(y.shape)
 
 
 def reached(u):
@@ -48,19 +42,6 @@ def errors(target, model, rig, *, drive_map=None, kind=UpdateKind.BASIC_TWR, gai
     return np.array(found)
 
 
-def test_the_arc_of_a_made_up_rig_is_found():
-    u = drive()
-    learned = learn(u, play_arc(u))
-    (term,) = learned.drive_map.terms
-    assert (term.follower, term.product) == (1, (0, 0))
-    assert learned.drive_map.static_coefficient(term) == pytest.approx(-KAPPA, rel=1e-3)
-    assert learned.drive_map.describe() == ("lateral follows −3 /m × vertical²",)
-    assert np.abs(term.coefficients[1:]).max() < 1e-2 * term.coefficients[0]
-    assert learned.chosen[0].significance > 20.0
-    assert learned.chosen[0].residual < 0.3
-    assert learned.remarks == ()
-
-
 def test_with_the_map_the_rig_converges_like_its_linear_twin_and_without_it_does_not():
     u = drive()
     learned = learn(u, play_arc(u))
@@ -74,63 +55,6 @@ def test_with_the_map_the_rig_converges_like_its_linear_twin_and_without_it_does
     assert secant[-1] < 1e-3
 
 
-def test_the_model_is_estimated_again_on_mapped_drives():
-    u = drive(level=(0.025, 0.0015))
-    y = noisy(play_arc(u), share=0.003)
-    first = estimated_model(u, y)
-    learned = learn(u, y, first, estimate=lambda mapped: estimated_model(mapped, y))
-    (term,) = learned.drive_map.terms
-    assert (term.follower, term.product) == (1, (0, 0))
-    assert learned.drive_map.static_coefficient(term) == pytest.approx(-KAPPA, rel=0.05)
-    frequency, frf = frequency_response(impulse_responses())
-    inside = (frequency > 3.0) & (frequency < 36.0)
-
-    def wrong(model):
-        missed = (model.frf - frf)[inside] * LEVEL
-        return np.sqrt(np.mean(np.abs(missed) ** 2) / np.mean(np.abs(frf[inside] * LEVEL) ** 2))
-
-    assert wrong(learned.model) < 0.5 * wrong(first)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_linear_rig_chooses_no_term_and_keeps_its_model(seed):
-    u = drive(seed=seed)
-    y = noisy(play(impulse_responses(), u), share=0.05, seed=seed)
-    model = estimated_model(u, y)
-
-    def never(mapped):
-        raise AssertionError(f"No term was chosen, so {mapped.shape} is not estimated on.")
-
-    learned = learn(u, y, model, estimate=never)
-    assert learned.drive_map.is_identity
-    assert learned.chosen == ()
-    assert learned.model is model
-    assert learned.drive_map.to_drive(u).tobytes() == u.tobytes()
-
-
-def test_odd_nonlinearities_choose_no_term():
-    u = drive()
-    bent = np.vstack((u[:1] + 500.0 * u[:1] ** 3, u[1:]))
-    y = noisy(play(impulse_responses(), bent))
-    assert learn(u, y, estimated_model(u, y)).drive_map.is_identity
-
-
-def test_a_unit_changes_units_only():
-    u = drive()
-    y = noisy(play_arc(u))
-    in_metres = learn(u, y)
-    factor = np.array([1000.0, 1.0])
-    frequency, frf = frequency_response(impulse_responses())
-    model = rig_model(frequency, frf / factor, identified_band=IDENTIFIED)
-    other = learn_drive_map(u * factor[:, None], y, model=model, names=NAMES, units=("mm", "m"))
-    (term,), (other_term,) = in_metres.drive_map.terms, other.drive_map.terms
-    np.testing.assert_allclose(other_term.coefficients, term.coefficients, rtol=1e-9, atol=1e-12)
-    assert other.drive_map.static_coefficient(other_term) == pytest.approx(
-        1e-6 * in_metres.drive_map.static_coefficient(term), rel=1e-9
-    )
-    assert other.drive_map.describe() == ("lateral follows −3e-06 m/mm² × vertical²",)
-
-
 def test_a_map_is_learned_from_the_first_playback():
     """Without a record of the identification: the first playback of the model's drive has all of the arc in it."""
     target = reached(drive(seed=5, seconds=60.0, level=LEVEL * (2.0, 1.0)))
@@ -140,97 +64,10 @@ def test_a_map_is_learned_from_the_first_playback():
     learned = learn(u, y, model, response_weight=1.0 / rms(target))
     (term,) = learned.drive_map.terms
     assert learned.drive_map.static_coefficient(term) == pytest.approx(-KAPPA, rel=0.01)
-    mapped = learned.drive_map.to_mapped(u, band=BAND)
+    mapped = BAND.limit_drive(learned.drive_map.to_mapped(u))
     first = Playback(drive=mapped, response=BAND.limit_response(y))
     history = IterationHistory(target=target).after(first)
     step = UPDATES[settings.kind](history, model, settings)
     response = BAND.limit_response(play_arc(learned.drive_map.to_drive(step.drive)))
     assert overall_relative_rms_error(target, first.response) > 0.1
     assert overall_relative_rms_error(target, response) < 0.01
-
-
-def test_a_term_would_follow_itself_and_is_passed_over():
-    """The lateral drive's own square explains most; a drive that follows itself cannot be inverted."""
-    u = drive(level=(0.01, 0.05))
-    y = play(impulse_responses(), np.array([u[0], u[1] + 20.0 * u[1] ** 2 + KAPPA * u[0] ** 2]))
-    assert all(1 not in term.product for term in learn(u, y).drive_map.terms if term.follower == 1)
-
-
-def test_a_record_that_is_too_short_or_too_narrow_learns_nothing_and_says_so():
-    u = drive(seconds=30.0)
-    learned = learn(u, play_arc(u))
-    assert learned.drive_map.is_identity
-    assert learned.remarks == (
-        "No drive map is learned: the record holds 6 pieces of 8 s and 8 are needed; record 36 s or more.",
-    )
-    frequency, frf = frequency_response(impulse_responses())
-    u = drive()
-    narrow = rig_model(frequency, frf, identified_band=(10.0, 11.35))
-    (said,) = learn(u, play_arc(u), narrow).remarks
-    assert "identify a wider band" in said
-    assert learn(u[:, :100], play_arc(u[:, :100])).drive_map.is_identity
-
-
-def test_a_product_that_counts_only_now_and_then_is_not_significant():
-    u = drive()
-    time = np.arange(u.shape[1]) / SAMPLE_RATE
-    now_and_then = np.where((np.abs(time - 8.0) < 2.0) | (np.abs(time - 28.0) < 2.0), 1.0, 0.0)
-    bent = np.array([u[0], u[1] + 20.0 * now_and_then * u[0] ** 2])
-    learned = learn(u, play(impulse_responses(), bent))
-    assert learned.drive_map.is_identity
-    (said,) = learned.remarks
-    assert said.startswith("The term lateral after vertical² is not chosen: its coefficients are ")
-    assert said.endswith("standard deviations away from 0 and 4 are needed; a longer or louder record tells more.")
-
-
-def test_a_term_that_a_new_estimate_makes_needless_is_dropped():
-    u = drive(level=LEVEL * (0.3, 1.0))
-    y = noisy(play_arc(u), share=0.03)
-    model = exact_model()
-    assert not learn(u, y, model).drive_map.is_identity
-    frequency, frf = frequency_response(impulse_responses())
-    blind = rig_model(frequency, 1e-9 * frf, identified_band=IDENTIFIED)
-    learned = learn(u, y, model, estimate=lambda mapped: blind)
-    assert learned.drive_map.is_identity
-    assert learned.model is model
-    assert "with it a model that is estimated again leaves" in learned.remarks[-1]
-
-
-def test_a_response_without_weight_does_not_count():
-    u = drive()
-    y = play_arc(u)
-    spoilt = np.vstack((y[:1], 0.0 * y[1:]))
-    learned = learn(u, spoilt, response_weight=(1.0 / rms(y)[0], 0.0))
-    assert [(term.follower, term.product) for term in learned.drive_map.terms] == [(1, (0, 0))]
-
-
-def test_a_drive_that_rests_is_in_no_term():
-    u = drive()
-    u[1] = 0.0
-    learned = learn(u, play(impulse_responses(), u))
-    assert learned.drive_map.is_identity
-    assert learned.drive_map.scale[1] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"y": lambda y: y[:, :-1]}, "a map is learned from both of one record"),
-        ({"y": lambda y: y[:1]}, "on the rig that the model is of"),
-        ({"names": ("vertical",)}, "1 names and 2 units for 2 drives"),
-        ({"weight": (1.0,)}, "for each of 2 responses"),
-        ({"weight": (1.0, -1.0)}, "0 or more"),
-    ],
-)
-def test_records_that_do_not_fit_are_refused(change, said):
-    u = drive()
-    y = change.get("y", lambda y: y)(play_arc(u))
-    with pytest.raises(ValueError, match=said):
-        learn_drive_map(
-            u,
-            y,
-            model=exact_model(),
-            names=change.get("names", NAMES),
-            units=UNITS,
-            response_weight=change.get("weight"),
-        )

@@ -30,6 +30,7 @@ def remarks(drive, *, peak, slew=0.0):
         projection=projection,
         unreachable=(),
         stood_still=(),
+        learned=None,
         outcome="reached",
         metrics=related(),
         passed_bound=None,
@@ -82,6 +83,7 @@ def stood_still(number, *, weight, outcome, recorded=()):
         outcome=outcome,
         metrics=related(0.0, 0.0),
         passed_bound=None,
+        learned=None,
     )
     return remarks_of(iteration, plan=plan, recorded=recorded)
 
@@ -114,6 +116,7 @@ def test_a_controlled_response_that_reproduces_nothing_is_told():
         outcome="last",
         metrics=related(0.101, 0.0625, np.nan, 0.99),
         passed_bound=None,
+        learned=None,
     )
     assert remarks_of(iteration, plan=plan) == [
         "Playback 4: right has a correlation of 0.06 with its target; check its sensor, its sign and the model there "

@@ -32,7 +32,7 @@ def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> i
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
     found = predict_response(
-        drive,
+        model.to_mapped(drive),
         model.frf,
         band=model.band,
         residual_psd=model.residual_psd,

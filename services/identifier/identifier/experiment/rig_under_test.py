@@ -125,6 +125,12 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
             f"{rig.longest_drive_seconds:g} s.",
             field="excitation.duration",
         )
+    if settings.response_weight is not None and len(settings.response_weight) != len(rig.responses):
+        raise SettingsError(
+            f"{len(settings.response_weight)} weights of responses were given; rig {rig.name!r} has "
+            f"{len(rig.responses)} responses and needs one for each.",
+            field="drive_map.response_weight",
+        )
     _check_blocks(excitation, rig.sample_rate)
     if settings.estimator.kind is EstimatorKind.H2 and len(rig.responses) != len(rig.drives):
         raise SettingsError(

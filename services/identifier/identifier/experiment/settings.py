@@ -16,7 +16,13 @@ class IdentificationSettings:
         What is played, for how long, in which blocks.
     estimator
         How the record becomes a model.
+    learn_drive_map
+        Whether a drive map is learned from the record.
+    response_weight
+        Weight of each response in that, 0 or more; None: one over its RMS in the record.
     """
 
     excitation: ExperimentSettings
     estimator: EstimatorSettings
+    learn_drive_map: bool = False
+    response_weight: tuple[float, ...] | None = None

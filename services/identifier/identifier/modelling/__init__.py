@@ -3,6 +3,7 @@
 from identifier.modelling.building import distortion_of, model_of, plan_message
 from identifier.modelling.cache import ModelCache
 from identifier.modelling.line_filling import FilledLines, fill_lines, valid_band
+from identifier.modelling.mapped_estimate import learn_map
 from identifier.modelling.model import IdentifiedModel, content_hash, from_message, to_message, with_id
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "distortion_of",
     "fill_lines",
     "from_message",
+    "learn_map",
     "model_of",
     "plan_message",
     "to_message",

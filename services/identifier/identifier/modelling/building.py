@@ -68,12 +68,14 @@ def model_of(
     estimate: FrfEstimate,
     played: rig_pb2.PlayResult,
     levels: DistortionLevels | None,
+    drive_map: identifier_pb2.DriveMap | None = None,
 ) -> IdentifiedModel:
     """Put together what was asked, played and estimated.
 
     `request`: What was asked for. `settings`: The same, read. `rig`: What it was played on. `layout`: Of the drive.
     `estimate`: From that playback. `played`: The playback's result, for its epoch and number of signal blocks.
-    `levels`: From `distortion_of`.
+    `levels`: From `distortion_of`. `drive_map`: Of the drives that `estimate` is made from; None where none was asked
+    for.
     Returns: With its id.
     """
     filled, band = fill_lines(estimate), valid_band(layout)
@@ -120,6 +122,7 @@ def model_of(
             warnings=tuple(_warning(warning, rig) for warning in estimate.warnings),
             verdicts=verdicts,
             distortion=None if levels is None else _distortion(levels),
+            drive_map=drive_map,
         )
     )
 

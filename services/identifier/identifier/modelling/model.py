@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_drive_map.messages import from_message as drive_map_from_message
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2
 from identifier.uncertainty import ValidBand, element_variance
@@ -63,6 +64,8 @@ class IdentifiedModel:
         How linear each response is, in words.
     distortion
         Noise and nonlinear distortion apart; None where the experiment does not tell them apart.
+    drive_map
+        Change of drive coordinates, which ``H`` goes with; None where none was asked for.
     id
         Hash of all the rest; empty before `with_id`.
     """
@@ -93,7 +96,26 @@ class IdentifiedModel:
     warnings: tuple[identifier_pb2.ModelWarning, ...]
     verdicts: tuple[str, ...]
     distortion: identifier_pb2.Distortion | None
+    drive_map: identifier_pb2.DriveMap | None = None
     id: str = ""
+
+    def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what ``H`` is applied to for a drive.
+
+        Parameters
+        ----------
+        drive
+            Shape (drives, samples), as a rig plays it.
+
+        Returns
+        -------
+        NDArray
+            The mapped drive, of the same shape; the drive itself where there is no map.
+        """
+        if self.drive_map is None:
+            return drive
+        drive_map = drive_map_from_message(self.drive_map, drives=self.drives, sample_rate=self.sample_rate)
+        return drive_map.to_mapped(drive)
 
     @property
     def frf_variance(self) -> NDArray[np.float64]:
@@ -179,6 +201,7 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         distortion=model.distortion,
         plan=model.plan,
         verdicts=model.verdicts,
+        drive_map=model.drive_map,
     )
 
 
@@ -245,7 +268,15 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         warnings=tuple(message.warnings),
         verdicts=tuple(message.verdicts),
         distortion=message.distortion if message.HasField("distortion") else None,
+        drive_map=_drive_map(message),
     )
+
+
+def _drive_map(message: identifier_pb2.Model) -> identifier_pb2.DriveMap | None:
+    if not message.HasField("drive_map"):
+        return None
+    drive_map_from_message(message.drive_map, drives=message.drives, sample_rate=message.sample_rate)
+    return message.drive_map
 
 
 def _interpolated(message: identifier_pb2.Model, lines: int) -> NDArray[np.bool_]:

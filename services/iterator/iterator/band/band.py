@@ -199,6 +199,21 @@ class ControlBand:
         """
         return self._limit(self.dynamic_part(response), self.drive_mask)
 
+    def limit_drive(self, drive: np.ndarray) -> NDArray[np.float64]:
+        """Return a drive as the band lets it pass, without delay.
+
+        Parameters
+        ----------
+        drive : ndarray, shape (n_u, samples)
+            With whatever it has outside the band.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            In the drive's units.
+        """
+        return self._limit(np.array(drive, dtype=np.float64), self.drive_mask)
+
     def dynamic_part(self, samples: np.ndarray) -> NDArray[np.float64]:
         """Return a record without its static part, not limited to the band.
 

@@ -21,6 +21,7 @@ from iterator.campaign.identification import identification_request, identificat
 from iterator.campaign.messages import (
     OUTCOMES,
     StepT,
+    checked_drive_map,
     checked_model,
     metrics_message,
     recorded_playback,
@@ -31,7 +32,7 @@ from iterator.campaign.messages import (
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.progress_estimate import ProgressEstimate
 from iterator.campaign.recording_log import SAMPLES_LACK, RecordingLog
-from iterator.campaign.remarks import remarks_of
+from iterator.campaign.remarks import map_remarks, remarks_of
 from iterator.campaign.resumption import Resumption
 from iterator.campaign.rig_halt import bring_to_rest, latch_rig
 from iterator.campaign.rig_playback import RigPlayback, words_of
@@ -150,9 +151,17 @@ class Campaign:
             self._go_on_after(model)
         with self._doing("inverting the model"):
             start = checked_model(model, plan=plan)
+            drive_map = checked_drive_map(model, start, plan=plan)
+            self._board.add_remarks(map_remarks(model.drive_map))
             recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
         iterations = iterate(
-            self._play, plan.target_in_band, model=start, settings=plan.settings, limits=plan.limits, recorded=recorded
+            self._play,
+            plan.target_in_band,
+            model=start,
+            settings=plan.settings,
+            limits=plan.limits,
+            recorded=recorded,
+            drive_map=drive_map,
         )
         last: Iteration | None = None
         best: Iteration | None = None
@@ -214,7 +223,7 @@ class Campaign:
             with self._playback.motion(run):
                 model = self._bus.query(
                     self._bus.keys.identify(),
-                    identification_request(spec, run=run, check_only=False),
+                    identification_request(spec, run=run, check_only=False, map_weight=plan.map_weight),
                     identifier_pb2.Model,
                     on_progress=self._follower(activity),
                     cancel=self._stop,

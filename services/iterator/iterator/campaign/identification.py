@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 from iterator.campaign import seeds
 
@@ -16,12 +20,17 @@ def identification_run(spec: iterator_pb2.CampaignSpec) -> str:
 
 
 def identification_request(
-    spec: iterator_pb2.CampaignSpec, *, run: str, check_only: bool
+    spec: iterator_pb2.CampaignSpec,
+    *,
+    run: str,
+    check_only: bool,
+    map_weight: NDArray[np.float64] | None = None,
 ) -> identifier_pb2.IdentifyRequest:
     """Return the request that identifies the rig of a campaign.
 
     `spec`: Checked; every seed is derived from its own. `run`: Name of the playback on the rig. `check_only`: Only ask
-    whether it could be played.
+    whether it could be played. `map_weight`, shape (n_y,): Weight of each response in learning a drive map; none is
+    learned where not given.
     Returns: The message.
     """
     request = identifier_pb2.IdentifyRequest(
@@ -33,5 +42,7 @@ def identification_request(
         check_only=check_only,
         real_time=spec.real_time,
     )
+    if map_weight is not None:
+        request.drive_map.response_weight.CopyFrom(to_array(map_weight))
     request.excitation.seed = seeds.derived_seed(spec.seed, seeds.EXCITATION)
     return request

@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_bus import FaultError
+from duralab_drive_map import DriveMap
+from duralab_drive_map.messages import from_message as drive_map_from_message
+from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.assessment import IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
-from iterator.iteration_loop import Iteration, RecordedPlayback
+from iterator.iteration_loop import Iteration, MapFromFirstPlayback, RecordedPlayback
+from iterator.limits import require_rest_within_limits
 from iterator.model import ModelUncertainty, RigModel, rig_model
 
 OUTCOMES: Final = {
@@ -69,6 +73,8 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
         signal_epoch=played.epoch,
         signal_blocks=played.blocks,
         remarks=remarks_of(iteration, plan=plan),
+        with_drive_map=iteration.with_drive_map,
+        learned_drive_map=None if iteration.learned is None else drive_map_message(iteration.learned),
     )
 
 
@@ -112,7 +118,7 @@ def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -
                 field=field,
             )
         records.append(record)
-    return RecordedPlayback(drive=records[0], response=records[1])
+    return RecordedPlayback(drive=records[0], response=records[1], with_drive_map=step.with_drive_map)
 
 
 def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan: CampaignPlan) -> NDArray[np.float64]:
@@ -182,6 +188,34 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The identified model is of no use: {error}", field="frf"
         ) from error
+
+
+def checked_drive_map(
+    model: identifier_pb2.Model, start: RigModel, *, plan: CampaignPlan
+) -> DriveMap | MapFromFirstPlayback | None:
+    """Check the drive map of a model and return what the iteration takes.
+
+    `model`: As received; nothing in it is trusted. `start`: From `checked_model`. `plan`: Of the campaign.
+    Returns: The map that the model goes with; where the identification has none and the settings ask for one, that it
+    is learned from the first playback.
+    Raises `FaultError`: DATA_LOSS where the map is damaged; FAILED_PRECONDITION where rig or model do not allow it.
+    """
+    limits = plan.limits
+    if not model.HasField("drive_map"):
+        return MapFromFirstPlayback(limits.names, limits.units) if plan.settings.update.drive_map.learn else None
+    try:
+        drive_map = drive_map_from_message(
+            model.drive_map, drives=plan.description.drives, sample_rate=plan.description.sample_rate
+        )
+        drive_map.require_model(start)
+        require_rest_within_limits(drive_map, limits)
+    except ArrayError as error:
+        raise _damaged(f"The model has a damaged drive map: {error}", field=error.field) from error
+    except ValueError as error:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The drive map is of no use: {error}", field="drive_map"
+        ) from error
+    return drive_map
 
 
 def _uncertainty(model: identifier_pb2.Model, *, lines: int, responses: int, drives: int) -> ModelUncertainty | None:

@@ -64,6 +64,11 @@ class CampaignPlan:
         """Lowest and highest frequency at which the model will be valid, Hz."""
         return self.experiment.lowest_frequency, self.experiment.highest_frequency
 
+    @property
+    def map_weight(self) -> NDArray[np.float64] | None:
+        """Weight of each response in learning a drive map; None where none is to be learned."""
+        return self.response_weight if self.settings.update.drive_map.learn else None
+
 
 def plan_campaign(
     spec: iterator_pb2.CampaignSpec,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from duralab_proto.v1 import iterator_pb2
+from duralab_drive_map.messages import to_message
+from duralab_proto.v1 import identifier_pb2, iterator_pb2
 from iterator.assessment import Standstill
 from iterator.campaign.plan import CampaignPlan
 from iterator.iteration_loop import Iteration
@@ -41,10 +42,17 @@ def remarks_of(
         ),
         *(f"{of_it}{sentence}" for sentence in _not_reproduced(iteration, plan)),
         *_bound_passed(iteration, plan),
+        *(() if iteration.learned is None else map_remarks(to_message(iteration.learned))),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
     # What stood still in a recorded playback stands in its step and is found again.
     return list(dict.fromkeys(remarks))
+
+
+def map_remarks(drive_map: identifier_pb2.DriveMap) -> list[str]:
+    """Say which drives follow which, and what was not chosen."""
+    terms = "; ".join(term.sentence for term in drive_map.terms)
+    return [*([f"Drive map: {terms}."] if terms else ()), *drive_map.remarks]
 
 
 def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:

@@ -124,6 +124,12 @@ def new_campaign(
         spec.stop.CopyFrom(request.stop)
     if request.HasField("accept"):
         spec.accept.CopyFrom(request.accept)
+    if recorded.model.drive_map.terms and spec.update.HasField("drive_map") and not spec.update.drive_map.learn:
+        raise _invalid(
+            f"update.drive_map.learn is false and the model of campaign {parent!r} goes with its drive map; leave the "
+            "key out, or start a new campaign.",
+            "update.drive_map.learn",
+        )
     spec.scenario = request.scenario or spec.scenario
     # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
     finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED

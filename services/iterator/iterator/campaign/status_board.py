@@ -86,6 +86,14 @@ class StatusBoard:
                 status.phase = phase
             self._replace(status)
 
+    def add_remarks(self, remarks: Sequence[str]) -> None:
+        """Add what is to be said besides."""
+        if remarks:
+            with self._lock:
+                status = self._copy()
+                status.remarks.extend(remarks)
+                self._replace(status)
+
     def add_iteration(
         self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int, remarks: Sequence[str] = ()
     ) -> None:

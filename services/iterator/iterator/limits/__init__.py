@@ -11,6 +11,12 @@ from iterator.limits.drive_limits import (
     require_within_limits,
 )
 from iterator.limits.drive_projection import DriveProjection, LimitPassing, project_drive
+from iterator.limits.mapped_projection import (
+    drive_within_limits,
+    project_mapped_drive,
+    require_rest_within_limits,
+    wanted_drive,
+)
 from iterator.limits.unreachable import UnreachableSegment, unreachable_segments
 
 __all__ = [
@@ -22,9 +28,13 @@ __all__ = [
     "LimitQuantity",
     "LimitViolation",
     "UnreachableSegment",
+    "drive_within_limits",
     "held_share",
     "project_drive",
+    "project_mapped_drive",
+    "require_rest_within_limits",
     "require_small_overrun",
     "require_within_limits",
     "unreachable_segments",
+    "wanted_drive",
 ]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Generic, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duralab_spectra import as_record, rms
-from iterator.drive_map.drive_map import DriveMap
-from iterator.drive_map.map_terms import COEFFICIENTS, MapTerm, closes_cycle, product_text
-from iterator.drive_map.product_band import LARGEST_BAND_SHARE
-from iterator.drive_map.term_regression import (
+from duralab_drive_map.drive_map import DriveMap
+from duralab_drive_map.frf_model import FrfModel, ModelT
+from duralab_drive_map.map_terms import COEFFICIENTS, MapTerm, closes_cycle, product_text
+from duralab_drive_map.product_band import LARGEST_BAND_SHARE
+from duralab_drive_map.term_regression import (
     PIECE_SECONDS,
     Candidate,
     Folds,
@@ -22,11 +22,9 @@ from iterator.drive_map.term_regression import (
     cut_record,
     model_at,
 )
-from iterator.model import RigModel
+from duralab_spectra import as_record, rms
 
-EstimateModel = Callable[[NDArray[np.float64]], RigModel]
-"""Function of the mapped drive, shape (n_u, samples), that estimates the rig's model on it and the same response."""
-
+Estimate: TypeAlias = Callable[[NDArray[np.float64]], ModelT]
 # Share by which a term must lower the cross-validated residual.
 _LEAST_GAIN: Final = 0.02
 # Standard deviations that a term's coefficients must be away from 0, together.
@@ -49,9 +47,16 @@ _LINES_PER_COEFFICIENT: Final = 4
 class ChosenTerm:
     """A term of a learned drive map and how well it is known.
 
-    `term`: The term. `standard_deviation`: Of each coefficient, no unit. `significance`: How many standard deviations
-    the coefficients are away from 0, together. `residual`: Cross-validated residual energy with this term and those
-    before it, over that without a term; 0 to 1.
+    Parameters
+    ----------
+    term : MapTerm
+        The term.
+    standard_deviation : tuple of float
+        Of each coefficient, no unit.
+    significance : float
+        How many standard deviations the coefficients are away from 0, together.
+    residual : float
+        Cross-validated residual energy with this term and those before it, over that without a term; 0 to 1.
     """
 
     term: MapTerm
@@ -61,16 +66,23 @@ class ChosenTerm:
 
 
 @dataclass(frozen=True)
-class LearnedDriveMap:
+class LearnedDriveMap(Generic[ModelT]):
     """What a record says of a rig's drives.
 
-    `drive_map`: The identity where no term was chosen. `model`: From mapped drives to responses; the given model where
-    no term was chosen or no estimate was asked for. `chosen`: In the order in which they were chosen. `remarks`:
-    Sentences about what was not chosen, and why.
+    Parameters
+    ----------
+    drive_map : DriveMap
+        The identity where no term was chosen.
+    model : FrfModel
+        From mapped drives to responses; the given model where no term was chosen or no estimate was asked for.
+    chosen : tuple of ChosenTerm
+        In the order in which they were chosen.
+    remarks : tuple of str
+        Sentences about what was not chosen, and why.
     """
 
     drive_map: DriveMap
-    model: RigModel
+    model: ModelT
     chosen: tuple[ChosenTerm, ...]
     remarks: tuple[str, ...]
 
@@ -79,12 +91,12 @@ def learn_drive_map(
     drive: ArrayLike,
     response: ArrayLike,
     *,
-    model: RigModel,
+    model: ModelT,
     names: tuple[str, ...],
     units: tuple[str, ...],
     response_weight: ArrayLike | None = None,
-    estimate: EstimateModel | None = None,
-) -> LearnedDriveMap:
+    estimate: Estimate[ModelT] | None = None,
+) -> LearnedDriveMap[ModelT]:
     """Learn a drive map from the record of an identification, or from a first playback.
 
     Candidates are all products of two drives for every drive. They are chosen one by one: the one that explains most of
@@ -93,13 +105,31 @@ def learn_drive_map(
     until a round lowers what is left by less than 5 %. A term that explains little must also lower what the new FRF
     leaves by 2 %.
 
-    `drive`, shape (n_u, samples): As played, drive units; the whole record, fades and delays included. `response`,
-    shape (n_y, samples): As measured, response units, not limited to the control band. `model`: Identified on the
-    drives as they are. `names`, `units`: Of the drives. `response_weight`, shape (n_y,): `W`: one over the target's
-    RMS, 0 for a watched response. One over the RMS of each response where not given. `estimate`: Estimates the model
-    again, of the same record; the given model stays where not given, as for a first playback.
-    Returns: The identity, with a sentence, where the record is too short or holds no such products.
-    Raises `ValueError`: Records do not fit each other, the model or the names.
+    Parameters
+    ----------
+    drive : array_like, shape (n_u, samples)
+        As played, drive units; the whole record, fades and delays included.
+    response : array_like, shape (n_y, samples)
+        As measured, response units, not limited to the control band.
+    model : FrfModel
+        Identified on the drives as they are.
+    names, units : tuple of str
+        Of the drives.
+    response_weight : array_like, shape (n_y,), optional
+        `W`: one over the target's RMS, 0 for a watched response. One over the RMS of each response where not given.
+    estimate : callable, optional
+        Function of the mapped drive, shape (n_u, samples), that estimates the model again, of the same record; the
+        given model stays where not given, as for a first playback.
+
+    Returns
+    -------
+    LearnedDriveMap
+        The identity, with a sentence, where the record is too short or holds no such products.
+
+    Raises
+    ------
+    ValueError
+        Records do not fit each other, the model or the names.
     """
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
     _require_fitting(played, measured, model=model, names=names, units=units)
@@ -129,7 +159,7 @@ def learn_drive_map(
 
 
 @dataclass(frozen=True)
-class _Record:
+class _Record(Generic[ModelT]):
     """A record, its pieces and what the identified model makes of it."""
 
     played: NDArray[np.float64]
@@ -137,17 +167,17 @@ class _Record:
     pieces: RecordPieces
     weight: NDArray[np.float64]
     identity: DriveMap
-    model: RigModel
+    model: ModelT
     energy: float
     """float: What the identified model leaves unexplained."""
 
-    def folds(self, model: RigModel) -> Folds:
+    def folds(self, model: ModelT) -> Folds:
         return Folds.of(self.pieces, model=model, weight=self.weight)
 
     def map_of(self, chosen: tuple[ChosenTerm, ...]) -> DriveMap:
         return replace(self.identity, terms=tuple(each.term for each in chosen))
 
-    def estimated(self, chosen: tuple[ChosenTerm, ...], estimate: EstimateModel) -> tuple[RigModel, float]:
+    def estimated(self, chosen: tuple[ChosenTerm, ...], estimate: Estimate[ModelT]) -> tuple[ModelT, float]:
         """Return the model on drives mapped with these terms, and the energy that it leaves unexplained."""
         if not chosen:
             return self.model, self.energy
@@ -159,8 +189,13 @@ class _Record:
 
 
 def _learn_in_rounds(
-    record: _Record, folds: Folds, candidates: list[Candidate], remarks: tuple[str, ...], *, estimate: EstimateModel
-) -> LearnedDriveMap:
+    record: _Record[ModelT],
+    folds: Folds,
+    candidates: list[Candidate],
+    remarks: tuple[str, ...],
+    *,
+    estimate: Estimate[ModelT],
+) -> LearnedDriveMap[ModelT]:
     """Estimate the model again on mapped drives, choose again with it, and so on."""
     before = record.energy
     result = LearnedDriveMap(record.identity, record.model, (), remarks)
@@ -215,8 +250,12 @@ def _best(folds: Folds, chosen: list[Candidate]) -> Candidate | None:
 
 
 def _confirmed(
-    record: _Record, folds: Folds, candidates: list[Candidate], *, estimate: EstimateModel
-) -> tuple[tuple[ChosenTerm, ...], RigModel, float, tuple[str, ...]]:
+    record: _Record[ModelT],
+    folds: Folds,
+    candidates: list[Candidate],
+    *,
+    estimate: Estimate[ModelT],
+) -> tuple[tuple[ChosenTerm, ...], ModelT, float, tuple[str, ...]]:
     """Drop the last candidates as long as a model that is estimated without them explains the record as well.
 
     The products also explain where the FRF is wrong. An FRF that is estimated on mapped drives no longer needs them for
@@ -319,7 +358,7 @@ def _require_fitting(
     played: NDArray[np.float64],
     measured: NDArray[np.float64],
     *,
-    model: RigModel,
+    model: FrfModel,
     names: tuple[str, ...],
     units: tuple[str, ...],
 ) -> None:

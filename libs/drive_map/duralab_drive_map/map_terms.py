@@ -20,9 +20,19 @@ _UNIT_FREQUENCY: Final = 10.0
 class MapTerm:
     """One product of two drives that one drive follows.
 
-    `follower`: Index of the drive that follows the product. `product`: Indices of the two drives of the product, rising
-    or equal. `coefficients`: `c_m` of `K(ω) = Σ_m c_m (jω/ω0)^m`, no unit, `ω0 = 2π·10/s`; three finite values.
-    Raises `ValueError`: An index is negative, the product is not in rising order, or a coefficient is not finite.
+    Parameters
+    ----------
+    follower : int
+        Index of the drive that follows the product.
+    product : tuple of int
+        Indices of the two drives of the product, rising or equal.
+    coefficients : tuple of float
+        `c_m` of `K(ω) = Σ_m c_m (jω/ω0)^m`, no unit, `ω0 = 2π·10/s`; three finite values.
+
+    Raises
+    ------
+    ValueError
+        An index is negative, the product is not in rising order, or a coefficient is not finite.
     """
 
     follower: int

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from duralab_drive_map.frf_model import FrfModel
+from duralab_drive_map.map_terms import COEFFICIENTS, powers_of_frequency
+from duralab_drive_map.product_band import ProductBand
 from duralab_spectra import hann_periodic
-from iterator.drive_map.map_terms import COEFFICIENTS, powers_of_frequency
-from iterator.drive_map.product_band import ProductBand
-from iterator.model import RigModel
 
 PIECE_SECONDS: Final = 8.0
 """Length of a piece; pieces overlap by half."""
@@ -95,7 +95,7 @@ def cut_record(
     )
 
 
-def model_at(frequency: NDArray[np.float64], model: RigModel) -> NDArray[np.complex128]:
+def model_at(frequency: NDArray[np.float64], model: FrfModel) -> NDArray[np.complex128]:
     """Return a model's FRF at other lines of its identified band."""
     known = model.frequency[model.identified]
     return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
@@ -211,7 +211,7 @@ class Folds:
     residual: NDArray[np.complex128]
 
     @classmethod
-    def of(cls, pieces: RecordPieces, *, model: RigModel, weight: NDArray[np.float64]) -> Folds:
+    def of(cls, pieces: RecordPieces, *, model: FrfModel, weight: NDArray[np.float64]) -> Folds:
         """Form the normal equations with a model's FRF, `W = diag(weight)`."""
         frf = model_at(pieces.frequency, model)
         residual = weight[:, None] * (pieces.response - np.matmul(frf, pieces.drive))

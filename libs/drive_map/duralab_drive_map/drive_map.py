@@ -11,17 +11,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duralab_spectra import as_record
-from iterator.band import ControlBand
-from iterator.drive_map.map_terms import (
+from duralab_drive_map.frf_model import FrfModel
+from duralab_drive_map.map_terms import (
     MapTerm,
     dependency_order,
     powers_of_frequency,
     product_text,
     unit_of_ratio,
 )
-from iterator.drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
-from iterator.model import RigModel
+from duralab_drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
+from duralab_spectra import as_record
 
 # Two frequencies that differ by less, relatively, are the same one, rounded.
 _SAME_FREQUENCY: Final = 1e-9
@@ -37,13 +36,27 @@ class DriveMap:
     `π_j` is a product of two drives in units of `scale`, see `MapTerm` for `K`. `K` acts from 0 Hz to
     `highest_frequency` and fades to 0 in the tenth above it. No drive follows itself, so `T⁻¹` is explicit.
 
-    `names`, `units`: One for each drive. `scale`: `s`, RMS of each drive in the record that the map is learned from,
-    drive units, greater than 0. `terms`: Empty for the identity. `sample_rate`: Of the drives, Hz. `highest_frequency`:
-    Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
-    Raises `ValueError`: Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names
-    a drive that does not exist or stands twice, or the terms close a cycle.
     A wheel on arms moves on an arc: the lateral stroke follows the square of the vertical one. A rig whose actuators
     hold the wheel off this arc answers with forces that no linear update can foresee.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        One for each drive.
+    scale : tuple of float
+        `s`: RMS of each drive in the record that the map is learned from, drive units, greater than 0.
+    terms : tuple of MapTerm
+        Empty for the identity.
+    sample_rate : float
+        Of the drives, Hz.
+    highest_frequency : float
+        Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
+
+    Raises
+    ------
+    ValueError
+        Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names a drive that
+        does not exist or stands twice, or the terms close a cycle.
     """
 
     names: tuple[str, ...]
@@ -97,14 +110,23 @@ class DriveMap:
             raise AssertionError("The terms were checked to close no cycle.")
         return order
 
-    def to_mapped(self, drive: ArrayLike, *, band: ControlBand | None = None) -> NDArray[np.float64]:
+    def to_mapped(self, drive: ArrayLike) -> NDArray[np.float64]:
         """Return the mapped drive `v = T(u)`.
 
-        `drive`, shape (n_u, samples): `u`, drive units. `band`: Given for a drive that was made before the map was
-        learned: its mapped drive is limited to the band, because what `T(u)` has outside would stay in every drive that
-        follows. A drive that is made with the map has its mapped drive in the band already.
-        Returns: shape (n_u, samples): `v`, drive units; the drive itself where there is no term.
-        Raises `ValueError`: The drive does not have the map's channels, or a value is not finite.
+        Parameters
+        ----------
+        drive : array_like, shape (n_u, samples)
+            `u`, drive units.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            `v`, drive units; the drive itself where there is no term.
+
+        Raises
+        ------
+        ValueError
+            The drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(drive)
         if self.is_identity:
@@ -114,17 +136,28 @@ class DriveMap:
         result = given.copy()
         for i in self._followers:
             result[i] += self._followed(i, lowered, products)
-        return result if band is None else _limited(result, band)
+        return result
 
     def to_drive(self, mapped: ArrayLike, *, adjust: Adjust | None = None) -> NDArray[np.float64]:
         """Return the drive `u = T⁻¹(v)`.
 
-        `mapped`, shape (n_u, samples): `v`, drive units. `adjust`: Called with each drive in topological order, before
-        the drives that follow it are made, for instance to hold its limits. Drives that follow it then follow what it
-        returns.
-        Returns: shape (n_u, samples): `u`, drive units; the mapped drive itself where there is no term and nothing to
-        adjust.
-        Raises `ValueError`: The drive does not have the map's channels, or a value is not finite.
+        Parameters
+        ----------
+        mapped : array_like, shape (n_u, samples)
+            `v`, drive units.
+        adjust : callable, optional
+            Called with each drive in topological order, before the drives that follow it are made, for instance to
+            hold its limits. Drives that follow it then follow what it returns.
+
+        Returns
+        -------
+        ndarray, shape (n_u, samples)
+            `u`, drive units; the mapped drive itself where there is no term and nothing to adjust.
+
+        Raises
+        ------
+        ValueError
+            The drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(mapped)
         if self.is_identity and adjust is None:
@@ -142,19 +175,45 @@ class DriveMap:
         return result
 
     def describe(self) -> tuple[str, ...]:
-        """Return one sentence part for each term, such as "lateral follows −1.71 /m × vertical²"; its value at 0 Hz."""
+        """Return one sentence part for each term, such as "lateral follows −1.71 /m × vertical²"; its value at 0 Hz.
+
+        Returns
+        -------
+        tuple of str
+            In the order of the terms.
+        """
         return tuple(self._text(term) for term in self.terms)
 
     def static_coefficient(self, term: MapTerm) -> float:
-        """Return how far a drive follows a product at 0 Hz: unit of the follower over both units of the product."""
+        """Return how far a drive follows a product at 0 Hz.
+
+        Parameters
+        ----------
+        term : MapTerm
+            Of this map.
+
+        Returns
+        -------
+        float
+            Unit of the follower over both units of the product.
+        """
         first, second = term.product
         return -term.coefficients[0] * self.scale[term.follower] / (self.scale[first] * self.scale[second])
 
     def require_drives(self, names: tuple[str, ...], units: tuple[str, ...], *, sample_rate: float) -> None:
         """Refuse a rig whose drives are not those of the map.
 
-        `names`, `units`: Of the rig's drives. `sample_rate`: Of the rig, Hz.
-        Raises `ValueError`: Names, units or the sample rate differ.
+        Parameters
+        ----------
+        names, units : tuple of str
+            Of the rig's drives.
+        sample_rate : float
+            Of the rig, Hz.
+
+        Raises
+        ------
+        ValueError
+            Names, units or the sample rate differ.
         """
         if names != self.names:
             raise ValueError(
@@ -173,12 +232,18 @@ class DriveMap:
                 "it again at the rig's sample rate."
             )
 
-    def require_model(self, model: RigModel) -> None:
+    def require_model(self, model: FrfModel) -> None:
         """Refuse a model that the map does not go with.
 
-        `model`: From mapped drives to responses.
-        Raises `ValueError`: Its number of drives or its sample rate is another one, or the map acts above its
-        identified band.
+        Parameters
+        ----------
+        model : FrfModel
+            From mapped drives to responses.
+
+        Raises
+        ------
+        ValueError
+            Its number of drives or its sample rate is another one, or the map acts above its identified band.
         """
         if model.frf.shape[2] != len(self.names):
             raise ValueError(
@@ -235,15 +300,3 @@ class DriveMap:
         value = f"{'−' if coefficient < 0.0 else ''}{abs(coefficient):.3g}"
         product = product_text(self.names[first], self.names[second])
         return f"{self.names[term.follower]} follows {value} {unit} × {product}"
-
-
-def _limited(drive: NDArray[np.float64], band: ControlBand) -> NDArray[np.float64]:
-    """Return a drive with what its band's mask leaves of it."""
-    transform = band.transform(drive.shape[1])
-    mask = band.drive_mask(transform.frequency)
-    lines = np.empty(mask.size, dtype=np.complex128)
-    result = np.empty_like(drive)
-    for row, limited in zip(drive, result, strict=True):
-        transform.lines(row, weight=mask, out=lines)
-        transform.samples(lines, out=limited)
-    return result

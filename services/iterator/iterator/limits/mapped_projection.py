@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_drive_map import Adjust, DriveMap
 from iterator.band import ControlBand
-from iterator.drive_map.drive_map import Adjust, DriveMap
-from iterator.limits import DriveLimitError, DriveLimits, DriveProjection, project_drive, require_within_limits
+from iterator.limits.drive_limits import DriveLimitError, DriveLimits, require_within_limits
+from iterator.limits.drive_projection import DriveProjection, project_drive
 
 # Shares of a step that are tried, one after the other, where a step does not fit; below the smallest one none is named.
 _SMALLER_SHARE: Final = 0.9

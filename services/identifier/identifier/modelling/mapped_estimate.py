@@ -1,0 +1,77 @@
+"""The drive map of an identification: learned from its record, with the FRF estimated again on mapped drives."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_drive_map import LearnedDriveMap, learn_drive_map
+from identifier.estimators import FrfEstimate
+from identifier.experiment import RigUnderTest
+from identifier.modelling.line_filling import fill_lines
+
+
+@dataclass(frozen=True)
+class EstimatedFrf:
+    """An estimate, with its FRF at every line of its band; a `duralab_drive_map.FrfModel`."""
+
+    estimate: FrfEstimate
+    frf: NDArray[np.complex128]
+    identified: slice
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequency of each line, Hz."""
+        return self.estimate.frequency
+
+    @classmethod
+    def of(cls, estimate: FrfEstimate) -> "EstimatedFrf":
+        """Fill the lines that the excitation leaves out."""
+        known = np.flatnonzero(estimate.valid)
+        return cls(estimate, fill_lines(estimate).frf, slice(int(known[0]), int(known[-1]) + 1))
+
+
+def learn_map(
+    drive: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    estimate: FrfEstimate,
+    estimate_again: Callable[[NDArray[np.float64]], FrfEstimate],
+    rig: RigUnderTest,
+    response_weight: NDArray[np.float64] | None,
+) -> LearnedDriveMap[EstimatedFrf]:
+    """Learn the drive map of a rig from the record of its identification.
+
+    `drive`, `response`: Shapes (drives, samples) and (responses, samples), as played and measured. `estimate`: On the
+    drives as they are. `estimate_again`: On mapped drives and the same response; may raise ValueError.
+    `response_weight`: Shape (responses), 0 or more.
+    Returns: The identity with the estimate as given, and a remark, where the map that was chosen is of no use.
+    """
+    learned = learn_drive_map(
+        drive,
+        response,
+        model=EstimatedFrf.of(estimate),
+        names=tuple(channel.name for channel in rig.drives),
+        units=tuple(channel.unit for channel in rig.drives),
+        response_weight=response_weight,
+        estimate=lambda mapped: EstimatedFrf.of(estimate_again(mapped)),
+    )
+    beyond = [
+        channel.name
+        for i, channel in enumerate(rig.drives)
+        if any(i in (term.follower, *term.product) for term in learned.drive_map.terms)
+        and not channel.minimum <= 0.0 <= channel.maximum
+    ]
+    if not beyond:
+        return learned
+    return LearnedDriveMap(
+        drive_map=replace(learned.drive_map, terms=()),
+        model=EstimatedFrf.of(estimate),
+        chosen=(),
+        remarks=(
+            *learned.remarks,
+            f"No drive map is used: the limits of {', '.join(beyond)} do not hold 0, where mapped drives rest; shift "
+            "the drive.",
+        ),
+    )
