@@ -371,8 +371,22 @@ class ChannelRepeatability(_message.Message):
     systematic_error: float
     def __init__(self, channel: _Optional[str] = ..., noise_floor: _Optional[float] = ..., relative_rms_error: _Optional[float] = ..., systematic_error: _Optional[float] = ...) -> None: ...
 
+class ChannelForecast(_message.Message):
+    __slots__ = ("relative_rms_error", "peak_ratio", "damage_ratio", "uncertainty", "missed")
+    RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
+    PEAK_RATIO_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
+    UNCERTAINTY_FIELD_NUMBER: _ClassVar[int]
+    MISSED_FIELD_NUMBER: _ClassVar[int]
+    relative_rms_error: float
+    peak_ratio: float
+    damage_ratio: _containers.RepeatedScalarFieldContainer[float]
+    uncertainty: float
+    missed: float
+    def __init__(self, relative_rms_error: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., uncertainty: _Optional[float] = ..., missed: _Optional[float] = ...) -> None: ...
+
 class ChannelMetrics(_message.Message):
-    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched", "target_energy_outside_band")
+    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched", "target_energy_outside_band", "forecast")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     RMS_RESPONSE_FIELD_NUMBER: _ClassVar[int]
@@ -381,6 +395,7 @@ class ChannelMetrics(_message.Message):
     DAMAGE_RATIO_FIELD_NUMBER: _ClassVar[int]
     WATCHED_FIELD_NUMBER: _ClassVar[int]
     TARGET_ENERGY_OUTSIDE_BAND_FIELD_NUMBER: _ClassVar[int]
+    FORECAST_FIELD_NUMBER: _ClassVar[int]
     channel: str
     relative_rms_error: float
     rms_response: float
@@ -389,7 +404,8 @@ class ChannelMetrics(_message.Message):
     damage_ratio: _containers.RepeatedScalarFieldContainer[float]
     watched: bool
     target_energy_outside_band: float
-    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ..., target_energy_outside_band: _Optional[float] = ...) -> None: ...
+    forecast: ChannelForecast
+    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ..., target_energy_outside_band: _Optional[float] = ..., forecast: _Optional[_Union[ChannelForecast, _Mapping]] = ...) -> None: ...
 
 class IterationMetrics(_message.Message):
     __slots__ = ("iteration", "channels", "overall_relative_rms_error", "level")

@@ -7,6 +7,7 @@ is any function from a drive to a response. The service (`python -m iterator --c
 from iterator.assessment import (
     NO_BOUNDS,
     BoundedQuantity,
+    Forecast,
     IterationMetrics,
     Outcome,
     PassedBound,
@@ -77,6 +78,7 @@ __all__ = [
     "DriveLimits",
     "DriveOverrunError",
     "DriveProjection",
+    "Forecast",
     "Iteration",
     "IterationHistory",
     "IterationMetrics",

@@ -14,6 +14,7 @@ from duralab_drive_map import DriveMap, LearnedDriveMap, learn_drive_map
 from duralab_settings import LimitPolicy, PlaybackSettings, StopCriteria
 from duralab_spectra import as_record, rms
 from iterator.assessment import (
+    Forecast,
     IterationMetrics,
     Outcome,
     PassedBound,
@@ -21,6 +22,7 @@ from iterator.assessment import (
     Standstill,
     best_at_full_level,
     comparable_history,
+    forecast_playback,
     is_bounded,
     judge_end_at_levels,
     judge_response,
@@ -160,6 +162,8 @@ class Iteration:
         Whether the drive was made with a drive map.
     learned : LearnedDriveMap or None
         The drive map that was learned from this playback; later drives are made with it.
+    forecast : Forecast or None
+        What was predicted of the controlled responses before the playback, and how far it was missed.
     """
 
     number: int
@@ -176,6 +180,7 @@ class Iteration:
     passed_bound: PassedBound | None = None
     with_drive_map: bool = False
     learned: LearnedDriveMap[RigModel] | None = None
+    forecast: Forecast | None = None
 
 
 @dataclass(frozen=True)
@@ -210,6 +215,7 @@ def iterate(
     recorded: Sequence[RecordedPlayback] = (),
     update: Update | None = None,
     drive_map: DriveMap | MapFromFirstPlayback | None = None,
+    on_forecast: Callable[[Forecast], None] | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
 
@@ -239,6 +245,8 @@ def iterate(
         Change of drive coordinates `v = T(u)`: the update works on `v`, and `u = T⁻¹(v)` is played. Limits hold for
         `u`, drive after drive: each follows what the limits leave of those that it depends on. Without a map, or
         with the identity, the update works on the drives themselves.
+    on_forecast : callable, optional
+        Called before each playback with what is predicted of it.
 
     Yields
     ------
@@ -268,20 +276,20 @@ def iterate(
     history = IterationHistory(target=_rows(target, controlled))
     make_step = UPDATES[settings.update.kind] if update is None else own_update(update)
     metrics: tuple[IterationMetrics, ...] = ()
+    forecasts: tuple[Forecast, ...] = ()
     outcome = None
-    without_squares = own_settings.model_copy(update={"squares": False})
-    own, first_model = settings.model_copy(update={"update": own_settings}), model
-    held = False
+    own, first_model, held = settings.model_copy(update={"update": own_settings}), model, False
     while outcome is None:
-        number = len(metrics) + 1
+        number, projection = len(metrics) + 1, None
         level = level_of(number, settings.levels)
-        projection = None
-        step = make_step(comparable_history(history, settings.levels), model, without_squares if held else own_settings)
+        how = own_settings.model_copy(update={"squares": False}) if held else own_settings
+        step = make_step(comparable_history(history, settings.levels), model, how)
         model = step.model
         if number <= len(recorded):
             before = recorded[number - 1]
             drive, response, with_map = before.drive, before.response, before.with_drive_map and own_map is not None
             mapped = _mapped(drive, own_map, band=None if with_map else settings.update.band)
+            forecast = _forecast(mapped, model, history, settings=settings, level=level, earlier=forecasts)
         else:
             drive, projection = _playable_drive(
                 step, level=level, limits=limits, settings=own, drive_map=own_map, first=number == 1
@@ -290,6 +298,9 @@ def iterate(
             _require_within_bounds(
                 mapped / level, first_model, history, number=number, level=level, settings=own, controlled=controlled
             )
+            forecast = _forecast(mapped, model, history, settings=settings, level=level, earlier=forecasts)
+            if on_forecast is not None:
+                on_forecast(forecast)
             # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
             response = as_record(play(drive.copy()), name="response").copy()
         stood_still = standstills(response, level * target, band=settings.update.band)
@@ -298,6 +309,8 @@ def iterate(
         response_in_band = settings.update.band.limit_response(response) / level
         judged = judge_response(target, response_in_band, level=level, controlled=controlled)
         metrics = (*metrics, judged)
+        judged_rows = _rows(response_in_band, controlled)
+        forecasts = (*forecasts, forecast.compared(judged_rows, target=history.target))
         passed = None if dead else passed_bound(judged, settings.stop, level=level)
         if number >= len(recorded):
             outcome = _outcome(metrics, settings, dead=dead, passed=passed)
@@ -305,10 +318,9 @@ def iterate(
         if to_learn is not None and number == 1 and not dead:
             weight = np.divide(1.0, rms(target), out=np.zeros(len(target)), where=controlled)
             learned = _learned(drive, response, to_learn, model=identified, weight=weight, limits=limits)
-            if not learned.drive_map.is_identity:
-                own_map = learned.drive_map
-                mapped = _mapped(drive, own_map, band=settings.update.band)
-        history = history.after(Playback(drive=mapped / level, response=_rows(response_in_band, controlled)))
+            own_map = None if learned.drive_map.is_identity else learned.drive_map
+            mapped = _mapped(drive, own_map, band=settings.update.band)
+        history = history.after(Playback(drive=mapped / level, response=judged_rows))
         yield Iteration(
             number=number,
             drive=drive,
@@ -324,7 +336,20 @@ def iterate(
             passed_bound=passed,
             with_drive_map=with_map,
             learned=learned,
+            forecast=forecasts[-1],
         )
+
+
+def _forecast(
+    drive: NDArray[np.float64],
+    model: RigModel,
+    history: IterationHistory,
+    *,
+    settings: CampaignSettings,
+    level: float,
+    earlier: Sequence[Forecast],
+) -> Forecast:
+    return forecast_playback(drive / level, model, history, band=settings.update.band, level=level, earlier=earlier)
 
 
 def _learned(

@@ -1,5 +1,6 @@
 """Assessment of playbacks: error figures, spectra, bounds, dead sensors, and when the iteration ends."""
 
+from iterator.assessment.forecast import Forecast, forecast_playback
 from iterator.assessment.metrics import IterationMetrics, best_iteration, judge_response
 from iterator.assessment.playback_bounds import (
     NO_BOUNDS,
@@ -29,6 +30,7 @@ from iterator.assessment.stop_criteria import (
 __all__ = [
     "NO_BOUNDS",
     "BoundedQuantity",
+    "Forecast",
     "IterationMetrics",
     "Outcome",
     "PassedBound",
@@ -40,6 +42,7 @@ __all__ = [
     "best_iteration",
     "comparable_history",
     "damage_spent",
+    "forecast_playback",
     "is_bounded",
     "judge_end",
     "judge_end_at_levels",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
-from iterator.assessment import IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
+from iterator.assessment import Forecast, IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
 from iterator.campaign import seeds
 from iterator.campaign.confirmation import confirmation_message, confirmed
 from iterator.campaign.identification import identification_request, identification_run
@@ -82,6 +82,7 @@ class Campaign:
             iterations=plan.settings.stop.iterations + plan.spec.confirmations,
         )
         self._metrics: list[IterationMetrics] = []
+        self._forecast = 0.0
 
     def start(self) -> None:
         """Begin; return at once."""
@@ -162,6 +163,7 @@ class Campaign:
             limits=plan.limits,
             recorded=recorded,
             drive_map=drive_map,
+            on_forecast=self._foretell,
         )
         last: Iteration | None = None
         best: Iteration | None = None
@@ -259,10 +261,13 @@ class Campaign:
             self._journal.exception("The core refused.", step=self._step)
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
 
+    def _foretell(self, forecast: Forecast) -> None:
+        self._forecast = forecast.metrics.overall_relative_rms_error
+
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig: what the iteration calls."""
         number, outer = len(self._metrics) + 1, self._step
-        activity = f"playing {self._iteration_name()} on {self._rig}"
+        activity = f"playing {self._iteration_name()} on {self._rig}, predicted error {self._forecast:.1%}"
         with self._doing(activity):
             response = self._playback.play(
                 drive,

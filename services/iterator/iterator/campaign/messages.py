@@ -13,7 +13,7 @@ from duralab_drive_map.messages import from_message as drive_map_from_message
 from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator.assessment import IterationMetrics, Outcome
+from iterator.assessment import Forecast, IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
 from iterator.iteration_loop import Iteration, MapFromFirstPlayback, RecordedPlayback
@@ -51,11 +51,26 @@ def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[it
 
 def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2.IterationMetrics:
     """Return the figures of one playback, with the names of the rig's responses."""
+    channels = channel_metrics(iteration.metrics, plan=plan)
+    if iteration.forecast is not None:
+        of_controlled = [channel for channel in channels if not channel.watched]
+        for row, channel in enumerate(of_controlled):
+            channel.forecast.CopyFrom(_channel_forecast(iteration.forecast, row))
     return iterator_pb2.IterationMetrics(
         iteration=iteration.number,
-        channels=channel_metrics(iteration.metrics, plan=plan),
+        channels=channels,
         overall_relative_rms_error=iteration.metrics.overall_relative_rms_error,
         level=iteration.level,
+    )
+
+
+def _channel_forecast(forecast: Forecast, row: int) -> iterator_pb2.ChannelForecast:
+    return iterator_pb2.ChannelForecast(
+        relative_rms_error=float(forecast.metrics.relative_rms_error[row]),
+        peak_ratio=float(forecast.metrics.peak_ratio[row]),
+        damage_ratio=forecast.metrics.damage_ratio[row].tolist(),
+        uncertainty=float(forecast.uncertainty[row]),
+        missed=float("nan") if forecast.missed is None else float(forecast.missed[row]),
     )
 
 

@@ -1,0 +1,86 @@
+"""What a playback is predicted to give before it is made, and how far that was missed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_spectra import rms
+from iterator.assessment.metrics import IterationMetrics, judge_response
+from iterator.band import ControlBand
+from iterator.model import IterationHistory, RigModel, predict
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Prediction of one playback's controlled responses, made before it is played.
+
+    Parameters
+    ----------
+    response : ndarray, shape (n_y, samples)
+        In the control band, divided by the level, response units: the last response and what the model says of the
+        step from its drive.
+    metrics : IterationMetrics
+        Of this response.
+    uncertainty : ndarray, shape (n_y,)
+        RMS of what the playback may differ by from `response`, over the target's RMS: the last forecast's miss, less
+        of it for a smaller step; before the first playback what the model left unexplained of its own record. Not a
+        number where the model does not state that.
+    step : ndarray, shape (n_y,)
+        RMS of the predicted change, over the target's RMS.
+    missed : ndarray, shape (n_y,), optional
+        RMS of what the playback differed by, over the target's RMS; None before it was made.
+    """
+
+    response: NDArray[np.float64]
+    metrics: IterationMetrics
+    uncertainty: NDArray[np.float64]
+    step: NDArray[np.float64]
+    missed: NDArray[np.float64] | None = None
+
+    def compared(self, response: NDArray[np.float64], *, target: NDArray[np.float64]) -> Forecast:
+        """Return the forecast with how far the playback missed it."""
+        return replace(self, missed=rms(response - self.response) / rms(target))
+
+
+def forecast_playback(
+    drive: NDArray[np.float64],
+    model: RigModel,
+    history: IterationHistory,
+    *,
+    band: ControlBand,
+    level: float,
+    earlier: Sequence[Forecast],
+) -> Forecast:
+    """Predict the controlled responses to a drive.
+
+    `drive`, shape (n_u, samples): Mapped where there is a map, divided by its level. `model`: What the drive was made
+    with. `history`: Playbacks before it. `level`: Share of the target that is played for. `earlier`: Forecasts of the
+    playbacks before, compared with them.
+    """
+    target = rms(history.target)
+    if not history.playbacks:
+        predicted = predict(model, drive, band=band)
+        uncertainty = _unexplained(model) / level / target
+        change = predicted
+    else:
+        last = history.playbacks[-1]
+        change = predict(model, drive - last.drive, band=band)
+        predicted = last.response + change
+        uncertainty = np.full(target.size, np.nan)
+    step = rms(change) / target
+    if earlier and earlier[-1].missed is not None:
+        share = np.divide(step, earlier[-1].step, out=np.ones_like(step), where=earlier[-1].step > 0.0)
+        uncertainty = earlier[-1].missed * np.minimum(1.0, share)
+    return Forecast(predicted, judge_response(history.target, predicted, level=level), uncertainty, step)
+
+
+def _unexplained(model: RigModel) -> NDArray[np.float64]:
+    """Return the RMS of each response that the model left unexplained of its own record."""
+    if model.uncertainty is None:
+        return np.full(model.frf.shape[1], np.nan)
+    spacing = float(model.frequency[1] - model.frequency[0])
+    return np.sqrt(spacing * np.sum(model.uncertainty.residual_psd[model.identified], axis=0))
