@@ -82,7 +82,6 @@ class Campaign:
             iterations=plan.settings.stop.iterations + plan.spec.confirmations,
         )
         self._metrics: list[IterationMetrics] = []
-        self._forecast = 0.0
 
     def start(self) -> None:
         """Begin; return at once."""
@@ -262,12 +261,14 @@ class Campaign:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
 
     def _foretell(self, forecast: Forecast) -> None:
-        self._forecast = forecast.metrics.overall_relative_rms_error
+        """Show what is predicted of the next playback, before it is made."""
+        error = forecast.metrics.overall_relative_rms_error
+        self._board.show(f"predicted error of {self._iteration_name()}: {error:.1%}", self._estimate.at(0.0))
 
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig: what the iteration calls."""
         number, outer = len(self._metrics) + 1, self._step
-        activity = f"playing {self._iteration_name()} on {self._rig}, predicted error {self._forecast:.1%}"
+        activity = f"playing {self._iteration_name()} on {self._rig}"
         with self._doing(activity):
             response = self._playback.play(
                 drive,
