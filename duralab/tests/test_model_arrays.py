@@ -76,3 +76,12 @@ def test_elements_of_several_units_have_theirs_in_coordinates(message):
     assert frf.attrs["units"] == "response_unit/drive_unit"
     element = frf.sel(response=message.responses[2].name, drive=message.drives[0].name)
     assert (element.response_unit.item(), element.drive_unit.item()) == ("m/s²", "m")
+
+
+def test_a_model_says_which_drives_follow_which(message):
+    assert "Drive map" not in str(Model.from_message(message))
+    message.drive_map.terms.add(sentence="lateral follows −1.71 /m × vertical²")
+    model = Model.from_message(message)
+    assert model.drive_map == ("lateral follows −1.71 /m × vertical²",)
+    assert "- Drive map: lateral follows −1.71 /m × vertical²." in str(model)
+    assert "Drive map: lateral follows −1.71 /m × vertical²." in model._repr_html_()

@@ -15,7 +15,7 @@ from duralab.recording import open_recording
 from duralab.report import write_report
 from duralab.report.model_figures import contributions
 from duralab.report.series import LARGEST_POINTS, thin_out
-from duralab.report.tables import channel_rows, playback_rows, repeatability_rows
+from duralab.report.tables import channel_rows, forecast_rows, playback_rows, repeatability_rows
 from duralab_proto.v1 import iterator_pb2
 
 LARGEST_REPORT = 15_000_000
@@ -88,6 +88,29 @@ def test_an_older_recording_without_damage_ratios_shows_a_dash():
     verdict = judge(table, specification=iterator_pb2.CampaignSpec(), status=None)
     (row,) = channel_rows(table, target, verdict=verdict, slope=5)
     assert (row.damage_ratio, row.energy_outside_band, row.damage_spent) == (("–", ""), ("–", ""), "–")
+
+
+def test_what_was_predicted_of_a_playback_stands_beside_what_it_missed():
+    def metrics(number, *, watched_too=False):
+        channels = [
+            iterator_pb2.ChannelMetrics(
+                channel="left_vertical",
+                forecast=iterator_pb2.ChannelForecast(relative_rms_error=0.3, uncertainty=0.04, missed=0.05),
+            )
+        ]
+        if watched_too:
+            channels.append(iterator_pb2.ChannelMetrics(channel="beam", watched=True))
+        return iterator_pb2.IterationMetrics(iteration=number, channels=channels)
+
+    (row,) = forecast_rows(IterationTable.from_messages([metrics(1, watched_too=True)]))
+    assert row.cells == [("0.300 ± 0.040", "0.050"), ("–", "–")]
+    table = IterationTable.from_messages([metrics(1), metrics(2)])
+    assert table.to_xarray()["prediction_missed"].values.tolist() == [[0.05], [0.05]]
+    older = IterationTable.from_messages(
+        [iterator_pb2.IterationMetrics(iteration=1, channels=[iterator_pb2.ChannelMetrics(channel="left_vertical")])]
+    )
+    assert forecast_rows(older) == []
+    assert "predicted_error" not in older.to_xarray()
 
 
 def test_curves_hold_the_metrics_and_the_signals(html, campaign):

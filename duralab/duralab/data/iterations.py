@@ -56,6 +56,13 @@ class IterationTable:
         Number of the best playback as the iterator names it; 0 where it names none, see `best`.
     confirmation_damage : np.ndarray, shape (confirmations, channels, 3)
         Damage ratio of each further playback of the best drive, all at full level.
+    predicted_error : np.ndarray, shape (playbacks, channels), optional
+        Relative RMS error that was predicted before each playback. Not a number for a watched channel; None, as the
+        next two, in an older recording.
+    prediction_uncertainty : np.ndarray, shape (playbacks, channels), optional
+        RMS of what a playback may differ by from its prediction, over the target's RMS, as stated before it.
+    prediction_missed : np.ndarray, shape (playbacks, channels), optional
+        RMS of what it did differ by.
     """
 
     channels: tuple[str, ...]
@@ -70,6 +77,9 @@ class IterationTable:
     energy_outside_band: np.ndarray
     best_number: int
     confirmation_damage: np.ndarray
+    predicted_error: np.ndarray | None = None
+    prediction_uncertainty: np.ndarray | None = None
+    prediction_missed: np.ndarray | None = None
 
     @classmethod
     def from_messages(
@@ -124,6 +134,9 @@ class IterationTable:
             ),
             best_number=_best_number(iterations, status),
             confirmation_damage=_damage_ratios(confirmations, channels=len(names)),
+            predicted_error=_forecast(iterations, "relative_rms_error"),
+            prediction_uncertainty=_forecast(iterations, "uncertainty"),
+            prediction_missed=_forecast(iterations, "missed"),
         )
 
     @classmethod
@@ -194,6 +207,11 @@ class IterationTable:
         """Return the figures over `iteration`, `channel` and `slope` (of the S-N line), ratios all."""
         import xarray
 
+        forecast = {
+            name: (("iteration", "channel"), figures, {"units": "1"})
+            for name in ("predicted_error", "prediction_uncertainty", "prediction_missed")
+            if (figures := getattr(self, name)) is not None
+        }
         return xarray.Dataset(
             {
                 "relative_rms_error": (("iteration", "channel"), self.relative_rms_error, {"units": "1"}),
@@ -203,6 +221,7 @@ class IterationTable:
                 "overall": (("iteration",), self.overall, {"units": "1"}),
                 "level": (("iteration",), self.level, {"units": "1"}),
                 "energy_outside_band": (("channel",), self.energy_outside_band, {"units": "1"}),
+                **forecast,
             },
             coords={"iteration": list(self.numbers), "channel": list(self.channels), "slope": list(DAMAGE_SLOPES)},
         )
@@ -253,6 +272,16 @@ def _damage_ratios(playbacks: Sequence[iterator_pb2.IterationMetrics], *, channe
             if len(channel.damage_ratio) == len(DAMAGE_SLOPES):
                 ratios[row, i] = channel.damage_ratio
     return ratios
+
+
+def _forecast(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str) -> np.ndarray | None:
+    """Return a figure of the forecasts, shape (playbacks, channels); None where no playback has one."""
+    rows = [
+        [getattr(channel.forecast, name) if channel.HasField("forecast") else np.nan for channel in metrics.channels]
+        for metrics in playbacks
+    ]
+    known = any(channel.HasField("forecast") for metrics in playbacks for channel in metrics.channels)
+    return np.array(rows) if known else None
 
 
 def _best_number(

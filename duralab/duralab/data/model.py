@@ -95,6 +95,9 @@ class Model:
         What the identifier found suspicious, in words.
     distortion : Distortion or None
         None where the experiment does not tell noise and nonlinearity apart.
+    drive_map : tuple of str
+        Which drives follow products of others, e.g. "lateral follows −1.71 /m × vertical²". Where there is one, `frf`
+        is from mapped drives to responses.
     """
 
     id: str
@@ -112,6 +115,7 @@ class Model:
     verdicts: tuple[str, ...]
     warnings: tuple[str, ...]
     distortion: Distortion | None = None
+    drive_map: tuple[str, ...] = ()
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
@@ -152,6 +156,7 @@ class Model:
                 if message.HasField("distortion")
                 else None
             ),
+            drive_map=tuple(term.sentence for term in message.drive_map.terms),
         )
 
     def to_xarray(self) -> xarray.Dataset:
@@ -245,8 +250,13 @@ def _model_title(model: Model) -> str:
 
 def model_text(model: Model) -> str:
     """Return coherence and uncertainty of each response, and the verdicts, as text."""
-    sentences = "".join(f"\n- {sentence}" for sentence in (*model.verdicts, *model.warnings))
+    sentences = "".join(f"\n- {sentence}" for sentence in _sentences(model))
     return f"{_model_title(model)}\n{text_table(_MODEL, _model_rows(model), left=2)}{sentences}"
+
+
+def _sentences(model: Model) -> tuple[str, ...]:
+    terms = (f"Drive map: {'; '.join(model.drive_map)}.",) if model.drive_map else ()
+    return (*terms, *model.verdicts, *model.warnings)
 
 
 def model_html(model: Model) -> str:
@@ -273,7 +283,7 @@ def model_html(model: Model) -> str:
     ]
     charts.append(line_chart(coherence, x=FREQUENCY_AXIS, y=Axis("multiple coherence"), from_zero=True))
     table = html_table(_MODEL, _model_rows(model), left=2, caption=_model_title(model))
-    return f"{table}{_list((*model.verdicts, *model.warnings))}{''.join(charts)}"
+    return f"{table}{_list(_sentences(model))}{''.join(charts)}"
 
 
 def _list(sentences: Sequence[str]) -> str:

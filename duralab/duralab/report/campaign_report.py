@@ -110,6 +110,7 @@ def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals, *, s
         "judged": len(table.judged),
         "rows": tables.channel_rows(table, target, verdict=verdict, slope=slope),
         "playbacks": tables.playback_rows(table),
+        "forecasts": tables.forecast_rows(table),
     }
 
 

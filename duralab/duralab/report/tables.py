@@ -180,6 +180,33 @@ def playback_rows(table: IterationTable) -> list[PlaybackRow]:
 
 
 @dataclass(frozen=True)
+class ForecastRow:
+    """What was predicted before a playback, for each channel; numbers as printed.
+
+    `cells`: Predicted error with its uncertainty, and what the playback differed by from its prediction.
+    """
+
+    number: int
+    cells: list[tuple[str, str]]
+
+
+def forecast_rows(table: IterationTable) -> list[ForecastRow]:
+    """Return the forecasts of the playbacks; empty for an older recording."""
+    error, doubt, missed = table.predicted_error, table.prediction_uncertainty, table.prediction_missed
+    if error is None or doubt is None or missed is None:
+        return []
+
+    def shown(row: int, i: int) -> tuple[str, str]:
+        uncertainty = "" if np.isnan(doubt[row, i]) else f" ± {doubt[row, i]:.3f}"
+        return _figure(error[row, i]) + uncertainty, _figure(missed[row, i])
+
+    return [
+        ForecastRow(number, [shown(row, i) for i in range(len(table.channels))])
+        for row, number in enumerate(table.numbers)
+    ]
+
+
+@dataclass(frozen=True)
 class Cell:
     """One element of the FRF matrix: which share of the response's RMS the drive caused, 0 to 1."""
 
