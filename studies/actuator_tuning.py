@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,8 +23,6 @@ from rig_data_sheet import linearise
 from rig_sim import Rig, load_rig, load_specimen, shipped_specimens
 from rig_sim.hydraulics import (
     Accumulator,
-    Bench,
-    DisplacementActuator,
     HydraulicActuator,
     HydraulicSupply,
     PowerUnit,
@@ -31,6 +30,9 @@ from rig_sim.hydraulics import (
     Supply,
     port_flows,
 )
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts" / "specimens"))
+from actuator_bench import Bench
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -85,7 +87,7 @@ def table(rigs: dict[str, Rig]) -> str:
         for element in rig.model.assembly.elements:
             if not isinstance(element, HydraulicActuator) or "right" in element.name:
                 continue
-            control = "displacement" if isinstance(element, DisplacementActuator) else "force"
+            control = "displacement" if element.inputs[0].unit == "m" else "force"
             edge, gain, where = bandwidth(rig, element)
             follows = "compliant" if edge < 1.0 else f"{edge:.0f} Hz" if edge < 199.0 else "beyond 200 Hz"
             lines.append(f"| {name} | {element.name} | {control} | {follows} | {gain:.2f} at {where:.0f} Hz |")

@@ -9,8 +9,7 @@ import yaml
 
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.loading import shipped_documents
-from rig_sim.specimen.documents import SpecimenError, document_files, read_document
-from rig_sim.specimen.specimen import load_specimen
+from rig_sim.specimen.specimen import SpecimenError, document_files, load_specimen, read_document
 
 
 def written(folder, name, content):

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from rig_sim.elements.rubber import Rubber, RubberLaw, friction_rate
 from rig_sim.elements.strut import Strut, StrutLaw, strut_force
 from rig_sim.elements.tyre import Tyre, TyreLaw
-from rig_sim.multibody.effect import Effect, Input
+from rig_sim.multibody.forces import Effect, Input
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import ZERO, Spatial, cross, rotation_from_roll_pitch_yaw
 from rig_sim.multibody.tree import Pose

@@ -4,14 +4,20 @@ import dataclasses
 
 import numpy as np
 import pytest
+from actuator_bench import Bench
 from pydantic import TypeAdapter, ValidationError
 
-from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator
-from rig_sim.hydraulics.bench import Bench
+from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.cylinder import Cylinder
 from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop
-from rig_sim.hydraulics.mounting import all_supplies, check_limits, mount_actuator
-from rig_sim.hydraulics.parts import ActuatorKind, ActuatorPart, ForceKind
+from rig_sim.hydraulics.mounting import (
+    ActuatorKind,
+    ActuatorPart,
+    ForceKind,
+    all_supplies,
+    check_limits,
+    mount_actuator,
+)
 from rig_sim.hydraulics.servovalve import Servovalve
 from rig_sim.hydraulics.supply import HydraulicSupply, Supply
 
@@ -33,7 +39,7 @@ PLACE = {"name": "one", "joint_position": 0, "joint_velocity": 0, "supply": "sup
 
 
 def force_bench(loop=LOOP, **body):
-    actuator = ForceActuator(valve=VALVE, cylinder=CYLINDER, loop=loop, **PLACE)
+    actuator = HydraulicActuator(valve=VALVE, cylinder=CYLINDER, loop=loop, **PLACE)
     return Bench(actuator, HydraulicSupply("supply", SUPPLY), **({"mass": 20.0, "stiffness": 2e7} | body))
 
 
@@ -54,7 +60,7 @@ def test_the_first_rise_is_as_fast_as_valve_and_oil_allow():
     loop = dataclasses.replace(LOOP, integral=0.0, proportional=4e-6)
     valve = dataclasses.replace(VALVE, spool_frequency=3000.0, spool_damping=1.0)
     cylinder = dataclasses.replace(CYLINDER, leakage=0.0)
-    actuator = ForceActuator(valve=valve, cylinder=cylinder, loop=loop, **PLACE)
+    actuator = HydraulicActuator(valve=valve, cylinder=cylinder, loop=loop, **PLACE)
     bench = Bench(actuator, HydraulicSupply("supply", SUPPLY), mass=0.2, stiffness=5e7, damping=2e3)
     time, states = bench.play(lambda _: 500.0, 0.03, points=301)
     force = bench.monitored(lambda _: 500.0, time, states)["one.force"]
@@ -70,7 +76,7 @@ def test_velocity_compensation_gives_the_oil_that_a_moving_specimen_takes(share)
     full = CYLINDER.area / (VALVE.rated_flow * np.sqrt(137.5 / 35.0))
     loop = dataclasses.replace(LOOP, velocity_compensation=share * full, integral=0.0)
     cylinder = dataclasses.replace(CYLINDER, leakage=0.0)
-    actuator = ForceActuator(valve=VALVE, cylinder=cylinder, loop=loop, **PLACE)
+    actuator = HydraulicActuator(valve=VALVE, cylinder=cylinder, loop=loop, **PLACE)
     bench = Bench(actuator, HydraulicSupply("supply", SUPPLY), mass=50.0, damping=2e4)
     time, states = bench.play(lambda t: 400.0 * min(t / 0.05, 1.0), 0.5, points=201)
     force = bench.monitored(lambda _: 400.0, time, states)["one.force"][-1]
@@ -90,7 +96,7 @@ def test_feed_forward_of_its_velocity_makes_the_stroke_follow_a_ramp():
             pressure_corner=20.0,
             velocity_feedforward=feedforward,
         )
-        actuator = DisplacementActuator(valve=VALVE, cylinder=cylinder, loop=loop, **PLACE)
+        actuator = HydraulicActuator(valve=VALVE, cylinder=cylinder, loop=loop, **PLACE)
         bench = Bench(actuator, HydraulicSupply("supply", SUPPLY), mass=20.0)
         time, states = bench.play(lambda t: 0.1 * t, 0.4, points=401)
         return 0.1 * time[-1] - states[0][-1]

@@ -8,12 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 
-from rig_sim.hydraulics.actuator import DisplacementActuator
+from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.cylinder import Cylinder, piston_force, pressure_rates
 from rig_sim.hydraulics.loops import DisplacementLoop
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
 from rig_sim.hydraulics.supply import Supply
-from rig_sim.multibody.effect import Effect, Line
+from rig_sim.multibody.forces import Effect, Line
 
 SUPPLY, BACK = 280e5, 5e5
 VALVE = Servovalve(rated_flow=2.0e-3, rated_drop=35e5, spool_frequency=110.0, spool_damping=0.8)
@@ -153,7 +153,7 @@ class Bench:
 def actuator(**changes):
     parts = {"valve": VALVE, "cylinder": CYLINDER, "loop": LOOP} | changes
     place = {"joint_position": 0, "joint_velocity": 0, "supply": "supply", "middle_pressure": (SUPPLY + BACK) / 2}
-    return DisplacementActuator(name="one", **place, **parts)
+    return HydraulicActuator(name="one", **place, **parts)
 
 
 def test_an_actuator_reaches_what_it_is_told_and_holds_it():

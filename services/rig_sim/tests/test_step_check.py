@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rig_sim.checks.linearisation import linearise
+from rig_sim.checks.equilibrium import linearise
 from rig_sim.checks.step_check import MARGIN, StepError, check_step, largest_stable_step
 from rig_sim.compile import Method, compile_model
 from rig_sim.playing.player import load_rig

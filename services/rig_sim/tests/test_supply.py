@@ -6,15 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from actuator_bench import Bench
 from scipy.integrate import solve_ivp
 
-from rig_sim.hydraulics.actuator import DisplacementActuator
-from rig_sim.hydraulics.bench import Bench
+from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.cylinder import Cushion, Cylinder, cushion_force, seal_friction
 from rig_sim.hydraulics.loops import DisplacementLoop
 from rig_sim.hydraulics.servovalve import Servovalve, edge_opening, signed_root
 from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
-from rig_sim.multibody.effect import Effect
+from rig_sim.multibody.forces import Effect
 
 BACK = 5e5
 GAS = Accumulator(gas_volume=0.01, precharge=180e5, polytropic_exponent=1.25)
@@ -124,7 +124,7 @@ LOOP = DisplacementLoop(
 
 def large_motion():
     """Play an actuator that draws more than its pump gives, into its cushions."""
-    actuator = DisplacementActuator(
+    actuator = HydraulicActuator(
         name="one",
         joint_position=0,
         joint_velocity=0,

@@ -1,9 +1,7 @@
 """Checks of a rig before it plays: equations against Drake, rest, stability, and the length of the step."""
 
-from rig_sim.checks.equilibrium import NoEquilibriumError, find_equilibrium
-from rig_sim.checks.linearisation import linearise
+from rig_sim.checks.equilibrium import NoEquilibriumError, UnstableError, check_stability, find_equilibrium, linearise
 from rig_sim.checks.proof import Proof, ProofError, prove
-from rig_sim.checks.stability import UnstableError, check_stability
 from rig_sim.checks.step_check import StepError, check_step, largest_stable_step
 
 __all__ = [

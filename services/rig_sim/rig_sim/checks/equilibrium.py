@@ -1,12 +1,45 @@
-"""Static equilibrium: where the rig rests with given inputs, so that a playback starts without a transient."""
+"""Static equilibrium: where the rig rests with given inputs, so that a playback starts without a transient.
+
+The linearisation there says whether the rig would stay.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
 import numpy as np
 
-from rig_sim.checks.linearisation import Derivative, linearise
 from rig_sim.model import RigModel
 from rig_sim.multibody import JointKind
+
+Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def linearise(
+    derivative: Derivative,
+    state: np.ndarray,
+    inputs: np.ndarray,
+    *,
+    step: float = 1.0e-6,
+    columns: Sequence[int] | np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the Jacobian of the rates by central differences.
+
+    `derivative`: Takes the state (states,) and the inputs (drives,), returns the rates (states,). `state`: Where it is
+    linearised. `inputs`: Held constant, each in its channel's unit. `step`: Of the differences, in each state's own
+    unit. `columns`: States to differentiate by; all where not given.
+    Returns: In 1/s times the ratio of two states' units.
+    """
+    chosen = range(len(state)) if columns is None else columns
+    differences = np.empty((len(state), len(chosen)))
+    for column, index in enumerate(chosen):
+        ahead, behind = state.copy(), state.copy()
+        ahead[index] += step
+        behind[index] -= step
+        differences[:, column] = (derivative(ahead, inputs) - derivative(behind, inputs)) / (2.0 * step)
+    return differences
+
 
 _LARGEST_ITERATIONS = 60
 #: Of the differences that Newton's method goes by, in each state's own unit.
@@ -69,3 +102,32 @@ def _normalise_quaternions(model: RigModel, state: np.ndarray) -> None:
         if joint.kind is JointKind.FLOATING:
             where = slice(joint.position_start, joint.position_start + 4)
             state[where] /= np.linalg.norm(state[where])
+
+
+Complex = np.ndarray[Any, np.dtype[np.complex128]]
+
+#: Largest growth that counts as none, in 1/s: what differences leave of the zeros of friction and standing tyres.
+_LARGEST_GROWTH = 1.0e-2
+
+
+class UnstableError(ValueError):
+    """A rig that leaves its rest by itself, in one sentence."""
+
+
+def check_stability(linearisation: np.ndarray, names: Sequence[str]) -> None:
+    """Check that nothing grows from the rest.
+
+    `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.
+    Raises `UnstableError`: Where a motion grows; names the state with most of it, and how fast.
+    """
+    values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(linearisation))
+    fastest = int(np.argmax(values.real))
+    growth, turning = float(values[fastest].real), float(abs(values[fastest].imag) / (2.0 * np.pi))
+    if growth <= _LARGEST_GROWTH:
+        return
+    state = names[int(np.argmax(np.abs(vectors[:, fastest])))]
+    how = f"swings up at {turning:.3g} Hz" if turning > 0.0 else "falls away"
+    raise UnstableError(
+        f"the rig is unstable: from its rest, {state!r} {how}, growing e-fold in {1.0 / growth:.3g} s; check springs, "
+        "preloads and control loops of the specimen."
+    )

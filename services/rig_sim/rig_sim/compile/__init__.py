@@ -5,6 +5,7 @@ it, and compiled to play it.
 """
 
 from rig_sim.compile.compiled_model import CompiledModel, Playback
+from rig_sim.compile.integrate import Method, amplification
 from rig_sim.compile.model import ModelFunction, TracedModel, compile_model, trace_model
 from rig_sim.compile.numeric import (
     absolute,
@@ -20,7 +21,6 @@ from rig_sim.compile.numeric import (
     sqrt,
     tanh,
 )
-from rig_sim.compile.runge_kutta import Method, amplification
 from rig_sim.compile.tracing import Expression, Graph, Scalar
 
 __all__ = [

@@ -13,9 +13,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from rig_sim.compile.operations import Operation
-from rig_sim.compile.scheduling import creation_order
-from rig_sim.compile.traced_model import TracedModel
-from rig_sim.compile.tracing import Expression, Graph
+from rig_sim.compile.tracing import Expression, Graph, TracedModel, creation_order
 
 #: pi/2 and ln 2 to more digits than a double has (Abramowitz and Stegun, table 1.1).
 _HALF_PI = Fraction("1.5707963267948966192313216916397514420985846996875529104874722961539")

@@ -1,6 +1,6 @@
 """Write traced functions as LLVM IR: loads, straight-line operations, stores.
 
-Models with a mirror are written two lanes at a time by :mod:`rig_sim.compile.lane_text`; this is how all others are.
+Models with a mirror are written two lanes at a time by :mod:`rig_sim.compile.lanes`; this is how all others are.
 """
 
 import struct
@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rig_sim.compile.operations import LEAVES, Operation
-from rig_sim.compile.scheduling import creation_order
-from rig_sim.compile.tracing import Expression
+from rig_sim.compile.tracing import Expression, creation_order
 
 SCALAR = "double"
 

@@ -5,16 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.compile.compiled_model import CompiledModel
+from rig_sim.compile.compiled_model import CompiledModel, compile_module
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import play_text
-from rig_sim.compile.lane_model import lane_texts
-from rig_sim.compile.llvm_backend import compile_module
+from rig_sim.compile.lanes import lane_texts
 from rig_sim.compile.llvm_text import TracedFunction, declarations, function_text
 from rig_sim.compile.operations import LEAVES
-from rig_sim.compile.scheduling import creation_order
-from rig_sim.compile.traced_model import TracedModel
-from rig_sim.compile.tracing import Expression, Graph, Scalar
+from rig_sim.compile.tracing import Expression, Graph, Scalar, TracedModel, creation_order
 
 ModelFunction = Callable[[np.ndarray, np.ndarray], tuple[Sequence[Scalar], Sequence[Scalar]]]
 

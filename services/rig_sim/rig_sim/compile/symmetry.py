@@ -12,9 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rig_sim.compile.operations import COMMUTATIVE, Operation
-from rig_sim.compile.scheduling import creation_order
-from rig_sim.compile.traced_model import TracedModel
-from rig_sim.compile.tracing import Expression
+from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
 #: How many partners are tried for a leaf of a crowd that looks alike.
 _LARGEST_TRIALS = 12

@@ -1,10 +1,8 @@
 """Servo-hydraulic actuators: servovalve, cylinder, supply and the control loop in front of them."""
 
-from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator
-from rig_sim.hydraulics.bench import Bench
+from rig_sim.hydraulics.actuator import HydraulicActuator
 from rig_sim.hydraulics.cylinder import Cylinder
-from rig_sim.hydraulics.mounting import all_supplies, check_limits, mount_actuator
-from rig_sim.hydraulics.parts import CONTROLS, ActuatorKind, ActuatorPart
+from rig_sim.hydraulics.mounting import CONTROLS, ActuatorKind, ActuatorPart, all_supplies, check_limits, mount_actuator
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows
 from rig_sim.hydraulics.supply import Accumulator, HydraulicSupply, PowerUnit, Supply
 
@@ -13,10 +11,7 @@ __all__ = [
     "Accumulator",
     "ActuatorKind",
     "ActuatorPart",
-    "Bench",
     "Cylinder",
-    "DisplacementActuator",
-    "ForceActuator",
     "HydraulicActuator",
     "HydraulicSupply",
     "PowerUnit",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,59 +45,46 @@ class LoadCell:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HydraulicActuator(ABC):
-    """Valve, cylinder and loop of one actuator.
+class HydraulicActuator:
+    """Valve, cylinder and loop of one actuator; its loop decides whether the drive is a stroke in m or a force in N.
 
-    States: spool position and scaled velocity, what the pilot stage asks for (where the valve has one), chamber
-    pressures A and B in MPa, low-passed load pressure in MPa, the integral of the error, and the filtered command with
-    its scaled rate (where the loop feeds it forward).
-
-    `name`: Unique in the rig; the drive has the same name. `joint_position`, `joint_velocity`: Index of the piston's
-    joint among the states. `valve`: Parameters of the valve. `cylinder`: Parameters of the cylinder. `loop`: Parameters
-    of the control loop. `supply`: Name of the supply that feeds it. `middle_pressure`: Half-way pressure in Pa, from
-    which the search for rest begins. `settles`: Whether the own states have one value at rest.
+    A force is that on the specimen, positive along a positive stroke. States: spool position and scaled velocity, what
+    the pilot stage asks for (where the valve has one), chamber pressures A and B in MPa, low-passed load pressure in
+    MPa, the integral of the error, and the filtered command with its scaled rate (where the loop feeds it forward).
     """
 
+    #: Unique in the rig; the drive has the same name.
     name: str
+    #: Index of the piston's joint among the positions and among the velocities.
     joint_position: int
     joint_velocity: int
     valve: Servovalve
     cylinder: Cylinder
     loop: Loop
+    #: Name of the supply that feeds it.
     supply: str
+    #: Half-way pressure in Pa, from which the search for rest begins.
     middle_pressure: float
+    #: Where the feedback of a force loop is a load cell.
+    load_cell: LoadCell | None = None
 
     settles: bool = True
 
     @property
-    @abstractmethod
     def inputs(self) -> tuple[Input, ...]:
         """The wanted stroke or force, in a drive of the actuator's own name."""
+        return (Input(self.name, "N" if isinstance(self.loop, ForceLoop) else "m"),)
 
     @property
-    @abstractmethod
     def achieved(self) -> str:
-        """Name of the monitored value that follows the drive, in the drive's unit."""
-
-    @abstractmethod
-    def _measure(self, motion: Motion, load: Any) -> Any:
-        """Return what the loop controls, given the motion and the load pressure in MPa."""
-
-    def _accelerometer(self, motion: Motion, pressed: Any) -> Any:
-        """Return the piston's acceleration in m/s^2, given the force of oil and seals on it; zero without a sensor."""
-        del motion, pressed
-        return 0.0
+        """Name of the monitored value that follows the drive: the stroke, or the force that the loop takes for true."""
+        return f"{self.name}.{'force' if isinstance(self.loop, ForceLoop) else 'stroke'}"
 
     @property
     def initial_state(self) -> tuple[float, ...]:
         """Valve shut, chambers half-way between supply and return, side B higher where it is the smaller one."""
         middle = self.middle_pressure / _PASCAL
-        return (
-            *self.valve.initial_state,
-            middle * self.cylinder.area_ratio,
-            middle,
-            *initial_loop_state(self.loop),
-        )
+        return (*self.valve.initial_state, middle * self.cylinder.area_ratio, middle, *initial_loop_state(self.loop))
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Push the piston, draw from the supply and return the rates of the hydraulic states."""
@@ -109,11 +95,12 @@ class HydraulicActuator(ABC):
         pressures = (a * _PASCAL, b * _PASCAL)
         load = load_pressure(self.cylinder, a, b)
         force = piston_force(self.cylinder, position, speed, pressures)
+        achieved = self._measure(motion, load)
         command, loop_rates = control(
             self.loop,
             state[chambers + 2 :],
             wanted=values[0],
-            achieved=self._measure(motion, load),
+            achieved=achieved,
             piston=Piston(load, speed, self._accelerometer(motion, force)),
         )
         flows = port_flows(self.valve, spool[0], pressures, line.pressure, line.back)
@@ -123,75 +110,14 @@ class HydraulicActuator(ABC):
         effect.monitored[f"{self.name}.stroke"] = position
         effect.monitored[f"{self.name}.valve_command"] = command
         effect.monitored[f"{self.name}.load_pressure"] = load * _PASCAL / self._stall_pressure(load, line)
-        return [
-            *spool_rates(self.valve, command, spool),
-            rate_a * (1.0 / _PASCAL),
-            rate_b * (1.0 / _PASCAL),
-            *loop_rates,
-        ]
-
-    def _stall_pressure(self, load: Any, line: Any) -> Any:
-        """Return the load pressure in Pa that the supply can make in this direction: a share of 1 is a stall."""
-        ratio = self.cylinder.area_ratio
-        if ratio == 1.0:
-            return line.pressure - line.back
-        return select_positive(load, line.pressure - line.back * ratio, line.pressure * ratio - line.back)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DisplacementActuator(HydraulicActuator):
-    """An actuator whose input is the wanted stroke in metres.
-
-    `loop`: The control loop; all others as of `HydraulicActuator`.
-    """
-
-    loop: DisplacementLoop
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """The wanted stroke, in a drive of the actuator's own name."""
-        return (Input(self.name, "m"),)
-
-    @property
-    def achieved(self) -> str:
-        """The stroke."""
-        return f"{self.name}.stroke"
+        effect.monitored[self.achieved] = achieved
+        chamber_rates = (rate_a * (1.0 / _PASCAL), rate_b * (1.0 / _PASCAL))
+        return [*spool_rates(self.valve, command, spool), *chamber_rates, *loop_rates]
 
     def _measure(self, motion: Motion, load: Any) -> Any:
-        del load
-        return motion.joint_positions[self.joint_position]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceActuator(HydraulicActuator):
-    """An actuator whose input is the wanted force on the specimen in newtons, positive along a positive stroke.
-
-    `loop`: The control loop; all others as of `HydraulicActuator`. `load_cell`: Where the loop's feedback is a load
-    cell.
-    """
-
-    loop: ForceLoop
-    load_cell: LoadCell | None = None
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """The wanted force, in a drive of the actuator's own name."""
-        return (Input(self.name, "N"),)
-
-    @property
-    def achieved(self) -> str:
-        """The force that the loop takes for the true one."""
-        return f"{self.name}.force"
-
-    def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Push the piston, draw from the supply and return the rates of the hydraulic states."""
-        rates = super().apply(motion, state, values, effect)
-        chambers = len(self.valve.initial_state)
-        load = load_pressure(self.cylinder, state[chambers], state[chambers + 1])
-        effect.monitored[self.achieved] = self._measure(motion, load)
-        return rates
-
-    def _measure(self, motion: Motion, load: Any) -> Any:
+        """Return what the loop controls, given the motion and the load pressure in MPa."""
+        if isinstance(self.loop, DisplacementLoop):
+            return motion.joint_positions[self.joint_position]
         if self.loop.feedback is Feedback.PRESSURE:
             return load * (_PASCAL * self.cylinder.area)
         if self.load_cell is None:
@@ -199,6 +125,13 @@ class ForceActuator(HydraulicActuator):
         return self.load_cell.read(motion)
 
     def _accelerometer(self, motion: Motion, pressed: Any) -> Any:
-        if self.load_cell is None or self.loop.acceleration_compensation == 0.0:
-            return 0.0
-        return self.load_cell.acceleration(motion, pressed)
+        """Return the piston's acceleration in m/s^2, given the force of oil and seals on it; zero without a sensor."""
+        compensated = isinstance(self.loop, ForceLoop) and self.loop.acceleration_compensation != 0.0
+        return self.load_cell.acceleration(motion, pressed) if self.load_cell and compensated else 0.0
+
+    def _stall_pressure(self, load: Any, line: Any) -> Any:
+        """Return the load pressure in Pa that the supply can make in this direction: a share of 1 is a stall."""
+        ratio = self.cylinder.area_ratio
+        if ratio == 1.0:
+            return line.pressure - line.back
+        return select_positive(load, line.pressure - line.back * ratio, line.pressure * ratio - line.back)

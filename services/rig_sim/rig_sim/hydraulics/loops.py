@@ -46,37 +46,38 @@ class Feedback(StrEnum):
 
 
 @parameters(config=STRICT)
-class DisplacementLoop:
+class _Controller:
+    """What both controllers in front of the valve have."""
+
+    #: Share of full opening per metre or newton of error, in 1/m or 1/N, and per metre or newton second.
+    proportional: Positive
+    integral: NotNegative
+    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
+    pressure_feedback: NotNegative
+    pressure_corner: Positive
+    #: Corner of the second-order filter that differentiates the command, in Hz.
+    command_filter: Positive = 200.0
+
+
+@parameters(config=STRICT)
+class DisplacementLoop(_Controller):
     """The controller in front of the valve: PID, feed-forward, and feedback of the high-passed load pressure.
 
     The pressure feedback damps the oil's resonance. Where its corner lies below the band, it is all but static, and
     without an integral the actuator gives way under load: compliant on purpose.
     """
 
-    #: Share of full opening per metre of error, in 1/m, and per metre second, in 1/(m*s).
-    proportional: Positive
-    integral: NotNegative
-    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
-    pressure_feedback: NotNegative
-    pressure_corner: Positive
     #: Share of full opening taken back per m/s of the piston, in s/m; equal to `velocity_feedforward` it acts on the
     #: rate of the error.
     derivative: NotNegative = 0.0
     #: Share of full opening per m/s and per m/s^2 of the command, in s/m and s^2/m.
     velocity_feedforward: NotNegative = 0.0
     acceleration_feedforward: NotNegative = 0.0
-    #: Corner of the second-order filter that differentiates the command, in Hz.
-    command_filter: Positive = 200.0
 
     @property
     def filters_command(self) -> bool:
         """Whether the command's derivatives are wanted, which costs two states."""
         return self.velocity_feedforward > 0.0 or self.acceleration_feedforward > 0.0
-
-    @property
-    def compensates_motion(self) -> bool:
-        """Whether the specimen's motion is compensated: the stroke is what this loop controls."""
-        return False
 
     def feed(self, command: Command, piston: Piston) -> Any:
         """Return what is added to P, I and pressure feedback, as a share of full opening."""
@@ -86,12 +87,14 @@ class DisplacementLoop:
             - self.derivative * piston.speed
         )
 
+    #: Whether the specimen's motion is compensated: the stroke is what this loop controls.
+    compensates_motion = False
     #: Unit of the integral's state, in m*s.
     integral_unit = 1.0
 
 
 @parameters(config=STRICT)
-class ForceLoop:
+class ForceLoop(_Controller):
     """A force controller: PI, load-pressure feedback, feed-forward, compensation of the specimen's motion.
 
     An actuator in force control is an integrator (oil is stiff, the valve gives flow); what the pressure feedback adds
@@ -100,12 +103,6 @@ class ForceLoop:
     (Dimig, Shield, French, Bailey and Clark, "Effective force testing", J. Struct. Eng. 125, 1999).
     """
 
-    #: Share of full opening per newton of error, in 1/N, and per newton second, in 1/(N*s).
-    proportional: Positive
-    integral: NotNegative
-    #: Share of full opening per pascal of load pressure, in 1/Pa, above the corner, in Hz.
-    pressure_feedback: NotNegative
-    pressure_corner: Positive
     feedback: Feedback = Feedback.LOAD_CELL
     #: Share of full opening per newton and per N/s of the command, in 1/N and s/N.
     feedforward: NotNegative = 0.0
@@ -116,8 +113,6 @@ class ForceLoop:
     acceleration_compensation: NotNegative = 0.0
     #: Corner of the first-order filter behind the sensors of speed and acceleration, in Hz: it keeps their noise away.
     motion_filter: Positive = 500.0
-    #: Corner of the second-order filter that differentiates the command, in Hz.
-    command_filter: Positive = 200.0
 
     def __post_init__(self) -> None:
         if self.acceleration_compensation > 0.0 and self.feedback is not Feedback.LOAD_CELL:

@@ -1,15 +1,75 @@
-"""Mount actuators and supplies on the tree: joints, rods and load cells by name, or one sentence why not."""
+"""What a specimen's YAML says of its hydraulics, and mounting it on the tree: joints, rods and load cells by name."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, HydraulicActuator, LoadCell
-from rig_sim.hydraulics.loops import Feedback
-from rig_sim.hydraulics.parts import MAIN_SUPPLY, ActuatorKind, ActuatorPart, ForceKind
+from pydantic import BaseModel, Discriminator, Tag
+
+from rig_sim.hydraulics.actuator import HydraulicActuator, LoadCell
+from rig_sim.hydraulics.cylinder import Cylinder
+from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop
+from rig_sim.hydraulics.servovalve import Servovalve
 from rig_sim.hydraulics.supply import Supply
 from rig_sim.multibody import Joint, JointKind, MultibodyTree
+from rig_sim.parameters import STRICT, Name
+
+#: Name of the supply that a specimen gives as `supply`, and of every actuator's that names none.
+MAIN_SUPPLY = "supply"
+#: What an actuator may control: the tags of its kinds.
+CONTROLS = ("displacement", "force")
+
+
+class _Kind(BaseModel):
+    model_config = STRICT
+
+    valve: Servovalve
+    cylinder: Cylinder
+
+
+class DisplacementKind(_Kind):
+    """A kind of actuator whose drive is a stroke in metres."""
+
+    control: Literal["displacement"] = "displacement"
+    loop: DisplacementLoop
+
+
+class ForceKind(_Kind):
+    """A kind of actuator whose drive is a force on the specimen in newtons."""
+
+    control: Literal["force"]
+    loop: ForceLoop
+
+
+def _control(kind: Any) -> Any:
+    """Say which kind a document or a model is; displacement control unless it says otherwise."""
+    if isinstance(kind, dict):
+        return kind.get("control", "displacement")
+    return getattr(kind, "control", None)
+
+
+ActuatorKind = Annotated[
+    Annotated[DisplacementKind, Tag("displacement")] | Annotated[ForceKind, Tag("force")],
+    Discriminator(
+        _control,
+        custom_error_type="unknown_control",
+        custom_error_message="control must be 'displacement' or 'force'",
+    ),
+]
+
+
+class ActuatorPart(BaseModel):
+    """An actuator on a prismatic joint of the SDF; takes the drive of its own name, a wanted stroke or force."""
+
+    model_config = STRICT
+
+    name: Name
+    kind: str
+    joint: str
+    #: Which supply feeds it.
+    supply: str = MAIN_SUPPLY
+
 
 SupplyLike = TypeVar("SupplyLike", Supply, dict[str, Any])
 
@@ -40,19 +100,8 @@ def mount_actuator(
             "a cylinder needs a prismatic joint."
         )
     middle = 0.5 * (supply.supply_pressure + supply.return_pressure)
-    if isinstance(kind, ForceKind):
-        return ForceActuator(
-            name=part.name,
-            joint_position=joint.position_start,
-            joint_velocity=joint.velocity_start,
-            valve=kind.valve,
-            cylinder=kind.cylinder,
-            loop=kind.loop,
-            supply=part.supply,
-            middle_pressure=middle,
-            load_cell=_load_cell(part, joint, tree) if kind.loop.feedback is Feedback.LOAD_CELL else None,
-        )
-    return DisplacementActuator(
+    feedback = kind.loop.feedback if isinstance(kind, ForceKind) else None
+    return HydraulicActuator(
         name=part.name,
         joint_position=joint.position_start,
         joint_velocity=joint.velocity_start,
@@ -61,6 +110,7 @@ def mount_actuator(
         loop=kind.loop,
         supply=part.supply,
         middle_pressure=middle,
+        load_cell=_load_cell(part, joint, tree) if feedback is Feedback.LOAD_CELL else None,
     )
 
 
@@ -82,7 +132,7 @@ def _load_cell(part: ActuatorPart, joint: Joint, tree: MultibodyTree) -> LoadCel
 
 def check_limits(actuator: HydraulicActuator, supply: Supply, *, minimum: float, maximum: float) -> None:
     """Refuse a drive that its actuator cannot reach."""
-    if isinstance(actuator, DisplacementActuator):
+    if isinstance(actuator.loop, DisplacementLoop):
         half = actuator.cylinder.half_stroke
         if max(maximum, -minimum) > half:
             raise ValueError(

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rig_sim.elements import AntiRollBar, Lever, Rubber, Strut, Tyre
 from rig_sim.hydraulics import HydraulicActuator, HydraulicSupply, Supply, all_supplies, check_limits, mount_actuator
-from rig_sim.model.connections import check_connected
-from rig_sim.model.measurement import Sensor
-from rig_sim.model.sensor_mounting import mount_sensor
-from rig_sim.multibody import Element, Input, Motion, MultibodyTree, move
+from rig_sim.model.measurement import Sensor, mount_sensor
+from rig_sim.multibody import Body, Element, Input, Joint, JointKind, Motion, MultibodyTree, move
 from rig_sim.specimen import AntiRollBarPart, RubberPart, Specimen, SpecimenError, StrutPart, TyrePart, mirrored_name
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
@@ -186,3 +185,28 @@ def _check_drives(specimen: Specimen, elements: list[Element], supplies: dict[st
 
 def _listing(inputs: list[Input]) -> str:
     return ", ".join(f"{item.name} [{item.unit}]" for item in inputs) or "none"
+
+
+def welded_groups(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[set[int]]:
+    """Return which bodies move as one, by index; the first group holds the world."""
+    group_of = [{index} for index in range(len(bodies))]
+    for joint in joints:
+        if joint.kind is JointKind.WELD:
+            merged = group_of[joint.parent] | group_of[joint.child]
+            for index in merged:
+                group_of[index] = merged
+    return [group for index, group in enumerate(group_of) if index == min(group)]
+
+
+def check_connected(tree: MultibodyTree, joint_name: str, *, actuator: str, mounted: Sequence[set[int]]) -> None:
+    """Check that the body an actuator moves leads somewhere."""
+    joint = tree.joint(joint_name)
+    piston = next(group for group in welded_groups(tree.bodies, tree.joints) if joint.child in group)
+    pairs = [{other.parent, other.child} for other in tree.joints if other.name != joint_name]
+    pairs += [{spring.body_a, spring.body_b} for spring in tree.springs]
+    pairs += [{bushing.body_a, bushing.body_c} for bushing in tree.bushings]
+    if len(piston) == 1 and not any(pair & piston and pair - piston for pair in [*pairs, *mounted]):
+        raise ValueError(
+            f"actuator {actuator!r} moves {tree.bodies[joint.child].name!r}, to which nothing is connected; join it to "
+            "the specimen by a joint, spring, bushing or strut."
+        )

@@ -2,8 +2,16 @@
 
 from rig_sim.multibody.drake_reader import load_plant, read_tree
 from rig_sim.multibody.dynamics import Accelerations, accelerate, inertia_in_world
-from rig_sim.multibody.effect import Effect, Element, Input, Line, Offering
-from rig_sim.multibody.forces import add_linear_elements, bushing_wrench, stretch
+from rig_sim.multibody.forces import (
+    Effect,
+    Element,
+    Input,
+    Line,
+    Offering,
+    add_linear_elements,
+    bushing_wrench,
+    stretch,
+)
 from rig_sim.multibody.kinematics import Motion, move
 from rig_sim.multibody.spatial import ZERO, Array, Spatial, cross, dot, vector, wrench_at
 from rig_sim.multibody.tree import (

@@ -1,10 +1,9 @@
 """What a specimen's YAML may hold, the limits and ramps in it, and the specimens that ship with the project."""
 
-from rig_sim.specimen.documents import SpecimenError, document_files, read_document
-from rig_sim.specimen.quantities import Quantity
 from rig_sim.specimen.responses import (
     AccelerationChannel,
     BushingChannel,
+    Quantity,
     ResponseChannel,
     SpindleChannel,
     StrutChannel,
@@ -15,11 +14,14 @@ from rig_sim.specimen.specimen import (
     Name,
     RubberPart,
     Specimen,
+    SpecimenError,
     StrutPart,
     TyrePart,
+    document_files,
     explain_problems,
     load_specimen,
     mirrored_name,
+    read_document,
     read_specimen,
     shipped_specimens,
 )

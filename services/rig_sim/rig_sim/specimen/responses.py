@@ -6,12 +6,33 @@ mount of a bushing. What they measure is said in :mod:`rig_sim.model.measurement
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Tag
 
 from rig_sim.parameters import STRICT, Name, NotNegative, Positive, Vector
-from rig_sim.specimen.quantities import UNIT_OF, Quantity
+
+
+class Quantity(StrEnum):
+    """What a channel carries."""
+
+    ACCELERATION = "acceleration"
+    DISPLACEMENT = "displacement"
+    FORCE = "force"
+    MOMENT = "moment"
+    RATIO = "ratio"
+    VELOCITY = "velocity"
+
+
+UNIT_OF = {
+    Quantity.ACCELERATION: "m/s^2",
+    Quantity.DISPLACEMENT: "m",
+    Quantity.FORCE: "N",
+    Quantity.MOMENT: "N*m",
+    Quantity.RATIO: "1",
+    Quantity.VELOCITY: "m/s",
+}
 
 
 class _ResponseChannel(BaseModel):

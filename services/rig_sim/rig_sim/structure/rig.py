@@ -12,8 +12,7 @@ import numpy as np
 from duralab_gateway.motion import Block, DrivePlayback, Use, Watchdog
 from rig_sim.playing import BLOCK_SAMPLES, Fault, FaultySensors, SensorFault, sensor_faults, software_hash, title_suffix
 from rig_sim.specimen import SpecimenError, document_files, read_specimen, set_up_watchdogs
-from rig_sim.structure.finite_elements import find_modes
-from rig_sim.structure.modal_model import Complex, ModalModel, SampledModel
+from rig_sim.structure.modal_model import Complex, ModalModel, SampledModel, find_modes
 from rig_sim.structure.specimen import StructureSpecimen
 
 

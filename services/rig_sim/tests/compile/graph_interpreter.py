@@ -3,7 +3,7 @@
 import numpy as np
 
 from rig_sim.compile.operations import ARRAY_FUNCTIONS, Operation
-from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.tracing import creation_order
 
 
 def interpret(results, inputs):

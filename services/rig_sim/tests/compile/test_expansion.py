@@ -8,7 +8,7 @@ import pytest
 from rig_sim.compile import asin, atan2, compile_model, cos, exp, sin, tanh, trace_model
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.operations import Operation
-from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.tracing import creation_order
 
 RNG = np.random.default_rng(3)
 COUNT = 4000

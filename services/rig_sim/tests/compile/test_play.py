@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from rig_sim.compile import Method, compile_model, trace_model
-from rig_sim.compile.runge_kutta import amplification
+from rig_sim.compile.integrate import amplification
 
 INTERVAL = 1e-3
 

@@ -8,7 +8,7 @@ import pytest
 
 from rig_sim.compile import Graph, cos, maximum, minimum, select_positive, sin, sqrt, tanh
 from rig_sim.compile.operations import Operation
-from rig_sim.compile.scheduling import creation_order
+from rig_sim.compile.tracing import creation_order
 
 
 @pytest.fixture

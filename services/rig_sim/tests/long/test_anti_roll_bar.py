@@ -10,8 +10,7 @@ from rig_sim.compile.model import compile_model
 from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw, Lever
 from rig_sim.model.assembly import assemble
 from rig_sim.model.rig_model import RigModel
-from rig_sim.multibody.effect import Effect
-from rig_sim.multibody.forces import stretch
+from rig_sim.multibody.forces import Effect, stretch
 from rig_sim.multibody.kinematics import Motion, move
 from rig_sim.multibody.spatial import ZERO, Spatial, cross, rotation_about, rotation_from_roll_pitch_yaw
 from rig_sim.multibody.tree import Pose

@@ -11,7 +11,7 @@ from rig_sim import EngineChoice, RigFaultError, load_rig, shipped_specimens
 from rig_sim.compile import Method
 from rig_sim.engines.drake_engine import DrakeEngine
 from rig_sim.multibody.drake_reader import load_plant
-from rig_sim.specimen.documents import read_document
+from rig_sim.specimen.specimen import read_document
 
 RATE = 1000.0
 MULTIBODY_RIGS = sorted(name for name, path in shipped_specimens().items() if "sdf" in read_document(path))

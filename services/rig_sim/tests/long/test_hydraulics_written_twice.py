@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig_sim.hydraulics.actuator import DisplacementActuator, ForceActuator, LoadCell
+from rig_sim.hydraulics.actuator import HydraulicActuator, LoadCell
 from rig_sim.hydraulics.cylinder import Cushion, Cylinder
 from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop
 from rig_sim.hydraulics.servovalve import Servovalve
-from rig_sim.multibody.effect import Effect, Line
+from rig_sim.multibody.forces import Effect, Line
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import ZERO, Spatial
 from rig_sim.multibody.tree import Pose, SpringDamper
@@ -32,7 +32,7 @@ ROD, ROD_DAMPER = 3.0e7, 4.0e3
 #: The piston goes uphill: gravity along the stroke, in m/s^2.
 FALL = -2.0
 
-PLAIN = DisplacementActuator(
+PLAIN = HydraulicActuator(
     name="plain",
     joint_position=0,
     joint_velocity=0,
@@ -51,7 +51,7 @@ PLAIN = DisplacementActuator(
     middle_pressure=142.5e5,
 )
 #: A single-rod cylinder on a two-stage valve with overlap and asymmetric lands, sticking seals, cushions, feed-forward.
-FURNISHED = DisplacementActuator(
+FURNISHED = HydraulicActuator(
     name="furnished",
     joint_position=0,
     joint_velocity=0,
@@ -94,7 +94,7 @@ FURNISHED = DisplacementActuator(
     middle_pressure=142.5e5,
 )
 #: Force by the chambers' pressures, with integral and feed-forward of the command.
-BY_PRESSURE = ForceActuator(
+BY_PRESSURE = HydraulicActuator(
     name="by pressure",
     joint_position=0,
     joint_velocity=0,
@@ -112,7 +112,7 @@ BY_PRESSURE = ForceActuator(
     middle_pressure=142.5e5,
 )
 #: Force by a load cell in the rod, the specimen's motion compensated, on furnished hydraulics.
-BY_LOAD_CELL = ForceActuator(
+BY_LOAD_CELL = HydraulicActuator(
     name="by load cell",
     joint_position=0,
     joint_velocity=0,
@@ -145,7 +145,7 @@ def command(actuator, time):
     """Return the wanted stroke in m or force in N: up to 42 mm or 4.2 kN with a ripple, smooth from rest on."""
     begin = 0.5 - 0.5 * np.cos(pi * min(time / 0.05, 1.0))
     wave = begin * (0.035 * np.sin(2 * pi * 4.0 * time) + 0.007 * np.sin(2 * pi * 17.0 * time))
-    return 1e5 * wave if isinstance(actuator, ForceActuator) else wave
+    return 1e5 * wave if actuator.inputs[0].unit == "N" else wave
 
 
 def root(drop, rated):
@@ -206,7 +206,7 @@ def textbook(actuator, time, state):
     area_a, area_b = c.area, c.rod_side_area or c.area
     p_load = p_a - p_b * area_b / area_a
     force = p_a * area_a - p_b * area_b - friction(c, v) + cushions(c, x, v)
-    pushing = isinstance(actuator, ForceActuator)
+    pushing = actuator.inputs[0].unit == "N"
     rod = ROD * (x - y) + ROD_DAMPER * (v - w) if pushing else 0.0
     # Controller, behind the filter that differentiates its command.
     wanted = command(actuator, time)
@@ -263,7 +263,7 @@ def element(actuator, time, state):
     motion = Motion(poses, velocities, [[Spatial(np.zeros(3), ahead)]], [], [], state[:1], state[1:2])
     own = actuator.apply(motion, state[4:], [command(actuator, time)], effect)
     force, slope = effect.joint_forces[0], 0.0
-    if isinstance(actuator, ForceActuator):
+    if actuator.inputs[0].unit == "N":
         push = BY_LOAD_CELL.load_cell.read(motion)
         force, slope = force - push, FALL
         return [v, force / MASS + slope, w, (push - SPRING * y - DAMPER * w) / SPECIMEN, *own]
@@ -300,7 +300,7 @@ def test_the_second_writing_gives_the_same_trajectories(actuator):
         ("mean load pressure", 1e6 * own[8 + pilot], book[7]),
         ("integral", unit * own[9 + pilot], book[8]),
     ]
-    if isinstance(actuator, ForceActuator):
+    if actuator.inputs[0].unit == "N":
         compared += [("place of the specimen", own[2], book[12]), ("its speed", own[3], book[13])]
     if actuator is BY_LOAD_CELL:
         compared.append(("compensated", own[-1], book[11]))
@@ -311,5 +311,5 @@ def test_the_second_writing_gives_the_same_trajectories(actuator):
     # It was a playback worth comparing: far strokes, work for the valve, and for the furnished one a cushion.
     assert np.abs(book[0]).max() > {"plain": 0.02, "furnished": 0.035}.get(actuator.name, 0.005)
     assert np.abs(book[2]).max() > 0.2
-    if isinstance(actuator, ForceActuator):
+    if actuator.inputs[0].unit == "N":
         assert ROD * np.abs(book[0] - book[12]).max() > 2000.0

@@ -11,7 +11,7 @@ from rig_sim import load_rig, shipped_specimens
 from rig_sim.checks.equilibrium import find_equilibrium
 from rig_sim.checks.proof import ProofError, prove
 from rig_sim.compile.model import compile_model
-from rig_sim.engines.drake_measurement import drake_responses
+from rig_sim.engines.drake_engine import drake_responses
 from rig_sim.model.assembly import assemble
 from rig_sim.model.measurement import Accelerometer, BushingForce, SpindleMoment
 from rig_sim.model.rig_model import RigModel

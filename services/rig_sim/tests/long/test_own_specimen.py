@@ -13,8 +13,7 @@ import pytest
 
 import duralab_bus
 from rig_sim import SpecimenError, load_rig
-from rig_sim.checks.equilibrium import NoEquilibriumError
-from rig_sim.checks.stability import UnstableError, check_stability
+from rig_sim.checks.equilibrium import NoEquilibriumError, UnstableError, check_stability
 
 GUIDE = Path(__file__).resolve().parents[4] / "docs" / "guides" / "own-specimen.md"
 # The campaign needs the other services: tests/long/test_own_specimen_campaign.py runs it.

@@ -7,7 +7,7 @@ from macpherson import write_sdf
 from scipy import signal
 
 from rig_sim import load_rig, shipped_specimens
-from rig_sim.compile.runge_kutta import amplification
+from rig_sim.compile.integrate import amplification
 
 RIGS = {
     "front_axle": (6, 6),

@@ -12,8 +12,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rig_sim.hydraulics.actuator import HydraulicActuator
-from rig_sim.hydraulics.supply import HydraulicSupply
+from rig_sim.hydraulics import HydraulicActuator, HydraulicSupply
 from rig_sim.multibody import Effect, Motion
 
 
