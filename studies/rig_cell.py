@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_gateway import KnowsItsFrf
 from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, PowerSpectrum
 from identifier import (
     Capture,
@@ -18,7 +19,7 @@ from identifier import (
     design_experiment,
     estimate_experiment,
 )
-from rig_sim import KnowsItsFrf, PlayableRig
+from rig_sim import PlayableRig
 
 _NOISE_STREAM = 7919
 """Sets the sensors' noise apart from the drives, which count their seeds from 1."""

@@ -3,14 +3,14 @@
 from duralab_gateway.motion import Block, RigFaultError, Use
 from rig_sim.engines import Engine, EngineChoice
 from rig_sim.loading import load_any_rig
-from rig_sim.playing import KnowsItsFrf, PlayableRig, Playback, Rig, load_rig
+from rig_sim.playing import Playback, Rig, load_rig
 from rig_sim.specimen import Specimen, SpecimenError, load_specimen, shipped_specimens
+from rig_sim.structure import PlayableRig
 
 __all__ = [
     "Block",
     "Engine",
     "EngineChoice",
-    "KnowsItsFrf",
     "PlayableRig",
     "Playback",
     "Rig",

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from duralab_proto.keys import LONGEST_NAME
 from rig_sim.engines import EngineChoice
-from rig_sim.playing import Fault, PlayableRig, load_rig
+from rig_sim.playing import Fault, load_rig
 from rig_sim.specimen import SpecimenError, read_document, shipped_specimens
-from rig_sim.structure import KIND, load_structure
+from rig_sim.structure import KIND, PlayableRig, load_structure
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 

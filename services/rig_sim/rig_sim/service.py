@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from duralab_bus import Bus, ConfigError
 from duralab_gateway import SERVICE, GatewayConfig, RigServer, open_spools, serve_refusal
-from rig_sim.bus import simulated
+from rig_sim.bus import SimulatedRig
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
 from rig_sim.playing import Fault
@@ -73,7 +73,9 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
                 refused[name] = str(error)
                 continue
             wait = config.spool_wait_seconds
-            servers.append(RigServer(bus, simulated(rig), spools, spool_wait_seconds=wait, real_time=config.real_time))
+            servers.append(
+                RigServer(bus, SimulatedRig(rig), spools, spool_wait_seconds=wait, real_time=config.real_time)
+            )
             # Last: whoever sees a rig may ask it.
             bus.declare_live(SERVICE, name)
         if not servers:

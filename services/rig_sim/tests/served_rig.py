@@ -11,7 +11,7 @@ import duralab_bus
 from duralab_gateway import SERVICE, RigServer
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import rig_pb2
-from rig_sim.bus import simulated
+from rig_sim.bus import SimulatedRig
 
 RIG = "front_axle"
 WAIT = 120.0
@@ -77,7 +77,7 @@ class Client:
 def served(rig, *, real_time=False):
     with duralab_bus.open_bus(service=SERVICE) as server_bus:
         server = RigServer(
-            server_bus, simulated(rig), duralab_bus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time
+            server_bus, SimulatedRig(rig), duralab_bus.SpoolSpace(2**26), spool_wait_seconds=1.0, real_time=real_time
         )
         server_bus.declare_live(SERVICE, RIG)
         with duralab_bus.open_bus(duralab_bus.BusConfig(connect=tuple(server_bus.listening)), service="client") as bus:

@@ -7,7 +7,7 @@ from duralab_bus import FaultError
 from duralab_gateway import Approach, check_drive
 from duralab_proto.v1 import array_pb2, rig_pb2
 from rig_sim import shipped_specimens
-from rig_sim.bus.simulated_rig import _drive_channel
+from rig_sim.bus import _drive_channel
 from rig_sim.specimen.specimen import Specimen, read_specimen
 from rig_sim.structure.specimen import StructureSpecimen
 

@@ -7,7 +7,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from rig_sim import SpecimenError, load_rig, shipped_specimens
-from rig_sim.playing.faults import Fault, FaultySensors, break_specimen
+from rig_sim.playing.faults import Fault, break_specimen
+from rig_sim.playing.simulated_playback import FaultySensors
 
 TIME = np.arange(2000) / 1000.0
 CHANNEL = "left_vertical"

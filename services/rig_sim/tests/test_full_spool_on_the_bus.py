@@ -9,7 +9,7 @@ import duralab_bus
 from duralab_gateway import SERVICE, RigServer
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
-from rig_sim.bus import simulated
+from rig_sim.bus import SimulatedRig
 
 RIG = "front_axle"
 WAIT = 120.0
@@ -31,7 +31,7 @@ class Lab:
         bus.declare_live("recorder", "main")
         rig_bus.wait_for_live({("recorder", "main")}, WAIT)
         self.space = duralab_bus.SpoolSpace(ROOM_BLOCKS * 10_000)
-        self.server = RigServer(rig_bus, simulated(rig), self.space, spool_wait_seconds=0.3)
+        self.server = RigServer(rig_bus, SimulatedRig(rig), self.space, spool_wait_seconds=0.3)
         rig_bus.declare_live(SERVICE, RIG)
         bus.wait_for_live({(SERVICE, RIG)}, WAIT)
         self.description = bus.query(keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)

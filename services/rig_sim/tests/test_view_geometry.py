@@ -8,11 +8,11 @@ import pytest
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
-from rig_sim.bus.view_messages import describe_view
+from rig_sim.bus import describe_rig
 from rig_sim.model.assembly import assemble
 from rig_sim.multibody.drake_reader import load_plant, read_tree
 from rig_sim.specimen.specimen import load_specimen
-from rig_sim.view.geometry import BoxSolid, LinkKind, MeshSolid, ShapeRole, SphereSolid, view_geometry
+from rig_sim.view import view_geometry
 
 CUBE = """v 0 0 0
 v 1 0 0
@@ -32,9 +32,7 @@ VISUALS = """<visual name="a_box"><pose>0 0 0.5 0 0 0</pose>
 
 @pytest.fixture
 def described(front_axle):
-    description = rig_pb2.RigDescription()
-    describe_view(front_axle, description)
-    return description
+    return describe_rig(front_axle)
 
 
 def positions_of(description):
@@ -52,20 +50,19 @@ def in_world(pose, point):
 def test_every_visual_of_the_sdf_is_drawn_on_its_body(front_axle):
     root = Xml.parse(shipped_specimens()["front_axle"].with_suffix(".sdf")).getroot()
     wanted = {(link.get("name"), visual.get("name")) for link in root.iter("link") for visual in link.iter("visual")}
-    tree = front_axle.model.assembly.tree
-    drawn = {(tree.bodies[shape.body].name, shape.name) for shape in front_axle.geometry.shapes}
+    drawn = {(shape.body, shape.name) for shape in front_axle.geometry.shapes}
     assert wanted <= drawn
 
 
 def test_each_actuator_has_a_cylinder_a_piston_and_a_line(front_axle):
     drives = {channel.name for channel in front_axle.specimen.drives}
     geometry = front_axle.geometry
-    assert {link.name for link in geometry.links if link.kind is LinkKind.ACTUATOR} == drives
-    assert {shape.name for shape in geometry.shapes if shape.role is ShapeRole.CYLINDER} == {
+    assert {link.name for link in geometry.links if link.kind == rig_pb2.LINK_KIND_ACTUATOR} == drives
+    assert {shape.name for shape in geometry.shapes if shape.role == rig_pb2.SHAPE_ROLE_CYLINDER} == {
         f"{name}_cylinder" for name in drives
     }
-    assert sum(shape.role is ShapeRole.PISTON for shape in geometry.shapes) == len(drives)
-    assert sum(shape.role is ShapeRole.WHEEL for shape in geometry.shapes) == 2
+    assert sum(shape.role == rig_pb2.SHAPE_ROLE_PISTON for shape in geometry.shapes) == len(drives)
+    assert sum(shape.role == rig_pb2.SHAPE_ROLE_WHEEL for shape in geometry.shapes) == 2
 
 
 def test_an_actuators_line_is_its_stroke_longer_when_the_piston_moves(front_axle):
@@ -78,7 +75,7 @@ def test_an_actuators_line_is_its_stroke_longer_when_the_piston_moves(front_axle
         positions[joint.position_start] = stroke
         bodies = dict(enumerate(front_axle.poses.frames(positions), start=1))
         head = bodies[joint.child][9:]
-        lengths.append(np.linalg.norm(head - link.point_a))
+        lengths.append(np.linalg.norm(head - from_array(link.point_a, field="point_a")))
     # From the foot to the piston's head: the head comes out by the stroke.
     assert lengths[1] - lengths[0] == pytest.approx(0.05)
     # Half-way the head stands three half strokes of 0.125 m from the foot.
@@ -124,11 +121,10 @@ def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(tmp_path):
     sdf = tmp_path / "front_axle.sdf"
     assembly = assemble(load_specimen(tmp_path / "front_axle.yaml"), read_tree(load_plant(sdf)))
     solids = {shape.name: shape for shape in view_geometry(sdf, assembly).shapes}
-    box, ball, mesh = (solids[name].solid for name in ("a_box", "a_ball", "a_mesh"))
-    assert isinstance(box, BoxSolid)
-    np.testing.assert_allclose(box.size, [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(solids["a_box"].pose.origin, [0.0, 0.0, 0.5])
-    assert ball == SphereSolid(0.2)
-    assert isinstance(mesh, MeshSolid)
-    assert len(mesh.triangles) == 4
-    np.testing.assert_allclose(sorted(map(tuple, mesh.vertices)), [(0, 0, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)])
+    box, mesh = solids["a_box"].box, solids["a_mesh"].mesh
+    np.testing.assert_allclose([box.x, box.y, box.z], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(from_array(solids["a_box"].pose, field="pose")[:3], [0.0, 0.0, 0.5])
+    assert solids["a_ball"].sphere.radius == pytest.approx(0.2)
+    assert len(mesh.corners) == 3 * 4
+    vertices = from_array(mesh.vertices, field="vertices")
+    np.testing.assert_allclose(sorted(map(tuple, vertices)), [(0, 0, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)])

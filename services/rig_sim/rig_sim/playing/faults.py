@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rig_sim.hydraulics import all_supplies
@@ -166,38 +165,3 @@ def _check_channel(fault: SensorFault, *, rig: str, channels: Sequence[str]) -> 
 
 def _unknown(rig: str, fault: Fault, name: str, known: Sequence[str]) -> SpecimenError:
     return SpecimenError(f"fault {fault.kind} of {rig} names {name!r}; there are {', '.join(known) or 'none'}.")
-
-
-class FaultySensors:
-    """Sensors with faults, applied block by block; the same bytes however the record is cut into blocks."""
-
-    def __init__(self, faults: Sequence[Fault], *, channels: Sequence[str], sample_rate: float, seed: int) -> None:
-        self._faults = [fault for fault in faults if isinstance(fault, SensorFault)]
-        self._rows = [list(channels).index(fault.channel) for fault in self._faults]
-        self._rate = sample_rate
-        self._stuck: dict[int, float] = {}
-        self._noise = {
-            index: np.random.default_rng(np.random.SeedSequence([seed, index, fault.seed]))
-            for index, fault in enumerate(self._faults)
-            if isinstance(fault, NoisySensor)
-        }
-
-    def inject_faults(self, first_sample: int, response: np.ndarray) -> np.ndarray:
-        """Return what the broken sensors say."""
-        if not self._faults:
-            return response
-        faulty = response.copy()
-        for index, (fault, row) in enumerate(zip(self._faults, self._rows, strict=True)):
-            begin = max(round(fault.start * self._rate) - first_sample, 0)
-            values = faulty[row, begin:]
-            if values.size == 0:
-                continue
-            match fault:
-                case StuckSensor():
-                    values[:] = self._stuck.setdefault(index, float(values[0]))
-                case NoisySensor():
-                    values += fault.rms * self._noise[index].standard_normal(values.size)
-                case DriftingGain():
-                    seconds = (first_sample + begin + np.arange(values.size)) / self._rate - fault.start
-                    values *= 1.0 + fault.rate * seconds
-        return faulty

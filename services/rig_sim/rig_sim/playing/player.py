@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, Use, Watchdog, when
+from duralab_gateway.motion import Block, RigFaultError, Use, Watchdog, when
+from duralab_proto.v1 import rig_pb2
 from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
 from rig_sim.compile import CompiledModel, compile_model
 from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
 from rig_sim.hydraulics import HydraulicActuator
 from rig_sim.model import RigModel, assemble
 from rig_sim.multibody import load_plant, read_tree
-from rig_sim.playing.faults import Fault, FaultySensors, break_specimen
-from rig_sim.playing.playable import BLOCK_SAMPLES
-from rig_sim.playing.software import software_hash
+from rig_sim.playing.faults import Fault, break_specimen
+from rig_sim.playing.simulated_playback import BLOCK_SAMPLES, SimulatedPlayback
+from rig_sim.playing.software import content_hash
 from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen, set_up_watchdogs
-from rig_sim.view import Poses, ViewGeometry, view_geometry
+from rig_sim.view import Poses, view_geometry
 
 #: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
 FULL_LOAD_PRESSURE = 0.95
@@ -111,8 +111,8 @@ class Rig:
         SHA-256 of everything that decides what the rig answers to a drive.
     poses : Poses
         Forward kinematics, for a view.
-    geometry : ViewGeometry
-        What a view draws.
+    geometry : rig_pb2.RigDescription
+        Bodies, shapes and links of its description: what a view draws.
     watchdogs : tuple of Watchdog
         What stops a playback.
     faults : tuple of Fault
@@ -129,7 +129,7 @@ class Rig:
     static_response: np.ndarray
     content_hash: str
     poses: Poses
-    geometry: ViewGeometry
+    geometry: rig_pb2.RigDescription
     watchdogs: tuple[Watchdog, ...] = ()
     faults: tuple[Fault, ...] = ()
 
@@ -194,11 +194,7 @@ def load_rig(
     if engine.engine is Engine.COMPILED:  # Drake controls its own steps
         check_step(at_rest, names=model.state_names, specimen=specimen)
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
-    digest = hashlib.sha256(f"software {software_hash()}\nengine {engine.model_dump_json()}\n".encode())
-    for file in (sdf, *document_files(path)):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
-    for fault in faults:
-        digest.update(fault.model_dump_json().encode())
+    files = (sdf, *document_files(path))
     player = DrakeEngine(model, plant, engine) if engine.engine is Engine.DRAKE else compiled
     return Rig(
         specimen=specimen,
@@ -209,7 +205,7 @@ def load_rig(
         proof=proof,
         rest=rest,
         static_response=static,
-        content_hash=digest.hexdigest(),
+        content_hash=content_hash(files, faults, engine=f"engine {engine.model_dump_json()}\n"),
         poses=Poses(tree),
         geometry=view_geometry(sdf, model.assembly),
         watchdogs=_watchdogs(specimen, model),
@@ -231,28 +227,13 @@ def _watchdogs(specimen: Specimen, model: RigModel) -> tuple[Watchdog, ...]:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
 
 
-class Playback(DrivePlayback):
+class Playback(SimulatedPlayback):
     """A playback of a multibody rig, made by `Rig.playback`; read `uses()` at its end."""
 
     def __init__(self, rig: Rig, drive: np.ndarray, *, seed: int) -> None:
-        super().__init__(
-            drive,
-            channels=rig.specimen.drives,
-            approach=rig.specimen.approach,
-            sample_rate=rig.specimen.sample_rate,
-            responses=len(rig.specimen.responses),
-            block_samples=rig.block_samples,
-        )
+        super().__init__(rig.specimen, drive, seed=seed, faults=rig.faults, block_samples=rig.block_samples)
         self._rig = rig
         self._state = rig.rest.copy()
-        self._noise = np.random.default_rng(seed)
-        self._noise_rms = np.array([channel.noise_rms for channel in rig.specimen.responses])[:, None]
-        self._sensors = FaultySensors(
-            rig.faults,
-            channels=rig.model.response_names,
-            sample_rate=rig.specimen.sample_rate,
-            seed=seed,
-        )
         self._actuators = [element for element in rig.model.assembly.elements if isinstance(element, HydraulicActuator)]
         self._meter = UseMeter(self._actuators, drives=rig.model.input_names, outputs=rig.player.output_names)
         self._bounds = self._state_bounds()
@@ -287,13 +268,10 @@ class Playback(DrivePlayback):
         if counted:
             self._meter.count(following_error, played.outputs)
         responses = len(rig.specimen.responses)
-        # One row of noise a sample: the same numbers however the record is cut into blocks.
-        noise = self._noise.standard_normal((played.outputs.shape[1], responses)).T
-        measured = played.outputs[:responses] + self._noise_rms * noise
         return Block(
             first_sample=first,
             drive=commands[:, :-1],
-            response=self._sensors.inject_faults(first, measured),
+            response=self._sensed(first, played.outputs[:responses]),
             following_error=following_error,
             monitored=played.outputs[responses:],
         )

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+
+from pydantic import BaseModel
 
 _PACKAGE = "rig_sim"
 #: Ways in and out, and the blocks of a playback.
@@ -22,6 +25,16 @@ def software_hash() -> str:
     Where a module lies does not count: one that only moves leaves every rig's content hash as it is.
     """
     return sources_hash(Path(str(files(_PACKAGE))), Path(str(files(_MOTION))))
+
+
+def content_hash(files: Iterable[Path], faults: Iterable[BaseModel], *, engine: str = "") -> str:
+    """Return the SHA-256 of everything that decides what a rig answers: software, engine, files and faults."""
+    digest = hashlib.sha256(f"software {software_hash()}\n{engine}".encode())
+    for file in files:
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for fault in faults:
+        digest.update(fault.model_dump_json().encode())
+    return digest.hexdigest()
 
 
 def sources_hash(*folders: Path) -> str:

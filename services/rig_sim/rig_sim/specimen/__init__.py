@@ -2,9 +2,11 @@
 
 from rig_sim.specimen.responses import (
     AccelerationChannel,
+    Axis,
     BushingChannel,
     Quantity,
     ResponseChannel,
+    SensorChannel,
     SpindleChannel,
     StrutChannel,
 )
@@ -12,6 +14,7 @@ from rig_sim.specimen.specimen import (
     AntiRollBarPart,
     InputChannel,
     Name,
+    RigSpecimen,
     RubberPart,
     Specimen,
     SpecimenError,
@@ -30,13 +33,16 @@ from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
 __all__ = [
     "AccelerationChannel",
     "AntiRollBarPart",
+    "Axis",
     "BushingChannel",
     "InputChannel",
     "Name",
     "Quantity",
     "ResponseChannel",
+    "RigSpecimen",
     "RubberPart",
     "Specimen",
+    "SensorChannel",
     "SpecimenError",
     "SpindleChannel",
     "StrutChannel",

@@ -7,11 +7,13 @@ mount of a bushing. What they measure is said in :mod:`rig_sim.model.measurement
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from pydantic import BaseModel, Discriminator, Tag
 
 from rig_sim.parameters import STRICT, Name, NotNegative, Positive, Vector
+
+Axis = Literal["x", "y", "z"]
 
 
 class Quantity(StrEnum):
@@ -35,7 +37,14 @@ UNIT_OF = {
 }
 
 
-class _ResponseChannel(BaseModel):
+class _Measuring(Protocol):
+    @property
+    def quantity(self) -> Quantity: ...
+
+
+class SensorChannel(BaseModel):
+    """A measured channel."""
+
     model_config = STRICT
 
     name: Name
@@ -44,8 +53,13 @@ class _ResponseChannel(BaseModel):
     noise_rms: NotNegative
     label: str
 
+    @property
+    def unit(self: _Measuring) -> str:
+        """Unit of its quantity."""
+        return UNIT_OF[self.quantity]
 
-class SpindleChannel(_ResponseChannel):
+
+class SpindleChannel(SensorChannel):
     """One component of force or moment at a wheel-force transducer, on the spindle, in the transducer's axes.
 
     The moment, in N*m, is about the transducer's own centre: the origin of the weld, in the shipped rigs the wheel's.
@@ -53,68 +67,39 @@ class SpindleChannel(_ResponseChannel):
 
     #: The weld in the SDF that is the transducer; its child is the wheel.
     transducer: str
-    axis: Literal["x", "y", "z"]
+    axis: Axis
     quantity: Literal[Quantity.FORCE, Quantity.MOMENT] = Quantity.FORCE
 
-    @property
-    def unit(self) -> str:
-        """N or N*m."""
-        return UNIT_OF[self.quantity]
 
-
-class AccelerationChannel(_ResponseChannel):
+class AccelerationChannel(SensorChannel):
     """One component of the acceleration of a point, in the body's axes, without gravity."""
 
     #: The body that carries the sensor, and where, in the model's frame at design height, in m.
     body: str
     point: Vector
-    axis: Literal["x", "y", "z"]
+    axis: Axis
 
-    @property
-    def quantity(self) -> Quantity:
-        """What it measures."""
-        return Quantity.ACCELERATION
-
-    @property
-    def unit(self) -> str:
-        """m/s^2."""
-        return UNIT_OF[self.quantity]
+    quantity: ClassVar = Quantity.ACCELERATION
 
 
-class StrutChannel(_ResponseChannel):
+class StrutChannel(SensorChannel):
     """The compression of a strut from its design length, positive when shorter."""
 
     #: Name of the strut; of a mirrored one, left_ or right_ included.
     strut: str
 
-    @property
-    def quantity(self) -> Quantity:
-        """What it measures."""
-        return Quantity.DISPLACEMENT
-
-    @property
-    def unit(self) -> str:
-        """Metre."""
-        return UNIT_OF[self.quantity]
+    quantity: ClassVar = Quantity.DISPLACEMENT
 
 
-class BushingChannel(_ResponseChannel):
+class BushingChannel(SensorChannel):
     """One component of the force on the mount of a bushing (frame A), in its axes, rubber of the YAML included."""
 
     #: The two frames of the bushing in the SDF.
     frame_a: str
     frame_c: str
-    axis: Literal["x", "y", "z"]
+    axis: Axis
 
-    @property
-    def quantity(self) -> Quantity:
-        """What it measures."""
-        return Quantity.FORCE
-
-    @property
-    def unit(self) -> str:
-        """Newton."""
-        return UNIT_OF[self.quantity]
+    quantity: ClassVar = Quantity.FORCE
 
 
 #: Names of the kinds, which pydantic puts into the place of an error; they are no keys of the YAML.

@@ -220,22 +220,35 @@ class InputChannel(BaseModel):
         return self
 
 
-class Specimen(BaseModel):
-    """A rig and what is mounted on it."""
+class RigSpecimen(BaseModel):
+    """What the YAML of every kind of rig says."""
 
     model_config = STRICT
 
     name: RigName
     title: str
+    #: The only sample rate it plays, in Hz.
+    sample_rate: Positive
+    #: Longest drive, in s.
+    longest_drive: Positive
+    #: How it gets to a drive's first sample, and back to rest.
+    approach: Approach = Approach()
+    #: What makes the rig ramp down and latch while it plays.
+    watchdogs: WatchdogLimits = WatchdogLimits()
+    #: Channels of the kind of rig: an `InputChannel` each, and a `SensorChannel` each.
+    drives: Annotated[tuple[Any, ...], Field(min_length=1)]
+    responses: Annotated[tuple[Any, ...], Field(min_length=1)]
+
+
+class Specimen(RigSpecimen):
+    """A rig and what is mounted on it."""
+
     #: Name of the SDF or URDF, which lies beside the YAML.
     sdf: SdfName
-    #: The only sample rate it plays, in Hz, and integration steps per sample.
-    sample_rate: Positive
+    #: Integration steps per sample.
     substeps: Annotated[int, Field(ge=1, le=100)]
     #: How a step is taken; the engine drake chooses by itself.
     integrator: Method = Method.RUNGE_KUTTA_4
-    #: Longest drive, in s.
-    longest_drive: Positive
     supply: Supply | None = None
     #: More supplies, e.g. one per side; an actuator names the one that feeds it.
     supplies: dict[Name, Supply] = {}
@@ -245,10 +258,6 @@ class Specimen(BaseModel):
     rubber: tuple[RubberPart, ...] = ()
     anti_roll_bars: tuple[AntiRollBarPart, ...] = ()
     tyres: tuple[TyrePart, ...] = ()
-    #: How it gets to a drive's first sample, and back to rest.
-    approach: Approach = Approach()
-    #: What makes the rig ramp down and latch while it plays.
-    watchdogs: WatchdogLimits = WatchdogLimits()
     drives: Annotated[tuple[InputChannel, ...], Field(min_length=1)]
     responses: Annotated[tuple[ResponseChannel, ...], Field(min_length=1)]
 

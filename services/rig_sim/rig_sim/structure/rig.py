@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
-from duralab_gateway.motion import Block, DrivePlayback, Use, Watchdog
-from rig_sim.playing import BLOCK_SAMPLES, Fault, FaultySensors, SensorFault, sensor_faults, software_hash, title_suffix
+from duralab_gateway.motion import Block, Use, Watchdog
+from rig_sim.playing import (
+    BLOCK_SAMPLES,
+    Fault,
+    Rig,
+    SensorFault,
+    SimulatedPlayback,
+    content_hash,
+    sensor_faults,
+    title_suffix,
+)
 from rig_sim.specimen import SpecimenError, document_files, read_specimen, set_up_watchdogs
 from rig_sim.structure.modal_model import Complex, ModalModel, SampledModel, find_modes
 from rig_sim.structure.specimen import StructureSpecimen
@@ -56,6 +65,10 @@ class StructureRig:
         return self.modes.sampled_frf(frequency, self.specimen.sample_rate)
 
 
+PlayableRig: TypeAlias = Rig | StructureRig
+"""Any rig of this simulator."""
+
+
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """Load a structure from its YAML, with faults of its sensors.
 
@@ -77,40 +90,20 @@ def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
         )
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
-    digest = hashlib.sha256(f"software {software_hash()}\n".encode())
-    for file in document_files(path):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
-    for fault in faults:
-        digest.update(fault.model_dump_json().encode())
-    sampled = modes.sampled(specimen.sample_rate)
-    return StructureRig(specimen, modes, sampled, digest.hexdigest(), watchdogs, broken)
+    digest = content_hash(document_files(path), faults)
+    return StructureRig(specimen, modes, modes.sampled(specimen.sample_rate), digest, watchdogs, broken)
 
 
-class StructurePlayback(DrivePlayback):
+class StructurePlayback(SimulatedPlayback):
     """A playback of a structure; read `uses()` at its end."""
 
     def __init__(self, rig: StructureRig, drive: np.ndarray, *, seed: int) -> None:
-        super().__init__(
-            drive,
-            channels=rig.specimen.drives,
-            approach=rig.specimen.approach,
-            sample_rate=rig.specimen.sample_rate,
-            responses=len(rig.specimen.responses),
-            block_samples=rig.block_samples,
-        )
+        super().__init__(rig.specimen, drive, seed=seed, faults=rig.faults, block_samples=rig.block_samples)
         self._rig = rig
         model = rig.sampled
         # One product a sample, always of the same shape: the same bits however the record is cut into blocks.
         self._step = np.block([[model.a, model.b0, model.b1], [model.c, model.d, np.zeros_like(model.d)]])
         self._states = len(model.a)
-        self._noise = np.random.default_rng(seed)
-        self._noise_rms = np.array([channel.noise_rms for channel in rig.specimen.responses])
-        self._sensors = FaultySensors(
-            rig.faults,
-            channels=[channel.name for channel in rig.specimen.responses],
-            sample_rate=rig.specimen.sample_rate,
-            seed=seed,
-        )
         self._state = np.zeros(self._states)
 
     def uses(self) -> list[Use]:
@@ -124,7 +117,7 @@ class StructurePlayback(DrivePlayback):
         return Block(
             first_sample=first,
             drive=drive,
-            response=self._sensors.inject_faults(first, self._measured(commands)),
+            response=self._sensed(first, self._measured(commands)),
             following_error=np.zeros(drive.shape),
             monitored=np.empty((0, drive.shape[1])),
         )
@@ -135,11 +128,11 @@ class StructurePlayback(DrivePlayback):
         # State, force now and force at the next sample, side by side: what one step is made of.
         own = np.concatenate([self._state, np.zeros(2 * len(forces))])
         following = np.ascontiguousarray(np.vstack([forces[:, :-1], forces[:, 1:]]).T)
-        measured = np.empty((count, len(self._noise_rms)))
+        measured = np.empty((count, len(self._rig.specimen.responses)))
         for sample in range(count):
             own[states:] = following[sample]
             step = self._step @ own
             own[:states] = step[:states]
             measured[sample] = step[states:]
         self._state = own[:states]
-        return (measured + self._noise_rms * self._noise.standard_normal(measured.shape)).T
+        return measured.T

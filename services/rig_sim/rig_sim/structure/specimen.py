@@ -5,20 +5,18 @@ It is told from a multibody specimen by `kind: state_space` and has no SDF.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
-from duralab_gateway.motion import Approach
-from rig_sim.parameters import STRICT, NotNegative, Positive, RigName, Vector
-from rig_sim.specimen import InputChannel, Name, Quantity, WatchdogLimits
+from rig_sim.parameters import STRICT, NotNegative, Positive, Vector
+from rig_sim.specimen import Axis, InputChannel, Name, Quantity, RigSpecimen, SensorChannel
 from rig_sim.structure.beam import Section
 
 KIND = "state_space"
 
 DampingRatio = Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)]
-Axis = Literal["x", "y", "z"]
 
 
 class Beam(BaseModel):
@@ -66,29 +64,13 @@ class Shaker(InputChannel):
         return self
 
 
-class Accelerometer(BaseModel):
-    """A response: the acceleration of a point along an axis."""
+class Accelerometer(SensorChannel):
+    """A response: the acceleration of a point along an axis, in m/s^2."""
 
-    model_config = STRICT
-
-    name: Name
     point: str
     axis: Axis
-    #: Range of the sensor, in m/s^2.
-    range: Positive
-    #: RMS of the sensor's white noise, in m/s^2.
-    noise_rms: NotNegative
-    label: str
 
-    @property
-    def unit(self) -> str:
-        """Unit of what it measures."""
-        return "m/s^2"
-
-    @property
-    def quantity(self) -> Quantity:
-        """What it measures."""
-        return Quantity.ACCELERATION
+    quantity: ClassVar = Quantity.ACCELERATION
 
 
 class Damping(BaseModel):
@@ -101,18 +83,10 @@ class Damping(BaseModel):
     further: DampingRatio
 
 
-class StructureSpecimen(BaseModel):
+class StructureSpecimen(RigSpecimen):
     """A structure on soft cords, its shakers and its accelerometers."""
 
-    model_config = STRICT
-
     kind: Literal["state_space"]
-    name: RigName
-    title: str
-    #: The only sample rate it plays, in Hz.
-    sample_rate: Positive
-    #: Longest drive, in s.
-    longest_drive: Positive
     #: Modes up to here are played, in Hz; those below `suspension_below` belong to the cords.
     highest_mode: Positive
     suspension_below: Positive
@@ -123,10 +97,6 @@ class StructureSpecimen(BaseModel):
     masses: tuple[PointMass, ...] = ()
     bungees: Annotated[tuple[Bungee, ...], Field(min_length=1)]
     damping: Damping
-    #: How it gets to a drive's first sample, and back to rest.
-    approach: Approach = Approach()
-    #: What makes the rig ramp down and latch while it plays.
-    watchdogs: WatchdogLimits = WatchdogLimits()
     drives: Annotated[tuple[Shaker, ...], Field(min_length=1)]
     responses: Annotated[tuple[Accelerometer, ...], Field(min_length=1)]
 

@@ -12,7 +12,7 @@ from duralab_gateway import check_drive
 from rig_sim.bus import describe_rig
 from rig_sim.loading import load_any_rig
 from rig_sim.specimen.specimen import SpecimenError, shipped_specimens
-from rig_sim.structure import finite_elements
+from rig_sim.structure import modal_model
 
 PATH = shipped_specimens()["aerospace"]
 
@@ -64,7 +64,7 @@ def test_it_has_ten_elastic_modes_between_3_and_80_hz_two_of_them_close_and_all_
 
 def test_it_has_the_mass_of_its_aluminium(aerospace):
     metal = 2700.0 * (1.5 * 0.05 * 0.15 + 0.1 * 0.01 * (2.0 + 2 * 0.4 + 0.38 + 0.4))
-    _, mass, _ = finite_elements._assemble(aerospace.specimen)
+    _, mass, _ = modal_model._assemble(aerospace.specimen)
     along_x = np.zeros(len(mass))
     along_x[::6] = 1.0
     assert along_x @ mass @ along_x == pytest.approx(metal + 0.3, rel=1e-9)

@@ -7,32 +7,19 @@ from importlib.metadata import version
 import numpy as np
 
 from duralab_gateway import Run
-from duralab_gateway.motion import Approach, DrivePlayback, Watchdog
+from duralab_gateway.motion import Approach, DrivePlayback, Watchdog, to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
-from rig_sim.bus.view_messages import describe_view
-from rig_sim.playing import KnowsItsFrf, PlayableRig, PlayableSpecimen, Rig
+from rig_sim.playing import Rig
 from rig_sim.specimen import InputChannel, Quantity
+from rig_sim.structure import PlayableRig, StructureRig
 
 #: A simulation that runs ahead of the clock publishes so many blocks as one.
 _BLOCKS_TOGETHER = 4
 
-_KINDS = {
-    Quantity.ACCELERATION: array_pb2.CHANNEL_KIND_ACCELERATION,
-    Quantity.DISPLACEMENT: array_pb2.CHANNEL_KIND_DISPLACEMENT,
-    Quantity.FORCE: array_pb2.CHANNEL_KIND_FORCE,
-    Quantity.MOMENT: array_pb2.CHANNEL_KIND_MOMENT,
-    Quantity.RATIO: array_pb2.CHANNEL_KIND_RATIO,
-    Quantity.VELOCITY: array_pb2.CHANNEL_KIND_VELOCITY,
-}
-
 
 def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
-    """Return what a simulated rig says of itself.
-
-    `rig`: At rest.
-    Returns: With the shapes of a multibody rig.
-    """
+    """Return what a simulated rig says of itself, with the shapes of a multibody rig."""
     specimen = rig.specimen
     description = rig_pb2.RigDescription(
         rig=specimen.name,
@@ -41,34 +28,38 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
         version=version("duralab-rig-sim"),
         sample_rate=specimen.sample_rate,
         drives=[_drive_channel(channel) for channel in specimen.drives],
-        responses=_response_channels(specimen),
+        responses=[
+            array_pb2.Channel(
+                name=channel.name,
+                unit=channel.unit,
+                kind=_kind(channel.quantity),
+                minimum=-channel.range,
+                maximum=channel.range,
+                label=channel.label,
+                watchdog=specimen.watchdogs.responses.get(channel.name, 0.0),
+            )
+            for channel in specimen.responses
+        ],
         longest_drive_seconds=specimen.longest_drive,
         static_response=to_array(rig.static_response),
         block_samples=_BLOCKS_TOGETHER * rig.block_samples,
         content_hash=rig.content_hash,
     )
     if isinstance(rig, Rig):
-        describe_view(rig, description)
+        description.MergeFrom(rig.geometry)
+        rest = rig.poses.frames(rig.rest[: rig.model.position_count])
+        description.rest_poses.CopyFrom(to_array(to_poses(rest[None])[0]))
     return description
 
 
-def simulated(rig: PlayableRig) -> SimulatedRig:
-    """Return a rig as the gateway serves it; one that knows its FRF says it.
-
-    `rig`: At rest.
-    Returns: With a `sampled_frf` where the rig has one.
-    """
-    return SimulatedLinearRig(rig) if isinstance(rig, KnowsItsFrf) else SimulatedRig(rig)
-
-
 class SimulatedRig:
-    """A rig of this simulator behind a gateway; it has nothing to stop and nothing to make ready.
-
-    `rig`: At rest.
-    """
+    """A rig of this simulator, at rest, behind a gateway; it has nothing to stop and nothing to make ready."""
 
     def __init__(self, rig: PlayableRig) -> None:
         self._rig = rig
+        if isinstance(rig, StructureRig):
+            # A rig that has it says that it knows its FRF.
+            self.sampled_frf = rig.sampled_frf
 
     @property
     def approach(self) -> Approach:
@@ -95,40 +86,17 @@ class SimulatedRig:
         """Do nothing: every playback begins at rest."""
 
 
-class SimulatedLinearRig(SimulatedRig):
-    """A rig of this simulator whose FRF is known in closed form."""
-
-    def __init__(self, rig: KnowsItsFrf) -> None:
-        super().__init__(rig)
-        self._linear = rig
-
-    def sampled_frf(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the FRF (lines, responses, drives) at frequencies (lines,) in Hz."""
-        return self._linear.sampled_frf(frequency)
+def _kind(quantity: Quantity) -> array_pb2.ChannelKind:
+    return array_pb2.ChannelKind.Value(f"CHANNEL_KIND_{quantity.name}")
 
 
 def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
     return array_pb2.Channel(
         name=channel.name,
         unit=channel.unit,
-        kind=_KINDS[channel.quantity],
+        kind=_kind(channel.quantity),
         minimum=channel.minimum,
         maximum=channel.maximum,
         slew_limit=channel.slew_limit,
         label=channel.label,
     )
-
-
-def _response_channels(specimen: PlayableSpecimen) -> list[array_pb2.Channel]:
-    return [
-        array_pb2.Channel(
-            name=channel.name,
-            unit=channel.unit,
-            kind=_KINDS[channel.quantity],
-            minimum=-channel.range,
-            maximum=channel.range,
-            label=channel.label,
-            watchdog=specimen.watchdogs.responses.get(channel.name, 0.0),
-        )
-        for channel in specimen.responses
-    ]
