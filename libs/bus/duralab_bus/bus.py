@@ -30,7 +30,7 @@ from duralab_bus.session import (
     open_session,
 )
 from duralab_bus.spool import SPOOL_BYTES, SpoolFolder, SpoolSpace
-from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamMetrics, StreamPublisher, Subscription
+from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamPublisher, Subscription, follow_streams
 from duralab_proto.access import Operation
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import health_pb2, query_pb2
@@ -102,10 +102,12 @@ class Bus:
         self._subscriptions: set[Subscription[Any]] = set()
         self._watches: set[LiveWatch] = set()
         self._spaces: set[SpoolSpace] = set()
-        streams = StreamMetrics(self.metrics)
-        streams.follow_spools(self._spaces, lambda: self._replays.unstored)
-        streams.follow_subscriptions(self._subscriptions)
-        self._published = streams.published
+        self._published = follow_streams(
+            self.metrics,
+            spaces=self._spaces,
+            unstored=lambda: self._replays.unstored,
+            subscriptions=self._subscriptions,
+        )
         self._health = HealthService(self.metrics)
         self._closing = threading.Lock()
         self._closed = False

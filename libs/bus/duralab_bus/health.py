@@ -15,9 +15,8 @@ from pydantic import BaseModel, ConfigDict
 
 from duralab_bus.bus import open_bus
 from duralab_bus.faults import BusError, FaultError
-from duralab_bus.process import configured
 from duralab_bus.session import BusConfig, BusMode
-from duralab_bus.yaml_config import ConfigError
+from duralab_bus.yaml_config import ConfigError, configured
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import health_pb2
 
@@ -62,16 +61,10 @@ def main() -> int:
         if not config.bus.connect:
             raise ConfigError("The service connects to nobody, so nobody can look at it; name an endpoint in connect.")
         check_health(config.bus, options.service, options.instance, timeout_seconds=options.timeout)
-    except ConfigError as error:
-        return _report(error, EXIT_MISCONFIGURED)
-    except (BusError, FaultError) as error:
-        return _report(error, EXIT_SICK)
+    except (ConfigError, BusError, FaultError) as error:
+        sys.stderr.write(f"{error}\n")
+        return EXIT_MISCONFIGURED if isinstance(error, ConfigError) else EXIT_SICK
     return 0
-
-
-def _report(error: Exception, code: int) -> int:
-    sys.stderr.write(f"{error}\n")
-    return code
 
 
 if __name__ == "__main__":

@@ -7,8 +7,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 import duralab_bus
-from duralab_bus.metrics.prometheus import MetricsConfig, serve_metrics
-from duralab_bus.metrics.registry import FigureKind, Metrics
+from duralab_bus.metrics import FigureKind, Metrics, MetricsConfig, serve_metrics
 from duralab_proto.v1 import health_pb2, rig_pb2
 
 

@@ -11,7 +11,7 @@ from cryptography.x509.oid import NameOID
 from pydantic import ValidationError
 
 from duralab_bus import BusConfig, BusError, TlsConfig, open_bus
-from duralab_bus.session.identity import check_identity
+from duralab_bus.session.session import check_identity
 
 
 def name(common_name):

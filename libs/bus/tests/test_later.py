@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from duralab_bus.streams.delayed_executor import DelayedExecutor
+from duralab_bus.streams.replay import DelayedExecutor
 
 
 def test_jobs_are_done_in_the_order_of_their_times_on_one_thread():

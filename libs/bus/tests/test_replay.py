@@ -11,7 +11,7 @@ import pytest
 import zenoh
 
 import duralab_bus
-from duralab_bus.spool.spool import MemoryStore, Spool
+from duralab_bus.spool.spool import Spool
 from duralab_bus.streams import replay
 from duralab_bus.streams.repair import FOLLOWED_STREAMS
 from duralab_bus.streams.subscription import MOST_WAITING
@@ -176,7 +176,7 @@ def test_gap_that_nobody_can_fill_delays_what_follows_but_does_not_keep_it(hub, 
 
 
 def test_spool_that_nobody_marks_never_exceeds_its_bound():
-    spool = Spool(MemoryStore(duralab_bus.SpoolSpace(10**6)), held=False, unheld_bytes=1000)
+    spool = Spool(duralab_bus.SpoolSpace(10**6).store(key="k", epoch=1), held=False, unheld_bytes=1000)
     for number in range(50):
         spool.append(bytes(number), "text")
         kept = spool.read(0, 100, most=100)
@@ -188,7 +188,7 @@ def test_spool_that_nobody_marks_never_exceeds_its_bound():
 
 def test_spool_that_is_marked_refuses_rather_than_dropping():
     space = duralab_bus.SpoolSpace(10 * 228)
-    spool = Spool(MemoryStore(space), held=True, unheld_bytes=0)
+    spool = Spool(space.store(key="k", epoch=1), held=True, unheld_bytes=0)
     while not spool.shortage:
         spool.append(bytes(100), "text")
     assert spool.extent.next == 9  # Seven eighths of ten.

@@ -4,7 +4,7 @@ import pytest
 from pydantic import Field
 
 from duralab_bus import BusMode, ConfigError, ServiceConfig
-from duralab_bus.process.settings import configured
+from duralab_bus.yaml_config import configured
 
 
 class LabConfig(ServiceConfig):

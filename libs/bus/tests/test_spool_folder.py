@@ -8,7 +8,7 @@ import tracemalloc
 import pytest
 
 import duralab_bus
-from duralab_bus.spool import disk_store
+from duralab_bus.spool import folder as spool_folder
 from duralab_bus.spool.spool import Spool, SpoolFullError
 
 PAYLOAD = bytes(range(256)) * 40
@@ -114,7 +114,7 @@ def test_segments_are_taken_over_without_a_copy_of_what_follows_each_message(tmp
     (path,) = tmp_path.glob("written/*/1-*.spool")
     content = path.read_bytes()
     space = duralab_bus.SpoolFolder(tmp_path / "taking")
-    taking = disk_store.DiskStore(space, space.path, key="k", epoch=1, writable=False)
+    taking = spool_folder._DiskStore(space, space.path, key="k", epoch=1, writable=False)
     tracemalloc.start()
     try:
         taking.adopt(path, 0, content)
@@ -182,7 +182,7 @@ def test_disk_that_is_full_is_known_while_there_is_room_for_the_end(tmp_path, mo
     def refuse(*_arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(disk_store.os, "posix_fallocate", refuse)
+    monkeypatch.setattr(spool_folder.os, "posix_fallocate", refuse)
     while not spool.shortage:
         fill(spool, 1)
     assert "No space left" in spool.shortage

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from duralab_bus.queries.workers import MOST_WAITING, WorkerPool
+from duralab_bus.queries.server import MOST_WAITING, WorkerPool
 
 WAIT = 20.0
 

@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING
 from duralab_gateway.motion import Approach, Block, DrivePlayback, RigFaultError, Use, Watchdog
 
 if TYPE_CHECKING:
-    from duralab_gateway.description import complete_description
-    from duralab_gateway.drive_check import check_drive
-    from duralab_gateway.frf_query import answer_frf
+    from duralab_gateway.description import check_drive, complete_description
     from duralab_gateway.gateway_process import GatewayConfig, open_spools, serve, serving
     from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, ShowsFrames, StepwiseRig
-    from duralab_gateway.server import SERVICE, RigServer, serve_refusal
+    from duralab_gateway.server import SERVICE, RigServer, answer_frf, serve_refusal
 
 __all__ = [
     "SERVICE",

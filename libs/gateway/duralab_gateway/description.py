@@ -1,17 +1,17 @@
-"""The description of a rig: what follows from the rest of it, and what cannot be served."""
+"""The description of a rig, and the check of a drive against it before anything moves."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from duralab_bus import ConfigError
+from duralab_bus import ConfigError, FaultError
 from duralab_proto.arrays import ArrayError, from_array, to_array
 from duralab_proto.keys import KeyNameError, check_rig
-from duralab_proto.v1 import array_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 
 _BLOCKS_A_SECOND = 10
 
@@ -84,3 +84,105 @@ def _check_channels(rig: str, what: str, channels: Iterable[array_pb2.Channel]) 
                 f"{rig}: the drive {channel.name} may go from {channel.minimum:g} to {channel.maximum:g}; a rig rests "
                 "at zero, which must be allowed."
             )
+
+
+def check_drive(
+    description: rig_pb2.RigDescription,
+    channels: Sequence[array_pb2.Channel],
+    sample_rate: float,
+    drive: np.ndarray,
+    *,
+    steps_in: bool = False,
+) -> None:
+    """Check a drive against a rig's channels and limits.
+
+    Parameters
+    ----------
+    description : rig_pb2.RigDescription
+        Of the rig that is to play it.
+    channels : sequence of array_pb2.Channel
+        Of the drive, in the order of its rows.
+    sample_rate : float
+        Of the drive, in Hz.
+    drive : (channels, samples)
+        Each row in its channel's unit.
+    steps_in : bool
+        Whether the rig goes from zero to the first sample at once.
+
+    Raises
+    ------
+    FaultError
+        INVALID_ARGUMENT with the field, where rate, channels, units, length, a value, a limit or a slew rate is not
+        allowed. Every bad channel of the first kind of error is named at once.
+    """
+    rig = description.rig
+    if sample_rate != description.sample_rate:
+        raise _refusal(
+            f"the drive's sample rate is {sample_rate:g} Hz; {rig} plays {description.sample_rate:g} Hz only, "
+            "resample the drive.",
+            field="drive.sample_rate",
+        )
+    names = [channel.name for channel in channels]
+    expected = [channel.name for channel in description.drives]
+    if names != expected:
+        raise _refusal(
+            f"the drive has {len(names)} channels ({', '.join(names) or 'none'}); {rig} takes "
+            f"{len(expected)} in this order: {', '.join(expected)}.",
+            field="drive.channels",
+        )
+    wrong = [
+        f"{own.name} is in {channel.unit!r} instead of {own.unit!r}"
+        for own, channel in zip(description.drives, channels, strict=True)
+        if channel.unit != own.unit
+    ]
+    if wrong:
+        raise _refusal(f"wrong units: {'; '.join(wrong)}.", field="drive.channels")
+    if drive.ndim != 2 or len(drive) != len(expected):
+        raise _refusal(
+            f"the drive has the shape {drive.shape}; {rig} takes ({len(expected)}, samples).", field="drive.samples"
+        )
+    samples = drive.shape[1]
+    longest = description.longest_drive_seconds
+    if samples < 1 or samples > longest * sample_rate:
+        raise _refusal(
+            f"the drive has {samples} samples; {rig} plays 1 to {longest * sample_rate:.0f} ({longest:g} s).",
+            field="drive.samples",
+        )
+    if not np.all(np.isfinite(drive)):
+        channel, sample = np.argwhere(~np.isfinite(drive))[0]
+        raise _refusal(
+            f"the drive of {expected[channel]} is {drive[channel, sample]} at sample {sample}; every value must be "
+            "finite.",
+            field="drive.samples",
+        )
+    beyond = [
+        text
+        for own, row in zip(description.drives, drive, strict=True)
+        if (text := _beyond(own, row, sample_rate, steps_in=steps_in))
+    ]
+    if beyond:
+        raise _refusal(f"the drive is beyond the limits of {rig}: {'; '.join(beyond)}.", field="drive.samples")
+
+
+def _refusal(sentence: str, *, field: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, sentence, field=field)
+
+
+def _beyond(channel: array_pb2.Channel, row: np.ndarray, sample_rate: float, *, steps_in: bool) -> str:
+    """Say what of one channel is beyond its limits, or return an empty text."""
+    worst = int(np.argmax(np.maximum(row - channel.maximum, channel.minimum - row)))
+    if not channel.minimum <= row[worst] <= channel.maximum:
+        return (
+            f"{channel.name} is {row[worst]:.4g} {channel.unit} at {worst / sample_rate:.3f} s, "
+            f"allowed {channel.minimum:g} to {channel.maximum:g}"
+        )
+    if channel.slew_limit > 0.0:
+        # A rig without a ramp to the first sample starts at rest with all drives zero: that is a step as well.
+        rate = np.abs(np.diff(row, prepend=0.0 if steps_in else row[0])) * sample_rate
+        fastest = int(np.argmax(rate))
+        if rate[fastest] > channel.slew_limit:
+            return (
+                f"{channel.name} moves at {rate[fastest]:.3g} {channel.unit}/s at {fastest / sample_rate:.3f} s, "
+                f"allowed {channel.slew_limit:g}"
+            )
+    return ""

@@ -11,8 +11,7 @@ import structlog
 from duralab_bus import Bus, Call, FaultError, SpoolSpace, StreamPublisher
 from duralab_gateway.interlock import Interlock
 from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, WatchdogMonitor
-from duralab_gateway.pose_stream import PoseStream
-from duralab_gateway.publishing import BlockPublisher, Clock
+from duralab_gateway.publishing import BlockPublisher, Clock, PoseStream
 from duralab_gateway.rig import Phase, PlaybackRig, Run
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, rig_pb2

@@ -3,21 +3,116 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Mapping
 from typing import Final, NoReturn
 
+import numpy as np
 import structlog
 
-from duralab_bus import Bus, Call, FaultError, SpoolFullError, SpoolSpace
-from duralab_gateway.drive_check import check_drive
-from duralab_gateway.frf_query import answer_frf
+from duralab_bus import Bus, Call, FaultError, Metrics, SpoolFullError, SpoolSpace
+from duralab_gateway.description import check_drive
 from duralab_gateway.interlock import Interlock
-from duralab_gateway.metrics import RigMetrics
 from duralab_gateway.motion import RigFaultError
 from duralab_gateway.playback_session import PlaybackSession
-from duralab_gateway.rig import PlaybackRig, StepwiseRig
-from duralab_proto.arrays import from_record
+from duralab_gateway.rig import KnowsItsFrf, PlaybackRig, StepwiseRig
+from duralab_proto.arrays import from_array, from_record, to_array
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import query_pb2, rig_pb2
+
+#: Label of a rig's metrics.
+_RIG: Final = ("rig",)
+
+
+class RigMetrics:
+    """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended.
+
+    `metrics`: Of the process. `rig`: Its name. `state`: Returns its state now.
+    """
+
+    def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
+        self._rig = rig
+        self._factor: dict[tuple[str, ...], float] = {}
+        self._playbacks = metrics.count(
+            "duralab_rig_playbacks_total", "Playbacks that ended, by rig and code", labels=("rig", "code")
+        )
+        self._seconds = metrics.count(
+            "duralab_rig_played_seconds_total", "Length of the drives played to their end", labels=_RIG
+        )
+        readings: tuple[tuple[str, str, Callable[[rig_pb2.RigState], float]], ...] = (
+            ("interlocked", "1 while the rig is latched", lambda now: now.mode == rig_pb2.RIG_MODE_INTERLOCKED),
+            ("playing", "1 while a run moves the rig", lambda now: now.run != ""),
+            ("run_fraction", "Share of the run that is played", lambda now: now.fraction),
+        )
+        for name, what, read in readings:
+            metrics.follow(f"duralab_rig_{name}", what, lambda read=read: {(rig,): float(read(state()))}, labels=_RIG)
+        metrics.follow(
+            "duralab_rig_real_time_factor", "Seconds of drive a second, of the last playback", self._read, labels=_RIG
+        )
+
+    def played(self, result: rig_pb2.PlayResult, *, seconds: float) -> None:
+        """Count a playback that came to its end."""
+        self._playbacks.add(self._rig, "OK")
+        self._seconds.add(self._rig, amount=seconds)
+        self._factor = {(self._rig,): result.real_time_factor}
+
+    def broken_off(self, code: str) -> None:
+        """Count one that did not, with the fault's code."""
+        self._playbacks.add(self._rig, code)
+
+    def _read(self) -> Mapping[tuple[str, ...], float]:
+        return self._factor
+
+
+#: Of one answer; each line of a 6 by 4 rig takes 384 bytes.
+MOST_LINES = 200_000
+
+
+def answer_frf(rig: object, description: rig_pb2.RigDescription, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
+    """Answer the query.
+
+    Parameters
+    ----------
+    rig : object
+        The rig that is asked; it may know its FRF, see `KnowsItsFrf`.
+    description : rig_pb2.RigDescription
+        Of the rig.
+    request : rig_pb2.RigFrfRequest
+        Frequencies in Hz.
+
+    Returns
+    -------
+    rig_pb2.RigFrf
+        FRF at these frequencies, (frequencies, responses, drives).
+
+    Raises
+    ------
+    FaultError
+        UNIMPLEMENTED where the rig does not know its FRF, INVALID_ARGUMENT where a frequency is none of its own.
+    """
+    name, rate = description.rig, description.sample_rate
+    if not isinstance(rig, KnowsItsFrf):
+        raise FaultError(
+            query_pb2.FAULT_CODE_UNIMPLEMENTED,
+            f"{name} does not know its FRF: it is not linear; identify it with the identifier.",
+        )
+    frequency = from_array(request.frequency, field="frequency", shape=(None,), dtype=np.float64)
+    wrong = f"{name} knows its FRF at frequencies from 0 to {rate / 2.0:g} Hz, at most {MOST_LINES} at once"
+    if not 1 <= len(frequency) <= MOST_LINES:
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT, f"frequency has {len(frequency)} lines; {wrong}.", field="frequency"
+        )
+    beyond = ~((frequency >= 0.0) & (frequency <= rate / 2.0))
+    if np.any(beyond):
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            f"frequency holds {frequency[beyond][0]:g} Hz; {wrong}.",
+            field="frequency",
+        )
+    frf = rig.sampled_frf(frequency)
+    return rig_pb2.RigFrf(
+        rig=name, frequency=to_array(frequency), frf=to_array(frf), content_hash=description.content_hash
+    )
+
 
 #: What the contract calls every process that serves rigs.
 SERVICE: Final = "rig_sim"

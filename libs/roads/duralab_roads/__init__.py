@@ -2,8 +2,7 @@
 
 from duralab_roads.enveloping import EFFECTIVE_INPUTS, effective_inputs
 from duralab_roads.iso8608 import RoadClass, iso8608_road, roughness_coefficient, track_coherence
-from duralab_roads.opencrg import read_opencrg
-from duralab_roads.opencrg_header import RoadFileError
+from duralab_roads.opencrg import RoadFileError, read_opencrg
 from duralab_roads.potholes import add_potholes
 from duralab_roads.road import Road, level, repeat_mirrored
 

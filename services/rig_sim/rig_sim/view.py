@@ -1,4 +1,4 @@
-"""What a 3-D view of a rig shows: where its bodies are, the SDF's visuals, the actuators' cylinders, elements as lines."""
+"""What a 3-D view of a rig shows: its bodies, the SDF's visuals, the actuators' cylinders, its elements as lines."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
 from duralab_gateway.motion import to_poses
-from duralab_gateway.pose_stream import PoseStream
+from duralab_gateway.publishing import PoseStream
 from rig_sim import shipped_specimens
 from rig_sim.checks.proof import random_state
 from rig_sim.multibody.drake_reader import load_plant

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -81,22 +81,15 @@ def host_services(
     with ExitStack() as stack:
         for name, given in settings.items():
             service = known[name]
-            context = service.build(_checked(service, given))(bus)
+            try:
+                config = service.config_type.model_validate(dict(given))
+            except ValidationError as error:
+                raise ConfigError(f"{name}: {explain_validation(error, service.config_type).sentence}") from error
+            context = service.build(config)(bus)
             if context is not None:
                 stack.enter_context(context)
-            _declare(bus, name, service.instances)
+            for instance in service.instances:
+                bus.declare_live(name, instance)
         # Before what was built is taken apart: a handler may be using it.
         stack.callback(bus.stop_serving)
         yield
-
-
-def _checked(service: HostedService, given: Mapping[str, object]) -> ServiceConfig:
-    try:
-        return service.config_type.model_validate(dict(given))
-    except ValidationError as error:
-        raise ConfigError(f"{service.name}: {explain_validation(error, service.config_type).sentence}") from error
-
-
-def _declare(bus: Bus, name: str, instances: Sequence[str]) -> None:
-    for instance in instances:
-        bus.declare_live(name, instance)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import secrets
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Generic, Protocol, cast
@@ -15,11 +18,67 @@ from google.protobuf.message import Message
 
 from duralab_bus.encoding import MessageT, decode, encode, encoding_of
 from duralab_bus.faults import FaultError
-from duralab_bus.queries.asking_tokens import AskingToken, AskingTokens
 from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Instance, LivelinessTracker
 from duralab_proto.access import Effect, effect_of
 from duralab_proto.keys import Keys, parse_live, serving
 from duralab_proto.v1 import query_pb2
+
+
+@dataclass
+class AskingToken:
+    """A declared token.
+
+    `asker`: Its random id, which goes with the query. `session`: On which it is declared. `token`: As Zenoh gave it.
+    `answered`: Set by who asked when the service is done with the query: then another query may take the token.
+    """
+
+    asker: str
+    session: zenoh.Session
+    token: zenoh.LivelinessToken
+    answered: bool = False
+
+
+class AskingTokens:
+    """The tokens of one bus; as many as it ever had queries at a time. Safe for threads."""
+
+    def __init__(self, keys: Keys) -> None:
+        self._keys = keys
+        self._lock = threading.Lock()
+        self._idle: list[AskingToken] = []
+
+    @contextmanager
+    def held(self, session: zenoh.Session) -> Iterator[AskingToken]:
+        """Hold a token for a query on a session.
+
+        One whose query was not answered is undeclared at the end, and its id never comes again: the service is to know
+        that nobody waits for this query any more.
+        """
+        token = self._idle_on(session) or self._declared(session)
+        try:
+            yield token
+        finally:
+            if token.answered:
+                with self._lock:
+                    self._idle.append(token)
+            else:
+                # With a session that is closed it is gone already.
+                with suppress(zenoh.ZError):
+                    token.token.undeclare()
+
+    def _idle_on(self, session: zenoh.Session) -> AskingToken | None:
+        with self._lock:
+            # Those of a session that another has taken the place of went with it.
+            self._idle = [token for token in self._idle if token.session is session]
+            if not self._idle:
+                return None
+            token = self._idle.pop()
+        token.answered = False
+        return token
+
+    def _declared(self, session: zenoh.Session) -> AskingToken:
+        asker = secrets.token_hex(16)
+        return AskingToken(asker, session, session.liveliness().declare_token(self._keys.asking(asker)))
+
 
 DISCOVERY_SECONDS: Final = 1.5
 """A connection this young may not have met everyone, nor lead to every key that they serve: only after this time, in

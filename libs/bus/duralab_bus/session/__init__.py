@@ -2,11 +2,10 @@
 
 from duralab_bus.session.callback_thread import CallbackThread
 from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
-from duralab_bus.session.identity import Identity, check_identity
 from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LiveCallback, LivelinessTracker, LiveWatch
 from duralab_bus.session.reintroduction import Reintroduction
 from duralab_bus.session.rejoining import BusSession, Declaration, Inbox
-from duralab_bus.session.session import LINK_SETTINGS, explain_failure, open_session
+from duralab_bus.session.session import LINK_SETTINGS, Identity, check_identity, explain_failure, open_session
 
 __all__ = [
     "DEBOUNCE_SECONDS",

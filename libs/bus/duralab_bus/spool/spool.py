@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 OVERHEAD_BYTES: Final = 128
 """What a message costs besides its payload: a stream of tiny ones must not grow past the bound either."""
@@ -25,52 +26,11 @@ class Spooled(NamedTuple):
     encoding: str
 
 
-class Store(Protocol):
+class Store(ABC):
     """Where the messages of one epoch are kept, in memory or on disk. Used under its spool's lock."""
-
-    @property
-    def shortage(self) -> str:
-        """Why nothing more should be put in but what must be; empty while there is room."""
-        ...
-
-    @property
-    def full(self) -> bool:
-        """Whether the bound of the space is exceeded."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """How many bytes it takes."""
-        ...
-
-    def append(self, seq: int, payload: bytes, encoding: str) -> None:
-        """Keep the next message; OSError where it cannot be."""
-        ...
-
-    def read(self, seqs: range) -> list[Spooled]:
-        """Return messages that are kept."""
-        ...
-
-    def drop_before(self, seq: int) -> None:
-        """Let go of messages below a number, as far as they can be."""
-        ...
-
-    def drop_oldest(self) -> int | None:
-        """Let go of the oldest; return the lowest number that is left, or None where no older one can go."""
-        ...
-
-    def close(self, *, delete: bool) -> None:
-        """Keep nothing more in this process; what is on disk stays there unless it is to be deleted."""
-        ...
-
-
-class MemoryStore:
-    """Messages in memory."""
 
     def __init__(self, space: SpoolSpace) -> None:
         self._space = space
-        self._messages: deque[Spooled] = deque()
-        self._bytes = 0
 
     @property
     def shortage(self) -> str:
@@ -83,29 +43,55 @@ class MemoryStore:
         return self._space.full
 
     @property
+    @abstractmethod
     def size(self) -> int:
         """How many bytes it takes."""
-        return self._bytes
+
+    @abstractmethod
+    def append(self, seq: int, payload: bytes, encoding: str) -> None:
+        """Keep the next message; OSError where it cannot be."""
+
+    @abstractmethod
+    def read(self, seqs: range) -> list[Spooled]:
+        """Return messages that are kept."""
+
+    @abstractmethod
+    def drop_before(self, seq: int) -> None:
+        """Let go of messages below a number, as far as they can be."""
+
+    @abstractmethod
+    def drop_oldest(self) -> int | None:
+        """Let go of the oldest; return the lowest number that is left, or None where no older one can go."""
+
+    @abstractmethod
+    def close(self, *, delete: bool) -> None:
+        """Keep nothing more in this process; what is on disk stays there unless it is to be deleted."""
+
+
+class _MemoryStore(Store):
+    """Messages in memory."""
+
+    size = 0
+
+    def __init__(self, space: SpoolSpace) -> None:
+        super().__init__(space)
+        self._messages: deque[Spooled] = deque()
 
     def append(self, seq: int, payload: bytes, encoding: str) -> None:
-        """Keep the next message."""
         self._messages.append(Spooled(seq, payload, encoding))
         self._take(len(payload) + OVERHEAD_BYTES)
 
     def read(self, seqs: range) -> list[Spooled]:
-        """Return messages that are kept."""
         if not seqs:
             return []
         base = self._messages[0].seq
         return [self._messages[seq - base] for seq in seqs]
 
     def drop_before(self, seq: int) -> None:
-        """Let go of all messages below a number."""
         while self._messages and self._messages[0].seq < seq:
             self.drop_oldest()
 
     def drop_oldest(self) -> int | None:
-        """Let go of one message; return the number of the next."""
         if not self._messages:
             return None
         oldest = self._messages.popleft()
@@ -113,13 +99,12 @@ class MemoryStore:
         return oldest.seq + 1
 
     def close(self, *, delete: bool) -> None:
-        """Keep nothing more."""
         del delete
         self._messages.clear()
-        self._take(-self._bytes)
+        self._take(-self.size)
 
     def _take(self, size: int) -> None:
-        self._bytes += size
+        self.size += size
         self._space.count(size)
 
 
@@ -173,7 +158,7 @@ class SpoolSpace:
     def store(self, *, key: str, epoch: int) -> Store:
         """Return the store of a new epoch."""
         del key, epoch
-        return MemoryStore(self)
+        return _MemoryStore(self)
 
     def close(self) -> None:
         """Give the room up, when all publishers are closed."""

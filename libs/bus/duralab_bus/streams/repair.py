@@ -14,8 +14,7 @@ from duralab_bus.encoding import MessageT
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.streams.item import Received, RefusedItem, StreamItem
 from duralab_bus.streams.order import StreamOrder, StreamProof
-from duralab_bus.streams.replay import MOST_REPLAYED
-from duralab_bus.streams.replay_client import Head, ReplayClient
+from duralab_bus.streams.replay import MOST_REPLAYED, Head, ReplayClient
 
 FOLLOWED_STREAMS: Final = 256
 """Epochs whose numbers are remembered: every playback has one, and a lab runs for months."""

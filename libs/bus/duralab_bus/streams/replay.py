@@ -8,23 +8,72 @@ nothing. A head query is answered with one StreamHead for each epoch that is kep
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 import structlog
 import zenoh
 
-from duralab_bus.encoding import decode, encoding_of
+from duralab_bus.encoding import MessageT, decode, encoding_of
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.session import BusSession, CallbackThread, Declaration
 from duralab_bus.spool import Spool
-from duralab_bus.streams.delayed_executor import DelayedExecutor
-from duralab_bus.streams.item import POSITION
+from duralab_bus.streams.item import POSITION, Received, StreamItem, read_item
 from duralab_proto.keys import stream_family
 from duralab_proto.v1 import query_pb2, stream_pb2
+
+
+class DelayedExecutor:
+    """Executor that runs each job after its delay; the thread starts with the first job.
+
+    `name`: Name of the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._changed = threading.Condition()
+        self._jobs: list[tuple[float, int, Callable[[], None]]] = []
+        self._numbers = itertools.count()
+        self._thread: threading.Thread | None = None
+        self._closed = False
+
+    def put(self, seconds: float, job: Callable[[], None]) -> None:
+        """Run a job after `seconds`; it must not block. No job runs after `close`."""
+        with self._changed:
+            if self._closed:
+                return
+            heapq.heappush(self._jobs, (time.monotonic() + seconds, next(self._numbers), job))
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+                self._thread.start()
+            self._changed.notify()
+
+    def close(self) -> None:
+        """Discard the jobs that have not run yet; return at once."""
+        with self._changed:
+            self._closed = True
+            self._jobs.clear()
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while (job := self._next()) is not None:
+            job()
+
+    def _next(self) -> Callable[[], None] | None:
+        with self._changed:
+            while not self._closed:
+                wait = self._jobs[0][0] - time.monotonic() if self._jobs else None
+                if wait is not None and wait <= 0.0:
+                    return heapq.heappop(self._jobs)[2]
+                self._changed.wait(wait)
+            return None
+
 
 MOST_REPLAYED: Final = 1000
 """Messages answered to one query, so that no answer keeps the others waiting for long."""
@@ -287,3 +336,115 @@ class ReplayServer:
             if offer in self._retired:
                 self._retired.remove(offer)
         offer.spool.close(delete=False)
+
+
+_TIMEOUT_SECONDS: Final = 2.0
+_LARGEST_HEAD: Final = 128
+# Below the streams: neither a long replay nor an asker that is frozen in the middle of one holds them up.
+_PRIORITY: Final = zenoh.Priority.DATA_LOW
+
+Head = tuple[str, stream_pb2.StreamHead]
+"""The stream's key, and how far it reaches."""
+
+
+class ReplayClient:
+    """Client that requests kept messages from publishers.
+
+    `session`: Session on which it asks. `largest_bytes`: Largest message that is accepted, in bytes.
+    """
+
+    def __init__(self, session: BusSession, *, largest_bytes: int) -> None:
+        self._session = session
+        self._largest_bytes = largest_bytes
+
+    def ask(self, key: str, message_type: type[MessageT], *, epoch: int, wanted: range) -> list[Received[MessageT]]:
+        """Ask once; return what came of it, at most 1000 messages, ascending."""
+        replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
+        stop = zenoh.CancellationToken()
+        try:
+            self._session.current.get(
+                f"{replay_key(key)}?epoch={epoch};first={wanted.start};stop={wanted.stop}",
+                zenoh.handlers.Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
+                # Several publishers may be on one key; only that of the epoch answers.
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                accept_replies=zenoh.ReplyKeyExpr.ANY,
+                # Said for the replies as well, which follow the query.
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=_PRIORITY,
+                timeout=_TIMEOUT_SECONDS,
+                cancellation_token=stop,
+            )
+        except zenoh.ZError as error:
+            self._expect_open(f"{key} cannot be replayed", error)
+            return []
+        items: dict[int, Received[MessageT]] = {}
+        try:
+            # Zenoh ends the query after the timeout by itself; twice as long only where its session is stuck.
+            while (reply := replies.get(timeout=2 * _TIMEOUT_SECONDS)) is not None:
+                if reply.ok is None:
+                    continue
+                item = read_item(reply.ok, key=key, message_type=message_type, largest_bytes=self._largest_bytes)
+                if item.epoch != epoch or item.seq not in wanted:
+                    continue
+                # Where more than one answers, what can be read counts.
+                if isinstance(item, StreamItem) or item.seq not in items:
+                    items[item.seq] = item
+        except Empty:
+            pass
+        finally:
+            stop.cancel()
+        return [items[seq] for seq in sorted(items)]
+
+    def ask_heads(self, key_expression: str, take: Callable[[Head], None]) -> zenoh.CancellationToken:
+        """Ask how far the streams reach; each answer is handed over as it comes, on Zenoh's thread.
+
+        Returns: Ends the question, which otherwise ends by itself after 2 s.
+        """
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            sample = reply.ok
+            if sample is None:
+                return
+            try:
+                head = decode(sample.payload, sample.encoding, stream_pb2.StreamHead, largest_bytes=_LARGEST_HEAD)
+            except FaultError:
+                return  # Of a stranger: it says nothing about its stream then.
+            take((str(sample.key_expr).rpartition("/")[0], head))
+
+        stop = zenoh.CancellationToken()
+        try:
+            self._session.current.get(
+                head_key(key_expression),
+                zenoh.handlers.Callback(on_reply, indirect=False),
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                accept_replies=zenoh.ReplyKeyExpr.ANY,
+                # An answer that is lost is asked for again: nobody waits for a link because of it.
+                congestion_control=zenoh.CongestionControl.DROP,
+                timeout=_TIMEOUT_SECONDS,
+                cancellation_token=stop,
+            )
+        except zenoh.ZError as error:
+            self._expect_open(f"{key_expression} cannot be asked", error)
+        return stop
+
+    def mark(self, key: str, *, epoch: int, stored: int) -> None:
+        """Tell the publisher that all below a number are stored."""
+        mark = stream_pb2.StreamMark(epoch=epoch, next=stored)
+        try:
+            self._session.current.put(
+                mark_key(key),
+                mark.SerializeToString(),
+                encoding=encoding_of(mark),
+                # A mark that is lost is followed by another.
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.INTERACTIVE_HIGH,
+            )
+        except zenoh.ZError as error:
+            self._expect_open(f"{key} cannot be marked", error)
+
+    def _expect_open(self, what: str, error: zenoh.ZError) -> None:
+        """Pass over what the session of a router that is away cannot send: it is asked for again."""
+        if self._session.closed:
+            raise BusError(f"{what}: this bus is closed ({error}).") from error

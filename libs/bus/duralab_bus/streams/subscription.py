@@ -17,7 +17,7 @@ from duralab_bus.session import BusSession
 from duralab_bus.streams.item import Received, RefusedItem, StreamItem, read_item
 from duralab_bus.streams.order import StreamProof
 from duralab_bus.streams.repair import StreamRepair
-from duralab_bus.streams.replay_client import ReplayClient
+from duralab_bus.streams.replay import ReplayClient
 
 MOST_WAITING: Final = 8192
 """Messages that wait for the callback, in Zenoh's own memory: its threads never wait for Python's lock. When there are

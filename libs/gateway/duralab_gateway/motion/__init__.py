@@ -1,10 +1,17 @@
 """How any rig plays a drive, without bus and messages: ways in and out, blocks, watchdogs, use of the actuators."""
 
-from duralab_gateway.motion.approach import Approach, lead_in, lead_out
 from duralab_gateway.motion.following import FollowedDrive
-from duralab_gateway.motion.playback import Block, DriveChannel, DrivePlayback, RigFaultError
+from duralab_gateway.motion.playback import (
+    Approach,
+    Block,
+    DriveChannel,
+    DrivePlayback,
+    RigFaultError,
+    Use,
+    lead_in,
+    lead_out,
+)
 from duralab_gateway.motion.poses import to_poses
-from duralab_gateway.motion.use import Use
 from duralab_gateway.motion.watchdogs import Source, Trip, Watchdog, WatchdogMonitor, when
 
 __all__ = [

@@ -7,9 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from duralab_gateway.motion.approach import Approach
-from duralab_gateway.motion.playback import Block, DriveChannel, DrivePlayback, RigFaultError
-from duralab_gateway.motion.use import Use
+from duralab_gateway.motion.playback import Approach, Block, DriveChannel, DrivePlayback, RigFaultError, Use
 from duralab_gateway.motion.watchdogs import when
 
 

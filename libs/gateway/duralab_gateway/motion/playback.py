@@ -5,12 +5,103 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
-from duralab_gateway.motion.approach import Approach, lead_in, lead_out
-from duralab_gateway.motion.use import Use
+
+class Approach(BaseModel):
+    """Times of a rig's way to a drive's first sample and back; a slew limit makes a ramp longer."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    #: From rest to the first sample, in s; 0 for a rig that may begin with a step.
+    ramp: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    #: How long the first sample is held before the drive begins, in s.
+    settle: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    #: From where a playback is left to zero, in s, and how long zero is held then. Whoever stops a rig waits for both.
+    ramp_down: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
+    hold: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
+
+
+class Ramped(Protocol):
+    """A drive channel, as far as a ramp needs it."""
+
+    @property
+    def slew_limit(self) -> float:
+        """Largest rate, in unit per second; 0 where none is stated."""
+        ...
+
+
+def lead_in(approach: Approach, first: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
+    """Return the commands from rest to a drive's first sample.
+
+    `approach`: Of the rig. `first`: The drive's first sample, each value in its channel's unit. `channels`: The drives.
+    `sample_rate`: In Hz.
+    Returns: Its last column is the drive's first sample. No samples where that is zero, or where the rig begins with a
+    step.
+    """
+    if approach.ramp == 0.0 or not first.any():
+        return first[:, None]
+    samples = _ramp_samples(approach.ramp, first, channels, sample_rate)
+    rise = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, samples + 1)))
+    # One exactly where it settles.
+    shape = np.concatenate([rise[:-1], np.ones(round(approach.settle * sample_rate) + 1)])
+    return first[:, None] * shape
+
+
+def lead_out(approach: Approach, heading: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
+    """Return the commands from where a rig is heading to zero.
+
+    `approach`: Of the rig. `heading`: The command that the rig is on its way to, each value in its channel's unit.
+    `channels`: The drives. `sample_rate`: In Hz.
+    Returns: Zero exactly from the end of the ramp on; the last column is only looked ahead to.
+    """
+    samples = _ramp_samples(approach.ramp_down, heading, channels, sample_rate)
+    fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, samples + 1)))
+    shape = np.concatenate([fall[:-1], np.zeros(round(approach.hold * sample_rate) + 1)])
+    return heading[:, None] * shape
+
+
+def _ramp_samples(seconds: float, height: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> int:
+    """Return the length of a ramp of these heights: a raised cosine of height h in T moves at pi h / (2 T) at most."""
+    needed = [
+        0.5 * np.pi * abs(value) / channel.slew_limit
+        for value, channel in zip(height, channels, strict=True)
+        if channel.slew_limit > 0.0
+    ]
+    return int(np.ceil(max(seconds, *needed, 0.0) * sample_rate))
+
+
+@dataclass(frozen=True)
+class Use:
+    """How one drive channel used its actuator.
+
+    A drive that moves no actuator (a road) has a peak and nothing else.
+
+    Parameters
+    ----------
+    drive : str
+        The drive's name.
+    peak_command_ratio : float
+        Largest magnitude of the drive over the limit in that direction, 0 to 1.
+    saturated_share : float
+        Share of the time in which the valve was at its stop or the load pressure at its limit, 0 to 1.
+    largest_following_error : float
+        Largest difference of command and achieved value, in the drive's unit.
+    largest_load_pressure_share : float
+        Largest load pressure over what the supply could press with at that moment, 0 to 1; 1 is a stall.
+    lowest_supply_pressure : float
+        Of the actuator's supply, in Pa.
+    """
+
+    drive: str
+    peak_command_ratio: float
+    saturated_share: float
+    largest_following_error: float
+    largest_load_pressure_share: float = 0.0
+    lowest_supply_pressure: float = 0.0
 
 
 class RigFaultError(RuntimeError):

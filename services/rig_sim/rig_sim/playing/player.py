@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duralab_gateway.motion import Block, RigFaultError, Use, Watchdog, when
-from duralab_proto.v1 import rig_pb2
 from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
 from rig_sim.compile import CompiledModel, compile_model
 from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
@@ -20,7 +20,6 @@ from rig_sim.playing.faults import Fault, break_specimen
 from rig_sim.playing.simulated_playback import BLOCK_SAMPLES, SimulatedPlayback
 from rig_sim.playing.software import content_hash
 from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen, set_up_watchdogs
-from rig_sim.view import Poses, view_geometry
 
 #: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
 FULL_LOAD_PRESSURE = 0.95
@@ -80,6 +79,10 @@ class UseMeter:
             for index, drive in enumerate(self._drives)
         ]
 
+
+if TYPE_CHECKING:
+    from duralab_proto.v1 import rig_pb2
+    from rig_sim.view import Poses
 
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20
@@ -175,6 +178,9 @@ def load_rig(
     SpecimenError, NoEquilibriumError, UnstableError, StepError, ProofError
         Where the specimen cannot be used; one sentence each.
     """
+    # Messages are imported for a view's description alone: who imports this package needs none.
+    from rig_sim.view import Poses, view_geometry
+
     specimen = break_specimen(load_specimen(path), faults)
     sdf = path.with_name(specimen.sdf)
     try:

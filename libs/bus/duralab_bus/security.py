@@ -1,4 +1,4 @@
-"""The router of a secured lab: its configuration, made from the access table, and running it in this process."""
+"""Access control of a secured lab: what a role may do, and the router that drops the rest without a word."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from typing import Any, Final
 
 import zenoh
 
-from duralab_bus.faults import BusError
+from duralab_bus.faults import BusError, FaultError
 from duralab_bus.session import (
     LARGEST_PAYLOAD_BYTES,
     LINK_SETTINGS,
     BusConfig,
+    Identity,
     TlsConfig,
     check_identity,
     explain_failure,
@@ -30,9 +31,36 @@ from duralab_proto.access import (
     Operation,
     Role,
     covers,
+    permits,
     reserved,
 )
 from duralab_proto.keys import Keys
+from duralab_proto.v1 import query_pb2
+
+
+class Permission:
+    """Tells whether a session may do something; one without a certificate may try everything.
+
+    `identity`: Who the session is to a secured lab. `keys`: Of the lab.
+    """
+
+    def __init__(self, identity: Identity | None, keys: Keys) -> None:
+        self._holder: Holder | None = identity.holder if identity is not None else None
+        self._keys = keys
+
+    def expect(self, operation: Operation, key: str) -> None:
+        """Raise FaultError, PERMISSION_DENIED, where the router would drop this."""
+        holder = self._holder
+        if holder is None:
+            return
+        role = Role(holder.role) if holder.role in set(Role) else None
+        if role is None or not permits(role, operation, key, self._keys):
+            raise FaultError(
+                query_pb2.FAULT_CODE_PERMISSION_DENIED,
+                f"{holder.common_name} may not {operation} {key}: the role {holder.role} does not include it; "
+                "use the certificate of a role that does.",
+            )
+
 
 DEFAULT_HOLDERS: Final = (*(Holder(role, "main") for role in Role), Holder(ADMIN, "main"))
 """Who is let in by the configuration in deploy/router; `duralab certs router` writes one for those of a folder."""
