@@ -11,7 +11,6 @@ from typing import Any, cast
 import numpy as np
 
 from rig_sim.model import RigModel
-from rig_sim.multibody import JointKind
 
 Derivative = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -78,7 +77,7 @@ def find_equilibrium(model: RigModel, derivative: Derivative, inputs: np.ndarray
         step = np.linalg.lstsq(jacobian * scale[:, None], -rates * scale, rcond=1.0e-13)[0]
         # A long first step would fold a linkage over: nothing moves by more than 5 cm, 3 degrees or 5 MPa at once.
         state[free] += step / max(np.max(np.abs(step) / trust), 1.0)
-        _normalise_quaternions(model, state)
+        model.normalise_quaternions(state)
         rates = derivative(state, inputs)
     worst = int(np.argmax(np.where(np.isfinite(rates), np.abs(rates), np.inf)))
     raise NoEquilibriumError(
@@ -95,13 +94,6 @@ def _unknowns(model: RigModel) -> np.ndarray:
             where = model.element_slice(element.name)
             keep += range(where.start, where.stop)
     return np.array(keep)
-
-
-def _normalise_quaternions(model: RigModel, state: np.ndarray) -> None:
-    for joint in model.assembly.tree.joints:
-        if joint.kind is JointKind.FLOATING:
-            where = slice(joint.position_start, joint.position_start + 4)
-            state[where] /= np.linalg.norm(state[where])
 
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]

@@ -20,7 +20,6 @@ from pydrake.systems.framework import Context
 from rig_sim.compile import CompiledModel
 from rig_sim.engines import drake_responses
 from rig_sim.model import Evaluation, RigModel
-from rig_sim.multibody import JointKind
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24
@@ -117,10 +116,7 @@ def random_state(model: RigModel, rng: np.random.Generator) -> np.ndarray:
     state[:n_q] += 0.02 * rng.standard_normal(n_q)
     state[n_q : n_q + n_v] = 0.5 * rng.standard_normal(n_v)
     state[n_q + n_v :] += 0.3 * rng.standard_normal(len(state) - n_q - n_v)
-    for joint in model.assembly.tree.joints:
-        if joint.kind is JointKind.FLOATING:
-            where = slice(joint.position_start, joint.position_start + 4)
-            state[where] /= np.linalg.norm(state[where])
+    model.normalise_quaternions(state)
     return state
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
 from rig_sim.compile import Method, amplification
+from rig_sim.specimen import Specimen
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
@@ -21,30 +22,6 @@ _GROWTH = 1.0e-6
 _FARTHEST = 20.0
 _WALKED = 400
 _BISECTIONS = 40
-
-
-class Stepped(Protocol):
-    """What plays with a fixed step: a specimen."""
-
-    @property
-    def name(self) -> str:
-        """Name of the rig."""
-        ...
-
-    @property
-    def sample_rate(self) -> float:
-        """In Hz."""
-        ...
-
-    @property
-    def substeps(self) -> int:
-        """Steps per sample."""
-        ...
-
-    @property
-    def integrator(self) -> Method:
-        """How a step is taken."""
-        ...
 
 
 class StepError(ValueError):
@@ -78,7 +55,7 @@ def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
     return stable
 
 
-def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Stepped) -> None:
+def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Specimen) -> None:
     """Check that the player's step is stable at rest.
 
     `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.

@@ -1,13 +1,13 @@
 """The operations that a traced model may consist of, and what each computes on plain numbers.
 
-One table for Python floats (constant folding and the plain evaluation) and one for numpy arrays (many points at once).
+Python floats serve constant folding and the plain evaluation, numpy arrays many points at once.
 """
 
 import math
-from collections.abc import Callable, Mapping
+import operator
+from collections.abc import Callable
 from enum import Enum
 from fractions import Fraction
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -59,47 +59,31 @@ def _maximum(a: float, b: float) -> float:
     return a if a > b or math.isnan(a) else b
 
 
-SCALAR_FUNCTIONS: Mapping[Operation, Callable[..., float]] = MappingProxyType(
-    {
-        Operation.ADD: lambda a, b: a + b,
-        Operation.SUBTRACT: lambda a, b: a - b,
-        Operation.MULTIPLY: lambda a, b: a * b,
-        Operation.DIVIDE: lambda a, b: a / b,
-        Operation.NEGATE: lambda a: -a,
-        Operation.ABS: abs,
-        Operation.SQRT: math.sqrt,
-        Operation.SIN: math.sin,
-        Operation.COS: math.cos,
-        Operation.TANH: math.tanh,
-        Operation.EXP: math.exp,
-        Operation.ASIN: math.asin,
-        Operation.ATAN2: math.atan2,
-        Operation.MINIMUM: _minimum,
-        Operation.MAXIMUM: _maximum,
-        Operation.SELECT_POSITIVE: lambda condition, a, b: a if condition >= 0.0 else b,
-        Operation.FLOOR: lambda a: float(math.floor(a)),
-        Operation.FUSED: lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c)),
-        Operation.POWER_OF_TWO: lambda a: math.ldexp(1.0, int(a)),
-    }
+_SELECT = (
+    lambda condition, a, b: a if condition >= 0.0 else b,
+    lambda condition, a, b: np.where(np.greater_equal(condition, 0.0), a, b),
 )
-
-ARRAY_FUNCTIONS: Mapping[Operation, Callable[..., Any]] = MappingProxyType(
-    {
-        Operation.ADD: np.add,
-        Operation.SUBTRACT: np.subtract,
-        Operation.MULTIPLY: np.multiply,
-        Operation.DIVIDE: np.divide,
-        Operation.NEGATE: np.negative,
-        Operation.ABS: np.abs,
-        Operation.SQRT: np.sqrt,
-        Operation.SIN: np.sin,
-        Operation.COS: np.cos,
-        Operation.TANH: np.tanh,
-        Operation.EXP: np.exp,
-        Operation.ASIN: np.arcsin,
-        Operation.ATAN2: np.arctan2,
-        Operation.MINIMUM: np.minimum,
-        Operation.MAXIMUM: np.maximum,
-        Operation.SELECT_POSITIVE: lambda condition, a, b: np.where(np.greater_equal(condition, 0.0), a, b),
-    }
-)
+_FUNCTIONS: dict[Operation, tuple[Callable[..., float], Callable[..., Any]]] = {
+    Operation.ADD: (operator.add, np.add),
+    Operation.SUBTRACT: (operator.sub, np.subtract),
+    Operation.MULTIPLY: (operator.mul, np.multiply),
+    Operation.DIVIDE: (operator.truediv, np.divide),
+    Operation.NEGATE: (operator.neg, np.negative),
+    Operation.ABS: (abs, np.abs),
+    Operation.SQRT: (math.sqrt, np.sqrt),
+    Operation.SIN: (math.sin, np.sin),
+    Operation.COS: (math.cos, np.cos),
+    Operation.TANH: (math.tanh, np.tanh),
+    Operation.EXP: (math.exp, np.exp),
+    Operation.ASIN: (math.asin, np.arcsin),
+    Operation.ATAN2: (math.atan2, np.arctan2),
+    Operation.MINIMUM: (_minimum, np.minimum),
+    Operation.MAXIMUM: (_maximum, np.maximum),
+    Operation.SELECT_POSITIVE: _SELECT,
+}
+ARRAY_FUNCTIONS = {operation: function for operation, (_, function) in _FUNCTIONS.items()}
+SCALAR_FUNCTIONS = {operation: function for operation, (function, _) in _FUNCTIONS.items()} | {
+    Operation.FLOOR: lambda a: float(math.floor(a)),
+    Operation.FUSED: lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c)),
+    Operation.POWER_OF_TWO: lambda a: math.ldexp(1.0, int(a)),
+}

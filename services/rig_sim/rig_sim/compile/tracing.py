@@ -25,6 +25,21 @@ _SMALLEST_DIVISOR = 2.0**-1000  # the reciprocal of a smaller power of two may o
 Scalar = Any  # Expression | float | np.floating; said once, since object arrays hide it from type checkers anyway
 
 
+def _operators(operation: Operation) -> tuple[Any, Any]:
+    """Return the methods of a binary operator, with the expression first and second.
+
+    They leave what is no scalar (a numpy array) to the other operand's type.
+    """
+
+    def forward(own: "Expression", other: Scalar) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else own.graph.apply(operation, own, other)
+
+    def backward(own: "Expression", other: Scalar) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else own.graph.apply(operation, other, own)
+
+    return forward, backward
+
+
 class Expression:
     """A node of a :class:`Graph`: an operation on other nodes, a constant or an input.
 
@@ -60,29 +75,10 @@ class Expression:
             return self.name
         return f"{self.operation.value}({', '.join(f'%{operand.index}' for operand in self.operands)})"
 
-    def __add__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.ADD, self, other)
-
-    def __radd__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.ADD, other, self)
-
-    def __sub__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.SUBTRACT, self, other)
-
-    def __rsub__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.SUBTRACT, other, self)
-
-    def __mul__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.MULTIPLY, self, other)
-
-    def __rmul__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.MULTIPLY, other, self)
-
-    def __truediv__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.DIVIDE, self, other)
-
-    def __rtruediv__(self, other: Scalar) -> "Expression":
-        return self.graph.binary(Operation.DIVIDE, other, self)
+    __add__, __radd__ = _operators(Operation.ADD)
+    __sub__, __rsub__ = _operators(Operation.SUBTRACT)
+    __mul__, __rmul__ = _operators(Operation.MULTIPLY)
+    __truediv__, __rtruediv__ = _operators(Operation.DIVIDE)
 
     def __neg__(self) -> "Expression":
         return self.graph.apply(Operation.NEGATE, self)
@@ -123,11 +119,7 @@ class Expression:
 
 
 class Graph:
-    """All expressions of one traced model, each held once.
-
-    Constants of several isomorphic lanes will be one value per lane; only :meth:`constant`, the folding of constants
-    and the literals of a backend know that a constant is a single float today.
-    """
+    """All expressions of one traced model, each held once."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[object, ...], Expression] = {}
@@ -143,21 +135,12 @@ class Graph:
         number = float(value)
         if not math.isfinite(number):
             raise ValueError(f"The constant {number} in a traced model is not finite; give a finite number.")
-        key = (Operation.CONSTANT, struct.pack("<d", number))  # by its bits: 0.0 and -0.0 differ
-        node = self._nodes.get(key)
-        if node is None:
-            node = Expression(self, len(self._nodes), Operation.CONSTANT, value=number)
-            self._nodes[key] = node
-        return node
+        # By its bits: 0.0 and -0.0 differ.
+        return self._held(Operation.CONSTANT, struct.pack("<d", number), value=number)
 
     def input(self, name: str) -> Expression:
         """Return the node of the input of this name."""
-        key = (Operation.INPUT, name)
-        node = self._nodes.get(key)
-        if node is None:
-            node = Expression(self, len(self._nodes), Operation.INPUT, name=name)
-            self._nodes[key] = node
-        return node
+        return self._held(Operation.INPUT, name, name=name)
 
     def expression(self, value: Scalar) -> Expression:
         """Return a node of this graph for an expression or a number.
@@ -173,18 +156,13 @@ class Graph:
             return self.constant(float(value))
         raise TypeError(f"A {type(value).__name__} cannot be traced; give an expression or a real number.")
 
-    def binary(self, operation: Operation, first: Scalar, second: Scalar) -> Any:
-        """Apply a binary operator; leave what is no scalar (a numpy array) to the other operand's type."""
-        if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
-            return NotImplemented
-        return self.apply(operation, first, second)
-
     def apply(self, operation: Operation, *arguments: Scalar) -> Expression:
         """Return the simplest node that equals the operation on these arguments (expressions or numbers)."""
         operands = tuple(self.expression(argument) for argument in arguments)
         if all(operand.value is not None for operand in operands):
             return self._folded(operation, operands)
-        simplified = _simplify(operation, operands)
+        rule = _RULES.get(operation)
+        simplified = None if rule is None else rule(*operands)
         return self._node(operation, operands) if simplified is None else simplified
 
     def existing(self, operation: Operation, *operands: Expression) -> Expression | None:
@@ -194,11 +172,13 @@ class Graph:
     def _node(self, operation: Operation, operands: tuple[Expression, ...]) -> Expression:
         if operation in COMMUTATIVE and operands[0].index > operands[1].index:
             operands = operands[::-1]
-        key = (operation, *(operand.index for operand in operands))
-        node = self._nodes.get(key)
+        return self._held(operation, *(operand.index for operand in operands), operands=operands)
+
+    def _held(self, operation: Operation, *key: object, **fields: Any) -> Expression:
+        """Return the node of a key, made where there is none."""
+        node = self._nodes.get((operation, *key))
         if node is None:
-            node = Expression(self, len(self._nodes), operation, operands=operands)
-            self._nodes[key] = node
+            node = self._nodes[operation, *key] = Expression(self, len(self._nodes), operation, **fields)
         return node
 
     def _folded(self, operation: Operation, operands: tuple[Expression, ...]) -> Expression:
@@ -222,12 +202,6 @@ def _integer_power(base: Expression, exponent: int) -> Expression:
         if exponent:
             square = square * square
     return power
-
-
-def _simplify(operation: Operation, operands: tuple[Expression, ...]) -> Expression | None:
-    """Return a simpler expression that equals the operation; None when there is none."""
-    rule = _RULES.get(operation)
-    return None if rule is None else rule(*operands)
 
 
 def _is_negation(expression: Expression) -> bool:

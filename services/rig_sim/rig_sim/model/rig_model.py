@@ -14,6 +14,7 @@ from rig_sim.multibody import (
     Accelerations,
     Array,
     Effect,
+    JointKind,
     Motion,
     Offering,
     accelerate,
@@ -57,9 +58,9 @@ class RigModel:
             for index in range(velocity_count(joint.kind)):
                 names[len(tree.default_positions) + joint.velocity_start + index] = f"{joint.name} velocity {index}"
         initial = [*tree.default_positions, *np.zeros(tree.velocity_count)]
-        self._slices: list[slice] = []
+        self._slices: dict[str, slice] = {}
         for element in assembly.elements:
-            self._slices.append(slice(len(initial), len(initial) + len(element.initial_state)))
+            self._slices[element.name] = slice(len(initial), len(initial) + len(element.initial_state))
             initial += element.initial_state
             names += [f"{element.name} state {index}" for index in range(len(element.initial_state))]
         self.state_names = tuple(names)
@@ -81,34 +82,35 @@ class RigModel:
 
     def element_slice(self, name: str) -> slice:
         """Return where the states of an element lie in the state."""
-        index = [element.name for element in self.assembly.elements].index(name)
-        return self._slices[index]
+        return self._slices[name]
+
+    def normalise_quaternions(self, state: np.ndarray) -> None:
+        """Give the quaternions in a state of numbers the length of one."""
+        for joint in self.assembly.tree.joints:
+            if joint.kind is JointKind.FLOATING:
+                where = slice(joint.position_start, joint.position_start + 4)
+                state[where] /= np.linalg.norm(state[where])
 
     def evaluate(self, state: Array, inputs: Array) -> Evaluation:
-        """Evaluate the rig.
-
-        Returns: Motion, effects, accelerations, derivative and responses.
-        """
+        """Evaluate the rig."""
         tree = self.assembly.tree
         positions = state[: self.position_count]
         velocities = state[self.position_count : self.position_count + tree.velocity_count]
         motion = move(tree, positions, velocities)
         own = Effect([ZERO] * len(tree.bodies), [0.0] * tree.velocity_count)
-        for element, where in zip(self.assembly.elements, self._slices, strict=True):
+        for element in self.assembly.elements:
             if isinstance(element, Offering):
-                element.offer(state[where], own)
+                element.offer(state[self._slices[element.name]], own)
         rates: list[Any] = []
         first_input = 0
-        for element, where in zip(self.assembly.elements, self._slices, strict=True):
+        for element in self.assembly.elements:
             values = inputs[first_input : first_input + len(element.inputs)]
-            rates += element.apply(motion, state[where], values, own)
+            rates += element.apply(motion, state[self._slices[element.name]], values, own)
             first_input += len(element.inputs)
         wrenches = list(own.wrenches)
         add_linear_elements(tree, motion, wrenches)
         accelerations = accelerate(tree, motion, wrenches, own.joint_forces)
-        states = {
-            element.name: state[where] for element, where in zip(self.assembly.elements, self._slices, strict=True)
-        }
+        states = {name: state[where] for name, where in self._slices.items()}
         instant = Instant(tree, motion, wrenches, accelerations, states)
         return Evaluation(
             motion=motion,
