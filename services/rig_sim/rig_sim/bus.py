@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class SimulatedRig:
         """Do nothing: every playback begins at rest."""
 
 
-def _kind(quantity: Quantity) -> array_pb2.ChannelKind:
+def _kind(quantity: Quantity) -> Any:
     return array_pb2.ChannelKind.Value(f"CHANNEL_KIND_{quantity.name}")
 
 

@@ -24,10 +24,7 @@ _NUMBERS = 12
 
 
 class Poses:
-    """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world.
-
-    `tree`: Whose bodies are shown.
-    """
+    """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world."""
 
     def __init__(self, tree: MultibodyTree) -> None:
         self.bodies = tuple(body.name for body in tree.bodies[1:])
@@ -49,11 +46,7 @@ class Poses:
         )
 
     def frames(self, positions: np.ndarray) -> np.ndarray:
-        """Return rotation matrices and origins: the cheap half, for one instant.
-
-        `positions`: Drake's positions.
-        Returns: Rotation row by row, then the origin in m.
-        """
+        """Return rotation row by row, then origin in m, (bodies, 12), at Drake's positions."""
         return self._compiled.outputs(positions, np.zeros(0)).reshape(len(self.bodies), _NUMBERS)
 
 

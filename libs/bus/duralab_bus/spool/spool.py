@@ -71,11 +71,14 @@ class Store(ABC):
 class _MemoryStore(Store):
     """Messages in memory."""
 
-    size = 0
-
     def __init__(self, space: SpoolSpace) -> None:
         super().__init__(space)
         self._messages: deque[Spooled] = deque()
+        self._bytes = 0
+
+    @property
+    def size(self) -> int:
+        return self._bytes
 
     def append(self, seq: int, payload: bytes, encoding: str) -> None:
         self._messages.append(Spooled(seq, payload, encoding))
@@ -101,10 +104,10 @@ class _MemoryStore(Store):
     def close(self, *, delete: bool) -> None:
         del delete
         self._messages.clear()
-        self._take(-self.size)
+        self._take(-self._bytes)
 
     def _take(self, size: int) -> None:
-        self.size += size
+        self._bytes += size
         self._space.count(size)
 
 

@@ -23,12 +23,10 @@ def linearise(
     step: float = 1.0e-6,
     columns: Sequence[int] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the Jacobian of the rates by central differences.
+    """Return the Jacobian of the rates by central differences of `step`, in each state's own unit.
 
-    `derivative`: Takes the state (states,) and the inputs (drives,), returns the rates (states,). `state`: Where it is
-    linearised. `inputs`: Held constant, each in its channel's unit. `step`: Of the differences, in each state's own
-    unit. `columns`: States to differentiate by; all where not given.
-    Returns: In 1/s times the ratio of two states' units.
+    `derivative` takes state (states,) and inputs (drives,) and returns rates (states,); differentiated by all states or
+    by some `columns`.
     """
     chosen = range(len(state)) if columns is None else columns
     differences = np.empty((len(state), len(chosen)))
@@ -52,13 +50,10 @@ class NoEquilibriumError(ValueError):
 
 
 def find_equilibrium(model: RigModel, derivative: Derivative, inputs: np.ndarray) -> np.ndarray:
-    """Return the state in which nothing moves.
+    """Return the state in which nothing moves under constant inputs, in each channel's unit.
 
-    `model`: Says what the states are and where to begin. `derivative`: Takes the state (states,) and the inputs
-    (drives,), returns the rates (states,). `inputs`: Held constant, each in its channel's unit.
-    Returns: Velocities are zero, and so is the hysteretic friction: it has no unique value at rest.
-    Raises `NoEquilibriumError`: Where Newton's method from the design position ends with something still moving; names
-    the state.
+    Velocities are zero, and so is the hysteretic friction: it has no unique value at rest. Raises `NoEquilibriumError`
+    where Newton's method from the design position ends with something still moving; names the state.
     """
     state = model.design_state.copy()
     free = _unknowns(model)
@@ -107,11 +102,7 @@ class UnstableError(ValueError):
 
 
 def check_stability(linearisation: np.ndarray, names: Sequence[str]) -> None:
-    """Check that nothing grows from the rest.
-
-    `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.
-    Raises `UnstableError`: Where a motion grows; names the state with most of it, and how fast.
-    """
+    """Raise `UnstableError` where a motion grows from the rest; names the state with most of it, and how fast."""
     values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(linearisation))
     fastest = int(np.argmax(values.real))
     growth, turning = float(values[fastest].real), float(abs(values[fastest].imag) / (2.0 * np.pi))

@@ -34,12 +34,7 @@ class ProofError(RuntimeError):
 
 @dataclass(frozen=True)
 class Proof:
-    """Largest differences over all random states, relative to the largest value of each kind at its state.
-
-    `position_rate_error`, `acceleration_error`: Of the rates of the positions, and of the accelerations of the
-    freedoms. `force_error`: Of the responses, each kind by itself. `element_rate_error`: Of the rates of the elements'
-    own states, against plain numpy. `states`: Number of random states.
-    """
+    """Largest differences over all random states, relative to the largest value of each kind at its state."""
 
     position_rate_error: float
     acceleration_error: float
@@ -60,10 +55,7 @@ class DrakeAnswers:
 def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
     """Compare the compiled player with Drake at random states around the design position.
 
-    `model`: The equations, evaluated with floats for the elements' own states. `compiled`: The same equations as
-    machine code. `plant`: Drake's, finalised. `seed`: Of the random states.
-    Returns: The largest differences.
-    Raises `ProofError`: Where one is above 1e-9; names the freedom or channel and both values.
+    Raises `ProofError` where a difference is above 1e-9; names the freedom or channel and both values.
     """
     rng = np.random.default_rng(seed)
     n_q, n_v = model.position_count, model.assembly.tree.velocity_count

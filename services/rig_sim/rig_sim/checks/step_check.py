@@ -29,10 +29,10 @@ class StepError(ValueError):
 
 
 def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
-    """Return the longest step with which no decaying motion grows, the margin included.
+    """Return the longest step in s with which no decaying motion grows, the margin included.
 
-    `eigenvalues`: In 1/s. What grows by itself is not the step's fault and counts as undamped.
-    Returns: In s; infinite where nothing moves.
+    It is infinite where nothing moves. What grows by itself is not the step's fault and counts as undamped. Eigenvalues
+    are in 1/s.
     """
     decaying = MARGIN * (np.minimum(eigenvalues.real, 0.0) + 1j * eigenvalues.imag)
     fastest = float(np.max(np.abs(decaying), initial=0.0))
@@ -58,9 +58,7 @@ def largest_stable_step(eigenvalues: Complex, method: Method) -> float:
 def check_step(linearisation: np.ndarray, *, names: Sequence[str], specimen: Specimen) -> None:
     """Check that the player's step is stable at rest.
 
-    `linearisation`: Rates by states at rest, in 1/s times the ratio of two states' units. `names`: Of the states.
-    `specimen`: Says the step.
-    Raises `StepError`: Where a motion that decays grows in the player; names the state with most of it, and the step to
+    Raises `StepError` where a motion that decays grows in the player; names the state with most of it, and the step to
     take.
     """
     longest = largest_stable_step(np.linalg.eigvals(linearisation).astype(np.complex128), specimen.integrator)

@@ -19,10 +19,7 @@ _LIBM = ("fma", "floor")
 
 @dataclass(frozen=True)
 class CompiledModule:
-    """Machine code; it stays in memory as long as this object, and no address may outlive it.
-
-    `engine`: The owner of the code.
-    """
+    """Machine code; it stays in memory as long as this object, and no address may outlive it."""
 
     engine: llvm.ExecutionEngine
 
@@ -155,16 +152,12 @@ class CompiledModel:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: ArrayLike | None = None,
     ) -> Playback:
-        """Integrate over a record of commands with a fixed step.
+        """Integrate over a record of commands (inputs, samples + 1) with a fixed step; see `engines.Player`.
 
-        Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call.
-
-        `state`: At the first sample. `commands`: A line between two samples. The extra sample is the one after the
-        record, which the last interval is interpolated towards: the first of the next chunk, or the last once more.
-        `sample_interval`: [s], > 0. `substeps`: Steps per sample interval, ≥ 1. `method`: How each step is taken.
-        `bounds`: The largest magnitude of each state, checked at the sample instants; any finite one by default.
-        Raises `ValueError`: When an array has the wrong shape, a command is not finite, or a number is out of its
-        range.
+        Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call. The extra
+        sample is the one after the record: the first of the next chunk, or the last once more. `bounds` are any finite
+        ones by default. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is
+        out of its range.
         """
         inner = self._vector(state, self.state_names, "state")[self._order]
         command = np.ascontiguousarray(commands, dtype=np.float64)

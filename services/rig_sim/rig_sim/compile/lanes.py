@@ -254,8 +254,8 @@ _VECTOR = PAIR.numbers
 class LaneFunction:
     """A planned function of arrays, ``void name(const double *argument…, double *result…)``.
 
-    `name`: Its symbol. `places`: The argument and the position in it of every leaf, by its index. `arguments`: How many
-    argument arrays there are. `pairs`, `singles`: A pair is stored at its position and the one after it.
+    `places` has argument and position of every leaf, by its index. A pair is stored at its position and the one after
+    it.
     """
 
     name: str
@@ -420,10 +420,9 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class LaneTexts:
-    """The functions of a model in lanes.
+    """LLVM IR of the functions of a model in lanes, and which state of the model is at each place of their arrays.
 
-    `text`: LLVM IR of ``derivative`` and ``observe``, whose state and derivative have the order below. `state_order`:
-    Which state of the model is at each place: the lanes of a pair side by side, then what has no partner.
+    The lanes of a pair are side by side, then comes what has no partner.
     """
 
     text: str

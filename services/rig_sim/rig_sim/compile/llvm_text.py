@@ -33,11 +33,7 @@ _TO_LAST_BITS = 2.0**52 + 1023.0
 
 @dataclass(frozen=True)
 class TracedFunction:
-    """A function of arrays: ``void name(const double *argument…, double *result…)``.
-
-    `name`: Its symbol. `arguments`: For every argument array the inputs that its elements are. `results`: For every
-    result array the expressions of its elements.
-    """
+    """A function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``."""
 
     name: str
     arguments: tuple[tuple[Expression, ...], ...]
@@ -51,11 +47,7 @@ def literal(value: float) -> str:
 
 @dataclass(frozen=True)
 class Kind:
-    """What an operation works on: doubles, or vectors of them.
-
-    `numbers`, `bits`, `truth`: LLVM's types of the numbers, of integers as large, and of comparisons. `suffix`: Of the
-    intrinsics.
-    """
+    """What an operation works on, doubles or vectors of them, in LLVM's types; the suffix is that of the intrinsics."""
 
     numbers: str
     bits: str

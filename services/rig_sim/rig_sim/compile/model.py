@@ -17,13 +17,11 @@ ModelFunction = Callable[[np.ndarray, np.ndarray], tuple[Sequence[Scalar], Seque
 
 
 def trace_model(function: ModelFunction, *, state_names: Sequence[str], input_names: Sequence[str]) -> TracedModel:
-    """Run a model once on expressions.
+    """Run a model once on expressions; the names have the order of its arrays.
 
-    `function`: ``function(state, inputs) -> (derivative, outputs)``: takes object arrays (states,) and (inputs,),
-    returns sequences of scalars. It uses operators and :mod:`rig_sim.compile.numeric`, and never branches on a value.
-    `state_names`, `input_names`: Their order is the order of the arrays.
-    Returns: The function's arguments and results as expressions.
-    Raises `ValueError`: When a name is given twice, or there is not one derivative per state.
+    ``function(state, inputs) -> (derivative, outputs)`` takes object arrays (states,) and (inputs,) and returns
+    sequences of scalars. It uses operators and :mod:`rig_sim.compile.numeric`, and never branches on a value. Raises
+    `ValueError` when a name is given twice, or there is not one derivative per state.
     """
     for kind, names in (("state", state_names), ("input", input_names)):
         twice = sorted({name for name in names if list(names).count(name) > 1})
@@ -57,14 +55,12 @@ def compile_model(
     lanes: bool = True,
     optimization: int = 2,
 ) -> CompiledModel:
-    """Compile a model.
+    """Compile a model, see :func:`trace_model`; outputs are called ``output_0``, … by default.
 
-    `function`: See :func:`trace_model`. `state_names`, `input_names`: Their order is the order of the arrays.
-    `output_names`: One per output; ``output_0``, … by default. `contract`: Whether products and sums may be fused into
-    one operation with one rounding; faster, and as exact. `lanes`: Whether two sides that mirror each other may be
-    computed as lanes of vectors, where that saves operations. `optimization`: 0 to 3, as a compiler's -O.
-    Returns: Ready to be evaluated and played.
-    Raises `ValueError`: When names and results do not fit together.
+    `contract` says whether products and sums may be fused into one operation with one rounding: faster, and as exact.
+    `lanes` says whether two sides that mirror each other may be computed as lanes of vectors, where that saves
+    operations. `optimization` is 0 to 3, as a compiler's -O. Raises `ValueError` when names and results do not fit
+    together.
     """
     traced = expanded(trace_model(function, state_names=state_names, input_names=input_names))
     names = (

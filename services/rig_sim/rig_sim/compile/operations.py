@@ -63,7 +63,7 @@ _SELECT = (
     lambda condition, a, b: a if condition >= 0.0 else b,
     lambda condition, a, b: np.where(np.greater_equal(condition, 0.0), a, b),
 )
-_FUNCTIONS: dict[Operation, tuple[Callable[..., float], Callable[..., Any]]] = {
+_FUNCTIONS: dict[Operation, tuple[Callable[..., Any], Callable[..., Any]]] = {
     Operation.ADD: (operator.add, np.add),
     Operation.SUBTRACT: (operator.sub, np.subtract),
     Operation.MULTIPLY: (operator.mul, np.multiply),

@@ -41,12 +41,9 @@ def _operators(operation: Operation) -> tuple[Any, Any]:
 
 
 class Expression:
-    """A node of a :class:`Graph`: an operation on other nodes, a constant or an input.
+    """A node of a :class:`Graph`: an operation on other nodes, a constant or an input, by its order of creation.
 
     Created by operators and by :mod:`rig_sim.compile.numeric`, never directly. Equality is identity.
-
-    `graph`: The graph that owns the node. `index`: Position in the order of creation; operands always come before.
-    `value`: The number of a constant, None for all others. `name`: The name of an input, empty for all others.
     """
 
     __slots__ = ("graph", "index", "name", "operands", "operation", "value")
@@ -128,10 +125,7 @@ class Graph:
         return len(self._nodes)
 
     def constant(self, value: float) -> Expression:
-        """Return the node of a finite number.
-
-        Raises `ValueError`: When the number is infinite or NaN.
-        """
+        """Return the node of a finite number; raises `ValueError` when it is infinite or NaN."""
         number = float(value)
         if not math.isfinite(number):
             raise ValueError(f"The constant {number} in a traced model is not finite; give a finite number.")
@@ -143,11 +137,7 @@ class Graph:
         return self._held(Operation.INPUT, name, name=name)
 
     def expression(self, value: Scalar) -> Expression:
-        """Return a node of this graph for an expression or a number.
-
-        Raises `TypeError`: When the value is neither. `ValueError`: When the expression belongs to another graph, or
-        the number is not finite.
-        """
+        """Return a node of this graph for one of its expressions or a finite number."""
         if isinstance(value, Expression):
             if value.graph is not self:
                 raise ValueError(f"The traced value {value!r} belongs to another graph; trace the model as one.")
@@ -324,10 +314,7 @@ _RULES: dict[Operation, Callable[..., Expression | None]] = {
 
 @dataclass(frozen=True)
 class TracedModel:
-    """A model as expressions.
-
-    `state`, `inputs`: The arguments. `derivative`, `outputs`: The results.
-    """
+    """A model as expressions of its state and inputs."""
 
     state: tuple[Expression, ...]
     inputs: tuple[Expression, ...]

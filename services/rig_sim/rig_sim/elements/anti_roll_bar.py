@@ -95,12 +95,7 @@ class Lever:
 
 @dataclass(frozen=True)
 class AntiRollBar:
-    """An anti-roll bar on a body, with a lever at the left and one at the right.
-
-    `name`: Unique in the rig. `body`: Index of the body that the bar turns on. `levers`: The left one and the right
-    one. `law`: Parameters. `settles`: Whether the own states have one value at rest. `initial_state`: Own states at
-    design position and rest. `inputs`: Drives that the element takes.
-    """
+    """An anti-roll bar on a body, with a lever at the left and one at the right."""
 
     name: str
     body: int

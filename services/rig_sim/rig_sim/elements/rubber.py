@@ -38,13 +38,7 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rubber:
-    """Rubber between frame A on one body and the origin of frame C on another, along an axis of A.
-
-    `name`: Unique in the rig. `body_a`, `body_c`: Index of the body of frame A, and of that of frame C. `frame_a`:
-    Frame A in its body. `point_c`: Origin of frame C in its body, in m. `axis`: Unit vector in frame A. `law`:
-    Parameters. `settles`: Whether the own states have one value at rest. `initial_state`: Own states at design position
-    and rest. `inputs`: Drives that the element takes.
-    """
+    """Rubber between frame A on one body and the origin (m) of frame C on another, along a unit vector in frame A."""
 
     name: str
     body_a: int

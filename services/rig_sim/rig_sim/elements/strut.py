@@ -52,13 +52,7 @@ def strut_force(law: StrutLaw, compression: Any, speed: Any) -> Any:
 
 @dataclass(frozen=True)
 class Strut:
-    """A strut between a point on body a and a point on body b, both in their body's frame, in metres.
-
-    `name`: Unique in the rig. `body_a`, `body_b`: Index of each end's body. `point_a`, `point_b`: The ends in their
-    body's frame, in m. `design_length`: Length at design position, in m. `law`: Parameters. `settles`: Whether the own
-    states have one value at rest. `initial_state`: Own states at design position and rest. `inputs`: Drives that the
-    element takes.
-    """
+    """A strut between a point on body a and a point on body b, both in their body's frame, in metres."""
 
     name: str
     body_a: int

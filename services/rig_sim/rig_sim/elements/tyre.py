@@ -40,12 +40,8 @@ class Tyre:
     """A tyre under a wheel body whose centre is the body's origin.
 
     Inputs: height of the effective road under the wheel [m], its slope [1], positive uphill, its camber [1], positive
-    when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force keeps whatever value
-    it has, as a standing tyre does.
-
-    `name`: Unique in the rig. `wheel`: Index of the wheel's body. `law`: Parameters. `inputs`: Drives of height, slope,
-    camber and speed. `settles`: Whether the own states have one value at rest. `initial_state`: Side force at rest, in
-    kN.
+    when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force, in kN, keeps whatever
+    value it has, as a standing tyre does.
     """
 
     name: str

@@ -72,10 +72,8 @@ class Player(Protocol):
     ) -> Playback:
         """Advance over a record; consecutive records, each from the state the last one ended in, have no seam.
 
-        `state`: At the first sample. `commands`: Linear between samples; the last column is the sample after the
-        record. `sample_interval`: In s. `substeps`: Steps per sample of an engine whose steps are fixed by the
-        specimen. `method`: How such an engine takes a step. `bounds`: The largest magnitude of each state, checked at
-        the samples.
-        Returns: Outputs at the samples, the state after them, and where it left its bounds.
+        Commands are linear between samples, `sample_interval` in s apart; the last column is the sample after the
+        record. `substeps` and `method` are for an engine whose steps are fixed by the specimen. `bounds` are the
+        largest magnitudes of the states, checked at the samples.
         """
         ...

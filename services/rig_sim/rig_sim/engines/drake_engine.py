@@ -32,12 +32,10 @@ from rig_sim.specimen import (
 
 
 def drake_responses(model: RigModel, plant: MultibodyPlant, context: Context, state: Array) -> np.ndarray:
-    """Read all responses from Drake.
+    """Read all responses from Drake's context of the plant at this state of the model, in the model's order and units.
 
-    `model`: Says what is measured. `plant`: Finalised; the one whose tree the model has. `context`: Of the plant, at
-    this state, with the forces of the YAML's elements on its input ports. `state`: Of the model. Of rubber beside a
-    bushing, of which Drake knows nothing, the model says the force.
-    Returns: In the model's order of responses, each in its unit.
+    The forces of the YAML's elements are on the plant's input ports. Of rubber beside a bushing, of which Drake knows
+    nothing, the model says the force.
     """
     readings = [
         _reading(channel, sensor, plant, context, own=(model, state))
@@ -203,11 +201,8 @@ class DrakeEngine:
     """A diagram of Drake's plant and the elements, advanced sample by sample by Drake's simulator.
 
     Every sample begins anew from state and drive, without the memory of an integrator: the same samples give the same
-    bytes, however a record is cut.
-
-    `model`: The equations; the elements of the YAML are taken from them. `plant`: Finalised; belongs to the engine from
-    now on. `choice`: Accuracy or fixed step.
-    Raises `ValueError`: If the fixed step is longer than a sample.
+    bytes, however a record is cut. The plant, finalised, belongs to the engine from now on. Raises `ValueError` if the
+    fixed step is longer than a sample.
     """
 
     def __init__(self, model: RigModel, plant: MultibodyPlant, choice: EngineChoice) -> None:
@@ -261,13 +256,7 @@ class DrakeEngine:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: np.ndarray,
     ) -> Playback:
-        """Advance over a record of commands; see :class:`rig_sim.engines.Player`. Drake chooses its steps by itself.
-
-        `state`: At the first sample. `commands`: Linear between samples, each in its channel's unit. `sample_interval`:
-        Of the specimen's rate, in s. `substeps`: Not used. `method`: Not used. `bounds`: The largest magnitude of each
-        state, checked at the samples.
-        Returns: Outputs (outputs, samples), the state after them, and where it left its bounds.
-        """
+        """Advance over a record of commands; see :class:`rig_sim.engines.Player`. Drake chooses its steps by itself."""
         del substeps, method
         if sample_interval != self._interval:
             raise ValueError(f"the sample interval is {sample_interval:g} s; this rig has {self._interval:g} s.")

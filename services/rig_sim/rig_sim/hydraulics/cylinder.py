@@ -23,10 +23,7 @@ class Cushion:
 
 @parameters(config=STRICT)
 class Cylinder:
-    """Parameters of a cylinder.
-
-    Raises `ValueError`: If stiction fades below twice the friction speed, or the cushion is as long as half the stroke.
-    """
+    """Parameters of a cylinder."""
 
     #: Piston area on side A, in m^2.
     area: Positive

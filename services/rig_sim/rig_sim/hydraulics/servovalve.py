@@ -67,10 +67,8 @@ def edge_opening(valve: Servovalve, travel: Any) -> Any:
 
 
 def port_flows(valve: Servovalve, opening: Any, pressures: tuple[Any, Any], supply: Any, back: Any) -> PortFlows:
-    """Return the flows through the valve.
+    """Return the flows through the valve, in m^3/s.
 
-    `valve`: Parameters of the valve.
-    Returns: Flow into A, out of B and from the supply, in m^3/s.
     ``q = q_rated x sqrt(dp / dp_rated)`` over each metering edge (Merritt, *Hydraulic Control Systems*, chapter 5).
     """
     a, b = pressures

@@ -48,10 +48,7 @@ class PowerUnit:
 
 @parameters(config=STRICT)
 class Supply:
-    """Pressures of the hydraulic power unit, in Pa; constant, unless a `unit` makes the supply's pressure.
-
-    Raises `ValueError`: If the pressures of return, precharge, supply and relief are not in this order.
-    """
+    """Pressures of the hydraulic power unit, in Pa; constant, unless a `unit` makes the supply's pressure."""
 
     supply_pressure: Positive
     return_pressure: NotNegative
@@ -90,9 +87,6 @@ class HydraulicSupply:
 
     States, where it has a power unit: the natural logarithm of the pressure over the precharge (the polytropic law is
     then an exponential), and the pump's flow as a share of its most.
-
-    `name`: Unique in the rig. `law`: Pressures and, where it has one, the power unit. `settles`: Whether the own states
-    have one value at rest. `inputs`: Drives that the element takes: none.
     """
 
     name: str

@@ -18,11 +18,7 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Assembly:
-    """A tree with everything mounted on it.
-
-    `specimen`: Whose parts are mounted. `tree`: What they are mounted on. `elements`: Supplies come last: they see what
-    all actuators have drawn. `transducers`: One per response, in order.
-    """
+    """A tree with everything mounted on it: elements, supplies last, and a transducer per response, in order."""
 
     specimen: Specimen
     tree: MultibodyTree
@@ -31,11 +27,9 @@ class Assembly:
 
 
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
-    """Mount the parts of a specimen.
+    """Mount the parts of a specimen on the bodies, joints and frames of its SDF; a mirrored part gives two elements.
 
-    `specimen`: Whose parts to mount. `tree`: Bodies, joints and frames of its SDF.
-    Returns: With one element per part, a mirrored part giving two.
-    Raises `SpecimenError`: Where a part names a body, frame, joint or kind that does not exist or does not fit, two
+    Raises `SpecimenError` where a part names a body, frame, joint or kind that does not exist or does not fit, two
     parts or channels share a name, the parts' inputs are not the drives in their order, or a drive reaches beyond its
     cylinder.
     """

@@ -43,8 +43,6 @@ class RigModel:
     """State layout and equations of an assembled rig.
 
     The state is Drake's positions and velocities, then the states of each element in the order of the assembly.
-
-    `assembly`: The tree with its elements and sensors.
     """
 
     def __init__(self, assembly: Assembly) -> None:

@@ -42,9 +42,7 @@ _KINDS = {
 def load_plant(sdf: Path) -> MultibodyPlant:
     """Parse an SDF or a URDF into a finalised continuous plant; what Drake would only warn of is an error.
 
-    `sdf`: The SDF or URDF.
-    Returns: Finalised, continuous.
-    Raises `ValueError`: Where there is no such file, or Drake cannot use it; the sentence carries Drake's own words.
+    Raises `ValueError` where there is no such file, or Drake cannot use it; the sentence carries Drake's own words.
     """
     kind = "URDF" if sdf.suffix == ".urdf" else "SDF"
     if not sdf.is_file():
@@ -64,11 +62,9 @@ def load_plant(sdf: Path) -> MultibodyPlant:
 
 
 def read_tree(plant: MultibodyPlant) -> MultibodyTree:
-    """Copy bodies, joints, springs, bushings and gravity out of a finalised plant.
+    """Copy bodies, joints, springs, bushings and gravity out of a finalised plant, in Drake's order.
 
-    `plant`: Finalised.
-    Returns: The same bodies, in Drake's order.
-    Raises `ValueError`: Where the plant holds a joint or force element that the player does not know, two bodies or
+    Raises `ValueError` where the plant holds a joint or force element that the player does not know, two bodies or
     joints of one name, or a body that nothing leads to.
     """
     context = plant.CreateDefaultContext()

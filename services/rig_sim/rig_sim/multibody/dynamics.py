@@ -38,11 +38,7 @@ class Inertia:
 
 
 def inertia_in_world(body: Body, pose: Pose) -> Inertia:
-    """Carry a body's inertia from its own frame to the world's origin.
-
-    `body`: Whose inertia to carry. `pose`: Of the body in the world.
-    Returns: About the world's origin in world axes.
-    """
+    """Return the inertia of a body at a pose, about the world's origin in world axes."""
     rotation, origin = pose.rotation, pose.origin
     own_moment = rotation @ (body.mass * body.centre)
     first = own_moment + origin * body.mass
@@ -93,11 +89,9 @@ class Accelerations:
 
 
 def accelerate(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial], joint_forces: Array) -> Accelerations:
-    """Return the accelerations under external wrenches and joint forces.
+    """Return the accelerations under external wrenches and joint forces, in N*m or N; gravity is not among them.
 
-    `tree`: The bodies and joints. `motion`: Of the tree, from `move`. `wrenches`: Sum of the external wrenches on the
-    body about the world's origin, in N*m and N, without gravity. `joint_forces`: Generalised forces, in N or N*m.
-    Returns: Of the freedoms, and the proper acceleration of each body.
+    The wrenches are sums on each body about the world's origin.
     """
     inertias = [inertia_in_world(body, pose) for body, pose in zip(_welds_merged(tree), motion.poses, strict=True)]
     root = Spatial(np.zeros(3), -tree.gravity)

@@ -36,9 +36,9 @@ class Line:
 class Effect:
     """Sum of what the elements do; elements add to it.
 
-    `wrenches`: Wrench on each body about the world's origin, in N*m and N. `joint_forces`: Generalised force on each
-    freedom, in N or N*m. `monitored`: Named values beside the responses, e.g. a valve's opening. `lines`: Hydraulic
-    supplies by name, offered before any element is applied; elements add what they draw.
+    Wrenches are on each body about the world's origin, joint forces on each freedom, in N*m and N. Monitored are named
+    values beside the responses, e.g. a valve's opening. Hydraulic supplies are offered before any element is applied;
+    elements add what they draw.
     """
 
     wrenches: list[Spatial]
@@ -54,10 +54,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Input:
-    """One input of an element: the drive channel it is, and that channel's unit.
-
-    `name`: Name of the drive channel. `unit`: Unit of that channel.
-    """
+    """One input of an element: the drive channel it is, and that channel's unit."""
 
     name: str
     unit: str

@@ -24,11 +24,10 @@ _WORLD = Pose(np.eye(3), np.zeros(3))
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the bodies are and how they move.
+    """Where the bodies are and how they move: pose and velocity of each body, freedoms of each joint.
 
-    `poses`: Pose of each body in the world. `velocities`: Velocity of each body. `axes`: Of each joint: one spatial
-    velocity per freedom. `bias_accelerations`: Acceleration of each child without any joint acceleration.
-    `position_rates`: Of each joint's positions. `joint_positions`, `joint_velocities`: As given.
+    Of each joint: one spatial velocity per freedom, the acceleration of its child without any joint acceleration, and
+    the rates of its positions.
     """
 
     poses: list[Pose]
@@ -46,12 +45,7 @@ class Motion:
 
 
 def move(tree: MultibodyTree, positions: Array, velocities: Array) -> Motion:
-    """Return the motion of the tree.
-
-    `tree`: The bodies and joints. `positions`: Drake's positions, in m, rad or quaternion elements. `velocities`:
-    Drake's velocities, in m/s or rad/s.
-    Returns: Poses and spatial velocities per body; axes, bias accelerations per joint; rates of the positions.
-    """
+    """Return the motion of the tree at Drake's positions and velocities, in m and rad, quaternions by their elements."""
     poses: list[Pose] = [_WORLD] * len(tree.bodies)
     spatial: list[Spatial] = [ZERO] * len(tree.bodies)
     axes: list[list[Spatial]] = []

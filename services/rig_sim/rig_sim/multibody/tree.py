@@ -32,10 +32,7 @@ def velocity_count(kind: JointKind) -> int:
 
 @dataclass(frozen=True)
 class Pose:
-    """A frame in another frame: rotation (3, 3) and origin (3,) in metres.
-
-    `rotation`: Axes of the frame as columns. `origin`: In m.
-    """
+    """A frame in another frame: rotation (3, 3), axes as columns, and origin (3,) in metres."""
 
     rotation: np.ndarray
     origin: np.ndarray
@@ -112,10 +109,7 @@ class Bushing:
 class MultibodyTree:
     """Bodies (the world is body 0), joints from the world outward, force elements, gravity in m/s^2, default pose.
 
-    `bodies`: The world first. `joints`: Every parent is reached before its children. `springs`: Linear springs and
-    dampers of the SDF. `bushings`: Bushings of the SDF. `gravity`: In m/s^2. `default_positions`: Positions of the
-    design position. `velocity_count`: n_v, the number of freedoms. `frames`: Named frames: index of the body and pose
-    in it.
+    Every parent is reached before its children. A named frame has the index of its body and its pose in it.
     """
 
     bodies: tuple[Body, ...]
@@ -128,10 +122,7 @@ class MultibodyTree:
     frames: dict[str, tuple[int, Pose]]
 
     def body_index(self, name: str) -> int:
-        """Return the index of the body of that name.
-
-        Raises `ValueError`: Where there is none; the sentence lists the bodies.
-        """
+        """Return the index of the body of that name, or raise `ValueError` with those that exist."""
         for index, body in enumerate(self.bodies):
             if body.name == name:
                 return index
@@ -140,10 +131,7 @@ class MultibodyTree:
         )
 
     def joint(self, name: str) -> Joint:
-        """Return the joint of that name.
-
-        Raises `ValueError`: Where there is none; the sentence lists the joints.
-        """
+        """Return the joint of that name, or raise `ValueError` with those that exist."""
         for joint in self.joints:
             if joint.name == name:
                 return joint
@@ -151,10 +139,7 @@ class MultibodyTree:
         raise ValueError(f"joint {name!r} is not in the specimen; its joints are {known}.")
 
     def frame(self, name: str) -> tuple[int, Pose]:
-        """Return body and pose in the body of the frame of that name.
-
-        Raises `ValueError`: Where there is none; the sentence lists the frames.
-        """
+        """Return body and pose in the body of the frame of that name, or raise `ValueError` with those that exist."""
         if name not in self.frames:
             raise ValueError(f"frame {name!r} is not in the specimen; its frames are {', '.join(sorted(self.frames))}.")
         return self.frames[name]

@@ -7,7 +7,7 @@ mount of a bushing. What they measure is said in :mod:`rig_sim.model.measurement
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, Discriminator, Tag
 
@@ -37,11 +37,6 @@ UNIT_OF = {
 }
 
 
-class _Measuring(Protocol):
-    @property
-    def quantity(self) -> Quantity: ...
-
-
 class SensorChannel(BaseModel):
     """A measured channel."""
 
@@ -54,7 +49,7 @@ class SensorChannel(BaseModel):
     label: str
 
     @property
-    def unit(self: _Measuring) -> str:
+    def unit(self: Any) -> str:
         """Unit of its quantity."""
         return UNIT_OF[self.quantity]
 

@@ -34,12 +34,9 @@ class SpecimenError(ValueError):
 def read_document(path: Path) -> Any:
     """Read a YAML file; where it says `variant_of: NAME.yaml`, with what that file beside it says.
 
-    What a variant says is added to the other's lists and mappings, and takes the place of its single values.
-
-    `path`: The YAML.
-    Returns: What it says, not checked.
-    Raises `SpecimenError`: Where a file is missing or not YAML, or a variant is of no file beside it, of another
-    variant, or says another kind of thing under a key.
+    What a variant says is added to the other's lists and mappings, and takes the place of its single values. Raises
+    `SpecimenError` where a file is missing or not YAML, or a variant is of no file beside it, of another variant, or
+    says another kind of thing under a key.
     """
     document = _read(path)
     base = _base(path, document)
@@ -53,11 +50,7 @@ def read_document(path: Path) -> Any:
 
 
 def document_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that a document is made of: its own, and the one it is a variant of.
-
-    `path`: The YAML.
-    Returns: One file or two.
-    """
+    """Return the files that a document is made of: its own, and the one it is a variant of."""
     base = _base(path, _read(path))
     return (path,) if base is None else (path, base)
 
@@ -106,11 +99,7 @@ RIGHT = "right_"
 
 
 def mirrored_name(name: str) -> str:
-    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`.
-
-    `name`: Name of the left one.
-    Returns: The same name if it is not that of a left one.
-    """
+    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others stay the same."""
     return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
 
 
@@ -287,12 +276,7 @@ def load_specimen(path: Path) -> Specimen:
 
 
 def read_specimen(path: Path, kind: type[_Document]) -> _Document:
-    """Read and check a YAML of a kind of specimen.
-
-    `path`: The YAML. `kind`: Pydantic model of the document.
-    Returns: Checked.
-    Raises `SpecimenError`: As `load_specimen`.
-    """
+    """Read and check a YAML of a kind of specimen; raises as `load_specimen`."""
     try:
         return kind.model_validate(read_document(path))
     except ValidationError as error:

@@ -50,13 +50,10 @@ def set_up_watchdogs(
     followed: Sequence[str],
     monitored: Sequence[str],
 ) -> tuple[Watchdog, ...]:
-    """Find what the limits name.
+    """Find what the limits name among units by channel and monitored values, all in the order of their rows.
 
-    `limits`: Of a specimen. `responses`, `drives`: Units by channel, in the order of their rows. `followed`: Drives
-    that an actuator follows; others have no following error. `monitored`: Names of the monitored values, in the order
-    of their rows.
-    Returns: In the order of the limits.
-    Raises `ValueError`: Where a name does not exist; the sentence lists those that do.
+    Drives that no actuator follows have no following error. Raises `ValueError` where a name does not exist; the
+    sentence lists those that do.
     """
     dogs = []
     for source, given, rows, allowed in (

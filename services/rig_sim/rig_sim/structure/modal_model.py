@@ -24,11 +24,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class SampledModel:
-    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn.
-
-    `a`: Transition over a sample. `b0`, `b1`: Effect of the drives at the sample's start, and at its end. `c`:
-    Responses to the states. `d`: Direct responses to the drives.
-    """
+    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn."""
 
     a: np.ndarray
     b0: np.ndarray
@@ -39,11 +35,7 @@ class SampledModel:
 
 @dataclass(frozen=True)
 class ModalModel:
-    """Modes seen from the channels.
-
-    `frequency`, `damping`: Undamped natural frequency in Hz and damping ratio. `at_drives`: Mass-normalised shapes
-    where and along which the forces act, in 1/sqrt(kg). `at_responses`: The same where it is measured.
-    """
+    """Modes seen from the channels: natural frequency in Hz, damping ratio, mass-normalised shapes in 1/sqrt(kg)."""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -65,10 +57,9 @@ class ModalModel:
         return SampledModel(a, b0, b1, c, self.at_responses @ self.at_drives.T)
 
     def sampled_frf(self, frequency: np.ndarray, sample_rate: float) -> Complex:
-        """Return the FRF that a player of this model has, from drive samples to response samples.
+        """Return the FRF in (m/s^2)/N that a player of this model has, from drive to response samples, in Hz.
 
-        `frequency`: In Hz, 0 to half the sample rate. `sample_rate`: In Hz.
-        Returns: In (m/s^2)/N. It differs from `continuous_frf` by the shape of the drive between samples.
+        It differs from `continuous_frf` by the shape of the drive between samples.
         """
         z = np.exp(2j * np.pi * np.asarray(frequency) / sample_rate)
         frf = np.zeros((len(z), len(self.at_responses), len(self.at_drives)), dtype=np.complex128)
@@ -85,11 +76,7 @@ class ModalModel:
         return frf
 
     def continuous_frf(self, frequency: np.ndarray) -> Complex:
-        """Return the FRF of the structure itself.
-
-        `frequency`: In Hz.
-        Returns: In (m/s^2)/N.
-        """
+        """Return the FRF of the structure itself in (m/s^2)/N at frequencies in Hz."""
         s = 2j * np.pi * np.asarray(frequency)[:, None]
         omega = 2.0 * np.pi * self.frequency
         gain = s**2 / (s**2 + 2.0 * self.damping * omega * s + omega**2)

@@ -27,12 +27,7 @@ from rig_sim.structure.specimen import StructureSpecimen
 
 @dataclass(frozen=True)
 class StructureRig:
-    """A structure ready to play.
-
-    `specimen`: As its YAML says. `modes`: Modes of the structure. `sampled`: What plays. `content_hash`: SHA-256 of
-    everything that decides what the rig answers to a drive. `watchdogs`: What stops a playback. `faults`: Injected for
-    tests and rehearsals.
-    """
+    """A structure ready to play; made by `load_structure`."""
 
     specimen: StructureSpecimen
     modes: ModalModel
@@ -72,9 +67,7 @@ PlayableRig: TypeAlias = Rig | StructureRig
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """Load a structure from its YAML, with faults of its sensors.
 
-    `path`: The YAML. `faults`: Of sensors, injected for tests and rehearsals.
-    Returns: At rest.
-    Raises `SpecimenError`: Where it cannot be used, or a fault is of hydraulics; one sentence.
+    Raises `SpecimenError` where it cannot be used, or a fault is of hydraulics; one sentence.
     """
     whole = read_specimen(path, StructureSpecimen)
     broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])
