@@ -1,23 +1,21 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
-from duralab_bus.bus import Bus, LiveToken, open_bus
+from duralab_bus.bus import Bus, open_bus
 from duralab_bus.encoding import encoding_of
 from duralab_bus.faults import BusError, FaultError
-from duralab_bus.metrics import Counter, FigureFamily, FigureKind, Metrics, MetricsConfig
+from duralab_bus.metrics import FigureKind, Metrics
 from duralab_bus.process import (
     HostedService,
     ServiceConfig,
     configure_logs,
     host_services,
-    installed_services,
     keep_few_arenas,
     log_stacks_on_signal,
-    run_service,
     service_main,
 )
-from duralab_bus.queries import Call, Cancel, Served
+from duralab_bus.queries import Call
 from duralab_bus.security import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
-from duralab_bus.session import BusConfig, BusMode, Identity, LiveWatch, TlsConfig, check_identity
+from duralab_bus.session import BusConfig, BusMode, TlsConfig, check_identity
 from duralab_bus.spool import SpoolFolder, SpoolFullError, SpoolSpace
 from duralab_bus.streams import Continuity, StreamItem, StreamProof, StreamPublisher, Subscription
 from duralab_bus.yaml_config import ConfigError, load_config
@@ -30,20 +28,12 @@ __all__ = [
     "BusError",
     "BusMode",
     "Call",
-    "Cancel",
     "ConfigError",
     "Continuity",
-    "Counter",
     "FaultError",
-    "FigureFamily",
     "FigureKind",
     "HostedService",
-    "Identity",
-    "LiveToken",
-    "LiveWatch",
     "Metrics",
-    "MetricsConfig",
-    "Served",
     "ServiceConfig",
     "SpoolFolder",
     "SpoolFullError",
@@ -57,13 +47,11 @@ __all__ = [
     "configure_logs",
     "encoding_of",
     "host_services",
-    "installed_services",
     "keep_few_arenas",
     "load_config",
     "log_stacks_on_signal",
     "open_bus",
     "router_configuration",
     "run_router",
-    "run_service",
     "service_main",
 ]

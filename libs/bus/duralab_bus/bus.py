@@ -39,17 +39,7 @@ _STORING: Final = ("recorder", MAIN_INSTANCE)
 
 
 class LiveToken:
-    """Says that an instance of a service is there and answers for its health, until `close` or the process's end.
-
-    Parameters
-    ----------
-    token : Declaration
-        Of the liveliness token.
-    answering : Served
-        The query for its health.
-    on_close : callable
-        Told when it is closed.
-    """
+    """Says that an instance of a service is there and answers for its health, until `close` or the process's end."""
 
     def __init__(self, token: Declaration[Any], answering: Served, *, on_close: Callable[[LiveToken], None]) -> None:
         self._token = token
@@ -120,22 +110,15 @@ class Bus:
         *,
         workers: int | None = None,
     ) -> Served:
-        """Answer the queries on a key expression.
+        """Answer the queries on a key expression; where two match a query, the more specific one answers.
 
-        Parameters
-        ----------
-        key_expression : str
-            A key, or one with "*" for a name. Where two match a query, the more specific one answers.
-        request_type : type
-            The message that is expected; anything else is refused before the handler is called.
-        handler : callable
-            Called with (request, call) on a worker thread, once per query and never again. Returns the response, or
-            raises FaultError, or lets the ArrayError of the request's arrays and the KeyNameError of a name pass
-            (they become INVALID_ARGUMENT); anything else is logged and becomes INTERNAL. While it runs the client is
-            told once a second.
-        workers : int, optional
-            Threads for this key, as many as the bus was opened with where not given. Where given, queries wait for one
-            of them as long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
+        The handler is called with (request, call) on a worker thread, once per query and never again; anything but a
+        `request_type` is refused before. It returns the response, or raises FaultError, or lets the ArrayError of the
+        request's arrays and the KeyNameError of a name pass (they become INVALID_ARGUMENT); anything else is logged and
+        becomes INTERNAL. While it runs the client is told once a second.
+
+        A key has as many workers as the bus was opened with. Where `workers` are given, queries wait for one of them as
+        long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
         """
         self._permission.expect(Operation.SERVE, key_expression)
         return self._server.serve(key_expression, request_type, handler, workers=workers)
@@ -150,34 +133,18 @@ class Bus:
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
         cancel: Cancel | None = None,
     ) -> MessageT:
-        """Ask a service and wait for its one answer, however long it works.
+        """Ask a service and wait for its one answer, however long it works; progress is told on this thread.
 
-        Parameters
-        ----------
-        key : str
-            Without wildcards.
-        request : Message
-            The message the service expects.
-        response_type : type
-            The message it answers with.
-        silence_seconds : float
-            Longest time without a sign of life. A service gives one every second by itself.
-        on_progress : callable, optional
-            Called with each Progress, on this thread.
-        cancel : Cancel, optional
-            Such as a `threading.Event`. Once it is set, the wait ends; the service is told but may finish all the same.
+        A service gives a sign of life every second; the wait ends after `silence_seconds` without one, or once `cancel`
+        is set, such as a `threading.Event`: the service is told but may finish all the same.
 
-        Raises
-        ------
-        FaultError
-            PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there or vanishes,
-            DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key,
-            DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also where
-            the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names
-            the router, and says whether the request may have arrived. A read (`duralab_proto.access.Effect`) is asked
-            again there, for at most 3 s and not beyond its silence; what moves or changes something never is.
-        BusError
-            This bus is closed.
+        Raises `FaultError` PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there
+        or vanishes, DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve
+        the key, DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also
+        where the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names
+        the router, and says whether the request may have arrived. A read (`duralab_proto.access.Effect`) is asked again
+        there, for at most 3 s and not beyond its silence; what moves or changes something never is. Raises `BusError`
+        where this bus is closed.
         """
         self._permission.expect(Operation.ASK, key)
         session = self._session.current
@@ -197,16 +164,9 @@ class Bus:
     def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
         """Return a publisher on one key, with an epoch of its own.
 
-        Parameters
-        ----------
-        key : str
-            Without wildcards.
-        spools : SpoolSpace, optional
-            Where it keeps the stream for replay; 64 MiB of memory of its own where not said. In a SpoolFolder it
-            survives this process.
-        durable : bool
-            Whether nothing may give way that the recorder has not marked as stored, wherever this session has met
-            one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
+        `spools` keep the stream for replay, 64 MiB of memory of its own where not given; in a SpoolFolder it survives
+        this process. `durable` says that nothing may give way that the recorder has not marked as stored, wherever this
+        session has met one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
         """
         self._permission.expect(Operation.PUBLISH, key)
         if spools is not None:
@@ -241,24 +201,16 @@ class Bus:
     ) -> Subscription[MessageT]:
         """Receive what is published on a key expression.
 
-        Parameters
-        ----------
-        key_expression : str
-            A key, or one with wildcards.
-        message_type : type
-            The message that is expected.
-        callback : callable
-            Called with each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
-            the oldest are dropped, and with `repair` fetched again when there is room.
-        on_problem : callable, optional
-            Called, never while `callback` is, with the FaultError of a message that is not what is expected; logged
-            otherwise. With `repair` its publisher is asked for it once more; where that cannot be read either, it is
-            lost, and nothing waits for it.
-        repair : bool
-            Whether to deliver whatever publishers of these keys still keep, also of streams that have ended, and all
-            that follows: each message once and in order. What is lost on the way is fetched from the publishers'
-            spools; what nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages
-            may be lost otherwise.
+        The callback gets each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
+        the oldest are dropped, and with `repair` fetched again when there is room. `on_problem` gets, never while the
+        callback is called, the FaultError of a message that is not what is expected; it is logged otherwise. With
+        `repair` its publisher is asked for it once more; where that cannot be read either, it is lost, and nothing
+        waits for it.
+
+        `repair` delivers whatever publishers of these keys still keep, also of streams that have ended, and all that
+        follows: each message once and in order. What is lost on the way is fetched from the publishers' spools; what
+        nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages may be lost
+        otherwise.
         """
         self._permission.expect(Operation.RECEIVE, key_expression)
         subscription = Subscription(
@@ -307,13 +259,7 @@ class Bus:
         return self._tracker.live(service, instance)
 
     def wait_for_live(self, instances: set[Instance], timeout_seconds: float) -> None:
-        """Wait until all of them are there.
-
-        Raises
-        ------
-        FaultError
-            UNAVAILABLE, naming who is missing after the timeout.
-        """
+        """Wait until all of them are there; raise `FaultError` UNAVAILABLE with who is missing after the timeout."""
         missing = self._tracker.wait_for(set(instances), timeout_seconds=timeout_seconds)
         if missing:
             names = ", ".join(sorted(f"{service}/{instance}" for service, instance in missing))

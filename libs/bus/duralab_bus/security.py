@@ -39,10 +39,7 @@ from duralab_proto.v1 import query_pb2
 
 
 class Permission:
-    """Tells whether a session may do something; one without a certificate may try everything.
-
-    `identity`: Who the session is to a secured lab. `keys`: Of the lab.
-    """
+    """Tells whether a session may do something; one without a certificate may try everything."""
 
     def __init__(self, identity: Identity | None, keys: Keys) -> None:
         self._holder: Holder | None = identity.holder if identity is not None else None

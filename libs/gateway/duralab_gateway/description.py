@@ -94,26 +94,11 @@ def check_drive(
     *,
     steps_in: bool = False,
 ) -> None:
-    """Check a drive against a rig's channels and limits.
+    """Check a drive (channels, samples), each row in its channel's unit, against a rig's channels and limits.
 
-    Parameters
-    ----------
-    description : rig_pb2.RigDescription
-        Of the rig that is to play it.
-    channels : sequence of array_pb2.Channel
-        Of the drive, in the order of its rows.
-    sample_rate : float
-        Of the drive, in Hz.
-    drive : (channels, samples)
-        Each row in its channel's unit.
-    steps_in : bool
-        Whether the rig goes from zero to the first sample at once.
-
-    Raises
-    ------
-    FaultError
-        INVALID_ARGUMENT with the field, where rate, channels, units, length, a value, a limit or a slew rate is not
-        allowed. Every bad channel of the first kind of error is named at once.
+    `steps_in` says whether the rig goes from zero to the first sample at once. Raises `FaultError` INVALID_ARGUMENT
+    with the field, where rate, channels, units, length, a value, a limit or a slew rate is not allowed. Every bad
+    channel of the first kind of error is named at once.
     """
     rig = description.rig
     if sample_rate != description.sample_rate:

@@ -18,10 +18,7 @@ REMEMBERED_RUNS = 10_000
 
 
 class Interlock:
-    """Mode, latch and runs of one rig.
-
-    `rig`: Name of the rig.
-    """
+    """Mode, latch and runs of one rig."""
 
     def __init__(self, rig: str) -> None:
         self._rig = rig

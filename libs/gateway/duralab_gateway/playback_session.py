@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 
 import numpy as np
 import structlog
@@ -26,10 +27,8 @@ _ROOM_POLL_SECONDS = 0.01
 class PlaybackSession:
     """Playbacks of drives on one rig; the interlock admits one at a time.
 
-    `bus`: Where signal blocks and poses are published. `rig`: The rig that plays. `description`: What it says of
-    itself. `interlock`: Its latch. `latch`: Given a reason, latches the rig and tells everybody. `report_state`:
-    Publishes the state of the rig. `spools`: Where signal blocks are kept until the recorder has stored them.
-    `spool_wait_seconds`: How long a simulation waits for room in the spool, in s.
+    `latch` latches the rig for a reason and tells everybody. A simulation waits `spool_wait_seconds` for room in the
+    spool, where signal blocks are kept until the recorder has stored them.
     """
 
     def __init__(
@@ -115,17 +114,7 @@ class PlaybackSession:
         return rig_pb2.PlayResult(
             run=run,
             response=to_record(list(self._description.responses), self._rate, playback.response),
-            actuators=[
-                rig_pb2.ActuatorUse(
-                    drive=use.drive,
-                    peak_command_ratio=use.peak_command_ratio,
-                    saturated_share=use.saturated_share,
-                    largest_following_error=use.largest_following_error,
-                    largest_load_pressure_share=use.largest_load_pressure_share,
-                    lowest_supply_pressure=use.lowest_supply_pressure,
-                )
-                for use in playback.uses()
-            ],
+            actuators=[rig_pb2.ActuatorUse(**asdict(use)) for use in playback.uses()],
             epoch=publish.publisher.epoch,
             blocks=publish.blocks,
             real_time_factor=factor,
@@ -213,12 +202,7 @@ class PlaybackSession:
 
     def _watch(self, block: Block) -> str:
         """Return what a watchdog found, for which the run has to end; a run that cannot be stopped latches only."""
-        trip = self._monitor.first_trip(
-            first_sample=block.first_sample,
-            response=block.response,
-            following_error=block.following_error,
-            monitored=block.monitored,
-        )
+        trip = self._monitor.first_trip(block)
         if trip is None:
             return ""
         if not self._goes_on:

@@ -194,17 +194,7 @@ class ShowsFrames(Protocol):
 
 
 class StepwiseRig:
-    """A playback rig made of a `Rig`: its drives are played piece by piece, with a way in and out.
-
-    Parameters
-    ----------
-    rig : Rig
-        What follows the commands.
-    description : rig_pb2.RigDescription
-        Complete; see `complete_description`.
-    approach : Approach
-        Ways to the first sample and back.
-    """
+    """A playback rig made of a `Rig` and its description: plays drives piece by piece, with a way in and out."""
 
     def __init__(self, rig: Rig, description: rig_pb2.RigDescription, *, approach: Approach) -> None:
         self.rig = rig

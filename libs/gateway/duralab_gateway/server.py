@@ -24,10 +24,7 @@ _RIG: Final = ("rig",)
 
 
 class RigMetrics:
-    """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended.
-
-    `metrics`: Of the process. `rig`: Its name. `state`: Returns its state now.
-    """
+    """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended."""
 
     def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
         self._rig = rig
@@ -68,26 +65,10 @@ MOST_LINES = 200_000
 
 
 def answer_frf(rig: object, description: rig_pb2.RigDescription, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
-    """Answer the query.
+    """Return the FRF (frequencies, responses, drives) of a rig that knows it, at frequencies in Hz.
 
-    Parameters
-    ----------
-    rig : object
-        The rig that is asked; it may know its FRF, see `KnowsItsFrf`.
-    description : rig_pb2.RigDescription
-        Of the rig.
-    request : rig_pb2.RigFrfRequest
-        Frequencies in Hz.
-
-    Returns
-    -------
-    rig_pb2.RigFrf
-        FRF at these frequencies, (frequencies, responses, drives).
-
-    Raises
-    ------
-    FaultError
-        UNIMPLEMENTED where the rig does not know its FRF, INVALID_ARGUMENT where a frequency is none of its own.
+    Raises `FaultError` UNIMPLEMENTED where the rig does not know its FRF, INVALID_ARGUMENT where a frequency is none of
+    its own.
     """
     name, rate = description.rig, description.sample_rate
     if not isinstance(rig, KnowsItsFrf):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from duralab_bus import FaultError
-from duralab_gateway import Approach, check_drive
+from duralab_gateway import Approach
+from duralab_gateway.description import check_drive
 from duralab_proto.v1 import array_pb2, rig_pb2
 from rig_sim import shipped_specimens
 from rig_sim.bus import _drive_channel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from duralab_gateway.motion import Source, WatchdogMonitor
+from duralab_gateway.motion import Block, Source, WatchdogMonitor
 from rig_sim.specimen.watchdogs import Range, WatchdogLimits, set_up_watchdogs
 
 
@@ -19,12 +19,14 @@ def dogs(**limits):
 
 
 def look(watchdogs, *, response=None, following=None, monitored=None, first_sample=0):
-    return WatchdogMonitor(watchdogs, sample_rate=1000.0).first_trip(
+    block = Block(
         first_sample=first_sample,
+        drive=np.zeros((2, 100)),
         response=np.zeros((2, 100)) if response is None else response,
         following_error=np.zeros((2, 100)) if following is None else following,
         monitored=np.zeros((3, 100)) if monitored is None else monitored,
     )
+    return WatchdogMonitor(watchdogs, sample_rate=1000.0).first_trip(block)
 
 
 def spike(rows, row, sample, value):

@@ -89,24 +89,11 @@ Build = Callable[[Bus], AbstractContextManager[object] | None]
 def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Sequence[str] = (MAIN_INSTANCE,)) -> None:
     """Run a service until it is told to end.
 
-    Parameters
-    ----------
-    name : str
-        Of the service, as in its liveliness key.
-    config : ServiceConfig
-        Its configuration.
-    build : callable
-        Called with the open bus; declares what it serves. May return a context manager, entered at once and left
-        before the bus closes.
-    instances : sequence of str
-        What is declared live, after everything else: the rigs of rig_sim, "main" of the others.
-
-    Raises
-    ------
-    SystemExit
-        With code 2 after one sentence on standard error when the bus or the service cannot be set up as configured.
-        SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within 3 s. SIGUSR1
-        makes it log where its threads are.
+    `build` is called with the open bus and declares what it serves. It may return a context manager, entered at once
+    and left before the bus closes. Instances are declared live after everything else: the rigs of rig_sim, "main" of
+    the others. Ends the process with code 2 after one sentence on standard error when the bus or the service cannot be
+    set up as configured. SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within
+    3 s. SIGUSR1 makes it log where its threads are.
     """
     configure_logs(name)
     log = structlog.get_logger(name)

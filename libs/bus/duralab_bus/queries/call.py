@@ -96,16 +96,7 @@ class Call:
     def progress(self, phase: str, fraction: float, *, remaining_seconds: float = -1.0, detail: str = "") -> None:
         """Tell the client how far it is; may be called as often as one likes, more than 20 a second are thinned out.
 
-        Parameters
-        ----------
-        phase : str
-            What is done now, in words.
-        fraction : float
-            Share that is done, 0 to 1.
-        remaining_seconds : float
-            Expected time to the result, in seconds; negative where unknown.
-        detail : str
-            More about it, in words.
+        The phase is what is done now, in words; the time to the result is negative where unknown.
         """
         if not 0.0 <= fraction <= 1.0 or not math.isfinite(remaining_seconds):
             raise ValueError(

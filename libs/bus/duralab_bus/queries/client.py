@@ -26,10 +26,9 @@ from duralab_proto.v1 import query_pb2
 
 @dataclass
 class AskingToken:
-    """A declared token.
+    """A declared token, with the random id of its asker, which goes with the query.
 
-    `asker`: Its random id, which goes with the query. `session`: On which it is declared. `token`: As Zenoh gave it.
-    `answered`: Set by who asked when the service is done with the query: then another query may take the token.
+    Who asked sets `answered` when the service is done with the query: then another query may take the token.
     """
 
     asker: str
@@ -158,12 +157,7 @@ class _Question(Generic[MessageT]):
 
 
 class QueryClient:
-    """Client of the queries that one session sends.
-
-    `session`: Session on which it asks. `keys`: Keys of the lab. `tracker`: Liveliness of the services: a query ends
-    when its service vanishes. `largest_bytes`: Largest request that is sent and largest answer that is accepted, in
-    bytes.
-    """
+    """Client of the queries that one session sends; a query ends when its service vanishes."""
 
     def __init__(self, session: BusSession, keys: Keys, tracker: LivelinessTracker, *, largest_bytes: int) -> None:
         self._session = session

@@ -44,8 +44,7 @@ JobT = TypeVar("JobT", bound=Job)
 class WorkerPool(Generic[JobT]):
     """Up to `workers` threads, started when needed; daemons, so that a stuck job does not keep the process alive.
 
-    `workers`: 1 or more. `name`: Of the threads. `patience_seconds`: How long a job waits for a worker before
-    `take_overdue` returns it; infinite where none is to be refused.
+    A job waits `patience_seconds` for a worker before `take_overdue` returns it; infinite where none is to be refused.
     """
 
     def __init__(self, workers: int, *, name: str, patience_seconds: float = PATIENCE_SECONDS) -> None:
@@ -172,12 +171,7 @@ class Served:
 
 
 class QueryServer:
-    """Server of the queries that one session receives.
-
-    `session`: Session on which the keys are served. `keys`: Keys of the lab. `service`: Service that is named in
-    faults. `workers`: Threads of a key that asks for no other number, 1 or more. `largest_bytes`: Largest request that
-    is accepted and largest answer that is sent, in bytes. `metrics`: Metrics of the process; the server adds its own.
-    """
+    """Server of the queries that one session receives; `workers` are threads of a key that asks for no other number."""
 
     def __init__(
         self,

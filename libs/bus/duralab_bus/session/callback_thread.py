@@ -21,8 +21,7 @@ class _End:
 class CallbackThread(Generic[T]):
     """Thread that calls one function for each item put, in order; the queue has no bound.
 
-    `deliver`: What it raises is logged; the next item is delivered all the same. `name`: Of the thread, for logs and
-    debuggers.
+    What the function raises is logged; the next item is delivered all the same.
     """
 
     def __init__(self, deliver: Callable[[T], None], *, name: str) -> None:

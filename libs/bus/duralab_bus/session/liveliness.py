@@ -51,10 +51,7 @@ class LiveWatch:
 
 
 class LivelinessTracker:
-    """Tracker of every liveliness token of the lab, including those declared before it.
-
-    `session`: Session that subscribes to the tokens. `keys`: Keys of the lab.
-    """
+    """Tracker of every liveliness token of the lab, including those declared before it."""
 
     def __init__(self, session: BusSession, keys: Keys) -> None:
         self._changed = threading.Condition()

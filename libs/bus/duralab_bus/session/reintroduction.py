@@ -30,10 +30,7 @@ _ANY_PORT: Final = "0"
 
 
 class Reintroduction:
-    """Watches over the links of one session; ended by `close`.
-
-    `config`: Of the session. `tracker`: Tells who vanishes.
-    """
+    """Watches over the links of one session; ended by `close`."""
 
     def __init__(self, config: BusConfig, tracker: LivelinessTracker) -> None:
         self._tracker = tracker

@@ -101,10 +101,7 @@ _AnyDeclaration = TypeVar("_AnyDeclaration", bound=Declaration[Any])
 
 
 class BusSession:
-    """The session of a bus: Zenoh's, and for a client another one when its router was away.
-
-    `session`: Open. `config`: How it was opened, and is again.
-    """
+    """The session of a bus: Zenoh's, and for a client another one when its router was away."""
 
     def __init__(self, session: zenoh.Session, config: BusConfig) -> None:
         self.current = session
@@ -149,12 +146,7 @@ class BusSession:
             )
 
     def declare(self, declare: Callable[[zenoh.Session], DeclaredT]) -> Declaration[DeclaredT]:
-        """Declare something on this session and on each that takes its place.
-
-        `declare`: Given Zenoh's session, declares it there and returns it.
-        Returns: To be undeclared.
-        Raises `zenoh.ZError`: The session is closed, or refuses it.
-        """
+        """Declare something on this session and on each that takes its place."""
         return self._declared(Declaration(self, declare))
 
     def receive(self, declare: Callable[[zenoh.Session], ReceivedT]) -> Inbox[ReceivedT]:

@@ -31,15 +31,7 @@ _LARGEST_BYTES: Final = 2**20
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a session is to a secured lab.
-
-    Parameters
-    ----------
-    holder : Holder
-        Role and name in its certificate.
-    expires : datetime
-        When the router closes its link.
-    """
+    """Who a session is to a secured lab: role and name in its certificate, and when the router closes its link."""
 
     holder: Holder
     expires: datetime
@@ -213,11 +205,8 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
 
 
 def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
-    """Open a session.
+    """Open a session, connected to every endpoint of `config.connect`; return it and where it accepts others.
 
-    `config`: Mode, endpoints and certificates of the session.
-    Returns: Connected to every endpoint of `config.connect`. The endpoints it accepts others at, with their actual
-    ports.
     Raises `BusError`: A port is in use, nothing answers at an endpoint of `connect`, the router lets this session not
     in, a certificate or key is not usable, or Zenoh refuses the configuration.
     """
@@ -305,11 +294,7 @@ def _answers(endpoint: str) -> bool:
 
 
 def explain_failure(error: str, config: BusConfig) -> str:
-    """Turn a Zenoh error into one sentence with the value and what to do.
-
-    `error`: Message of Zenoh's error. `config`: Configuration of the session or router that could not be opened.
-    Returns: One sentence.
-    """
+    """Turn a Zenoh error of a session or router into one sentence with the value and what to do."""
     if taken := re.search(r"listener bound to (\S+): \[?(.*?)(?: \(os error \d+\))? at /", error):
         if "in use" in taken[2]:
             return f"The endpoint {taken[1]} is in use by another process; end that one or choose another in `listen`."

@@ -178,9 +178,8 @@ class Extent(NamedTuple):
 class Spool:
     """What is kept of one epoch, and how much of that somebody still waits for. Safe for threads.
 
-    `store`: Where it is kept. `held`: Whether a receiver stores the stream and says so by marks: then nothing unmarked
-    gives way, and a full store refuses. The oldest give way otherwise. `unheld_bytes`: Bound while nobody does.
-    `extent`: What the store holds already.
+    It is `held` where a receiver stores the stream and says so by marks: then nothing unmarked gives way, and a full
+    store refuses. The oldest give way otherwise, beyond `unheld_bytes`. `extent` is what the store holds already.
     """
 
     def __init__(self, store: Store, *, held: bool, unheld_bytes: int, extent: Extent | None = None) -> None:

@@ -46,11 +46,7 @@ class StreamItem(NamedTuple, Generic[MessageT]):
 
 
 class RefusedItem(NamedTuple):
-    """One message of a stream that came and is not what is expected.
-
-    `key`: It was published on. `epoch`, `seq`: Its position, as of a StreamItem. `fault`: INVALID_ARGUMENT: what is
-    wrong with it.
-    """
+    """One message of a stream that came and is not what is expected: its position as of a StreamItem, and the fault."""
 
     key: str
     epoch: int

@@ -42,18 +42,9 @@ class Continuity:
         return 0 <= seq < self._next and self._gap_around(seq) is None
 
     def accept(self, seq: int) -> list[range]:
-        """Take note of a message.
+        """Take note of a message; return the numbers found missing by it: those it jumped over.
 
-        Parameters
-        ----------
-        seq : int
-            Its number, 0 or more; one that was received before changes nothing.
-
-        Returns
-        -------
-        list of range
-            The numbers found missing by this message: those it jumped over. Empty for the next in order, for one that
-            fills a gap, and for a double.
+        There are none for the next in order, for one that fills a gap, and for one that was received before.
         """
         if seq == self._next:
             # The rule, of which there are thousands a second.

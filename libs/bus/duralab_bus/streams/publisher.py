@@ -92,21 +92,11 @@ class StreamPublisher:
         return self._spool.unmarked
 
     def put(self, message: Message) -> int:
-        """Publish a message; waits for no receiver.
+        """Publish a message and return its sequence number, from 0; waits for no receiver.
 
-        Returns
-        -------
-        int
-            Its sequence number, from 0. That it was published does not prove that it arrived.
-
-        Raises
-        ------
-        FaultError
-            INVALID_ARGUMENT when it is too large.
-        SpoolFullError
-            It was not published, because it could not be kept.
-        BusError
-            The publisher or its bus is closed.
+        That it was published does not prove that it arrived. Raises `FaultError` INVALID_ARGUMENT when it is too large,
+        `SpoolFullError` when it was not published because it could not be kept, and `BusError` where the publisher or
+        its bus is closed.
         """
         payload = encode(message, largest_bytes=self._largest_bytes)
         # One lock around number and sending, so that the order on the wire is the order of the numbers.

@@ -58,9 +58,8 @@ class _Followed(Generic[MessageT]):
 class StreamRepair(Generic[MessageT]):
     """Follows all streams of one subscription; asks on a thread of its own. Safe for threads.
 
-    `client`: Asks the publishers. `key_expression`: Of the subscription. `message_type`: That is expected. `deliver`:
-    Takes what was fetched, or nothing where what is held back may go on; calls `take`, and one of the owner's callbacks
-    for each that it returns, however long that takes.
+    `deliver` takes what was fetched, or nothing where what is held back may go on; calls `take`, and one of the owner's
+    callbacks for each that it returns, however long that takes.
     """
 
     def __init__(

@@ -30,10 +30,7 @@ from duralab_proto.v1 import query_pb2, stream_pb2
 
 
 class DelayedExecutor:
-    """Executor that runs each job after its delay; the thread starts with the first job.
-
-    `name`: Name of the thread.
-    """
+    """Executor that runs each job after its delay; the thread starts with the first job."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -184,10 +181,7 @@ class ReplayServer:
     """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another.
 
     It asks to be asked for a whole family of streams, such as all runs of a rig, and once: Zenoh 1.10.2 forgets nothing
-    that was ever declared on a key of its own, and every declaration takes longer for it (see
-    `queries/asking_tokens.py`).
-
-    `session`: Session on which the spools are offered.
+    that was ever declared on a key of its own, and every declaration takes longer for it (see `queries/client.py`).
     """
 
     def __init__(self, session: BusSession) -> None:
@@ -348,10 +342,7 @@ Head = tuple[str, stream_pb2.StreamHead]
 
 
 class ReplayClient:
-    """Client that requests kept messages from publishers.
-
-    `session`: Session on which it asks. `largest_bytes`: Largest message that is accepted, in bytes.
-    """
+    """Client that requests kept messages from publishers."""
 
     def __init__(self, session: BusSession, *, largest_bytes: int) -> None:
         self._session = session
@@ -397,10 +388,7 @@ class ReplayClient:
         return [items[seq] for seq in sorted(items)]
 
     def ask_heads(self, key_expression: str, take: Callable[[Head], None]) -> zenoh.CancellationToken:
-        """Ask how far the streams reach; each answer is handed over as it comes, on Zenoh's thread.
-
-        Returns: Ends the question, which otherwise ends by itself after 2 s.
-        """
+        """Ask how far the streams reach; each answer is handed over as it comes, on Zenoh's thread, for 2 s at most."""
 
         def on_reply(reply: zenoh.Reply) -> None:
             sample = reply.ok

@@ -73,13 +73,9 @@ class Subscription(Generic[MessageT]):
     def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
         """Tell the publishers that messages are stored, or will never be: they need not keep them any longer.
 
-        Only for the one receiver that stores a stream, which then has to mark everything that it was given: publishers
-        wait for it. What was refused, or is lost, is marked with the rest.
-
-        Parameters
-        ----------
-        positions : iterable of (str, int, int)
-            `StreamItem.position` of what is safe now, in any order; none says that this is the one that stores.
+        Only for the one receiver that stores a stream, which then has to mark everything that it was given, by
+        `StreamItem.position` in any order: publishers wait for it. What was refused, or is lost, is marked with the
+        rest. None says that this is the one that stores.
         """
         self._repaired.mark(positions)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -11,23 +10,11 @@ from duralab_gateway.motion.playback import Approach, Block, DriveChannel, Drive
 from duralab_gateway.motion.watchdogs import when
 
 
-class NamedChannel(DriveChannel, Protocol):
-    """A drive channel with its name."""
-
-    @property
-    def name(self) -> str:
-        """Name of the channel."""
-        ...
-
-
 class FollowedDrive(DrivePlayback):
     """A playback whose blocks are commands to a controller, and its measurements.
 
-    `follow`: Plays commands (drives, samples) and returns the measured (responses, samples). It may return fewer
-    samples where `stopped` says that the run is to end. `drive`: Checked, each row in its channel's unit. `channels`:
-    Its drives. `response_names`: Names of the measured channels. `approach`: Ways to the first sample and back.
-    `sample_rate`: In Hz. `block_samples`: Samples of every call of `follow` but the last. `stopped`: Whether the run
-    has to end. `frames`: Where the bodies are now; see `DrivePlayback.frames`.
+    `follow` plays commands (drives, samples) and returns the measured (responses, samples), fewer only where `stopped`
+    says that the run is to end; it gets `block_samples` at a time, fewer at the end.
     """
 
     def __init__(
@@ -35,7 +22,7 @@ class FollowedDrive(DrivePlayback):
         follow: Callable[[np.ndarray], np.ndarray],
         drive: np.ndarray,
         *,
-        channels: Sequence[NamedChannel],
+        channels: Sequence[DriveChannel],
         response_names: Sequence[str],
         approach: Approach,
         sample_rate: float,

@@ -25,91 +25,13 @@ class Approach(BaseModel):
     hold: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
 
 
-class Ramped(Protocol):
-    """A drive channel, as far as a ramp needs it."""
+class DriveChannel(Protocol):
+    """A drive channel: its name and limits, as far as a playback needs them."""
 
     @property
-    def slew_limit(self) -> float:
-        """Largest rate, in unit per second; 0 where none is stated."""
+    def name(self) -> str:
+        """Name of the channel."""
         ...
-
-
-def lead_in(approach: Approach, first: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
-    """Return the commands from rest to a drive's first sample.
-
-    `approach`: Of the rig. `first`: The drive's first sample, each value in its channel's unit. `channels`: The drives.
-    `sample_rate`: In Hz.
-    Returns: Its last column is the drive's first sample. No samples where that is zero, or where the rig begins with a
-    step.
-    """
-    if approach.ramp == 0.0 or not first.any():
-        return first[:, None]
-    samples = _ramp_samples(approach.ramp, first, channels, sample_rate)
-    rise = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, samples + 1)))
-    # One exactly where it settles.
-    shape = np.concatenate([rise[:-1], np.ones(round(approach.settle * sample_rate) + 1)])
-    return first[:, None] * shape
-
-
-def lead_out(approach: Approach, heading: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> np.ndarray:
-    """Return the commands from where a rig is heading to zero.
-
-    `approach`: Of the rig. `heading`: The command that the rig is on its way to, each value in its channel's unit.
-    `channels`: The drives. `sample_rate`: In Hz.
-    Returns: Zero exactly from the end of the ramp on; the last column is only looked ahead to.
-    """
-    samples = _ramp_samples(approach.ramp_down, heading, channels, sample_rate)
-    fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, samples + 1)))
-    shape = np.concatenate([fall[:-1], np.zeros(round(approach.hold * sample_rate) + 1)])
-    return heading[:, None] * shape
-
-
-def _ramp_samples(seconds: float, height: np.ndarray, channels: Sequence[Ramped], sample_rate: float) -> int:
-    """Return the length of a ramp of these heights: a raised cosine of height h in T moves at pi h / (2 T) at most."""
-    needed = [
-        0.5 * np.pi * abs(value) / channel.slew_limit
-        for value, channel in zip(height, channels, strict=True)
-        if channel.slew_limit > 0.0
-    ]
-    return int(np.ceil(max(seconds, *needed, 0.0) * sample_rate))
-
-
-@dataclass(frozen=True)
-class Use:
-    """How one drive channel used its actuator.
-
-    A drive that moves no actuator (a road) has a peak and nothing else.
-
-    Parameters
-    ----------
-    drive : str
-        The drive's name.
-    peak_command_ratio : float
-        Largest magnitude of the drive over the limit in that direction, 0 to 1.
-    saturated_share : float
-        Share of the time in which the valve was at its stop or the load pressure at its limit, 0 to 1.
-    largest_following_error : float
-        Largest difference of command and achieved value, in the drive's unit.
-    largest_load_pressure_share : float
-        Largest load pressure over what the supply could press with at that moment, 0 to 1; 1 is a stall.
-    lowest_supply_pressure : float
-        Of the actuator's supply, in Pa.
-    """
-
-    drive: str
-    peak_command_ratio: float
-    saturated_share: float
-    largest_following_error: float
-    largest_load_pressure_share: float = 0.0
-    lowest_supply_pressure: float = 0.0
-
-
-class RigFaultError(RuntimeError):
-    """A playback that could not be brought to its end, in one sentence."""
-
-
-class DriveChannel(Protocol):
-    """A drive channel: its limits, as far as a playback needs them."""
 
     @property
     def minimum(self) -> float:
@@ -127,27 +49,70 @@ class DriveChannel(Protocol):
         ...
 
 
+def lead_in(approach: Approach, first: np.ndarray, channels: Sequence[DriveChannel], sample_rate: float) -> np.ndarray:
+    """Return the commands from rest to a drive's first sample, which is their last column.
+
+    No samples where that is zero, or where the rig begins with a step.
+    """
+    if approach.ramp == 0.0 or not first.any():
+        return first[:, None]
+    samples = _ramp_samples(approach.ramp, first, channels, sample_rate)
+    rise = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, samples + 1)))
+    # One exactly where it settles.
+    shape = np.concatenate([rise[:-1], np.ones(round(approach.settle * sample_rate) + 1)])
+    return first[:, None] * shape
+
+
+def lead_out(approach: Approach, heading: np.ndarray, channels: Sequence[DriveChannel], rate: float) -> np.ndarray:
+    """Return the commands from the one that a rig is on its way to, to zero.
+
+    Zero exactly from the end of the ramp on; the last column is only looked ahead to.
+    """
+    samples = _ramp_samples(approach.ramp_down, heading, channels, rate)
+    fall = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, samples + 1)))
+    shape = np.concatenate([fall[:-1], np.zeros(round(approach.hold * rate) + 1)])
+    return heading[:, None] * shape
+
+
+def _ramp_samples(seconds: float, height: np.ndarray, channels: Sequence[DriveChannel], sample_rate: float) -> int:
+    """Return the length of a ramp of these heights: a raised cosine of height h in T moves at pi h / (2 T) at most."""
+    needed = [
+        0.5 * np.pi * abs(value) / channel.slew_limit
+        for value, channel in zip(height, channels, strict=True)
+        if channel.slew_limit > 0.0
+    ]
+    return int(np.ceil(max(seconds, *needed, 0.0) * sample_rate))
+
+
+@dataclass(frozen=True)
+class Use:
+    """How one drive channel used its actuator; one that moves none (a road) has a peak and nothing else."""
+
+    drive: str
+    #: Largest magnitude of the drive over the limit in that direction, 0 to 1.
+    peak_command_ratio: float
+    #: Share of the time in which the valve was at its stop or the load pressure at its limit, 0 to 1.
+    saturated_share: float
+    #: Largest difference of command and achieved value, in the drive's unit.
+    largest_following_error: float
+    #: Largest load pressure over what the supply could press with at that moment, 0 to 1; 1 is a stall.
+    largest_load_pressure_share: float = 0.0
+    #: Of the actuator's supply, in Pa.
+    lowest_supply_pressure: float = 0.0
+
+
+class RigFaultError(RuntimeError):
+    """A playback that could not be brought to its end, in one sentence."""
+
+
 @dataclass(frozen=True)
 class Block:
-    """A piece of a playback.
-
-    Parameters
-    ----------
-    first_sample : int
-        Number of its first sample; samples before the drive's first one have negative numbers.
-    drive : ndarray, shape (drives, samples)
-        As commanded.
-    response : ndarray, shape (responses, samples)
-        As measured.
-    following_error : ndarray, shape (drives, samples)
-        For watchdogs: command less achieved value, in the drive's unit, zero where no actuator follows.
-    monitored : ndarray, shape (values, samples)
-        For watchdogs: monitored values, in the order that their watchdogs know.
-    """
+    """A piece of a playback, (channels, samples) each; samples before the drive's first one have negative numbers."""
 
     first_sample: int
     drive: np.ndarray
     response: np.ndarray
+    #: For watchdogs: command less achieved value, zero where no actuator follows, and monitored values.
     following_error: np.ndarray
     monitored: np.ndarray
 
@@ -160,20 +125,8 @@ class Block:
 class DrivePlayback(ABC):
     """One playback under way: iterate over `approach()`, then `blocks()`; then read `response` and `uses()`.
 
-    Parameters
-    ----------
-    drive : (drives, samples)
-        Checked, each row in its channel's unit.
-    channels : sequence of DriveChannel
-        Its drives, in order.
-    approach : Approach
-        Of the rig.
-    sample_rate : float
-        In Hz.
-    responses : int
-        Number of measured channels.
-    block_samples : int
-        Of every block but the last.
+    The drive (drives, samples) is checked, each row in its channel's unit; every block but the last has
+    `block_samples`.
     """
 
     def __init__(

@@ -6,12 +6,10 @@ import numpy as np
 
 
 def to_poses(frames: np.ndarray) -> np.ndarray:
-    """Turn rotation matrices into quaternions, for many instants at once.
+    """Turn frames (…, 12), rotation row by row, then origin in m, into poses (…, 7) for many instants at once.
 
-    `frames`: Rotation row by row, then the origin in m.
-    Returns: x, y, z in m, then the unit quaternion w, x, y, z with w >= 0, body to world.
-    The largest of the four elements is computed from the diagonal, the others from it (Shepperd 1978): no division by a
-    small number.
+    A pose is x, y, z in m, then the unit quaternion w, x, y, z with w >= 0, body to world. The largest of the four
+    elements is computed from the diagonal, the others from it (Shepperd 1978): no division by a small number.
     """
     matrix = frames[..., :9].reshape(*frames.shape[:-1], 3, 3)
     xx, yy, zz = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 2, 2]

@@ -11,6 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from duralab_gateway.motion.playback import Block
+
 
 class Source(StrEnum):
     """What a watchdog looks at."""
@@ -22,21 +24,7 @@ class Source(StrEnum):
 
 @dataclass(frozen=True)
 class Watchdog:
-    """One limit: which row of its source, and where its values have to stay.
-
-    Parameters
-    ----------
-    source : Source
-        What it looks at.
-    name : str
-        Name of the channel or monitored value.
-    row : int
-        Row of its source.
-    unit : str
-        Unit of the limits; empty for a monitored value.
-    minimum, maximum : float
-        Range in which the values have to stay.
-    """
+    """One limit: which row of its source, and where its values have to stay, in a unit; empty for a monitored value."""
 
     source: Source
     name: str
@@ -48,11 +36,7 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Trip:
-    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s.
-
-    `watchdog`: The one that tripped. `value`: The first value outside, in the watchdog's unit. `limit`: The limit that
-    it passed. `seconds`: Time within the run, in s; negative before the drive's first sample.
-    """
+    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s of the run."""
 
     watchdog: Watchdog
     value: float
@@ -71,43 +55,32 @@ class Trip:
 
 
 def when(seconds: float) -> str:
-    """Say a time of a run in words.
-
-    `seconds`: Since the drive's first sample, in s; negative before it.
-    Returns: Part of a sentence, such as "at 1.500 s".
-    """
+    """Return a time of a run as part of a sentence, such as "at 1.500 s"; negative before the drive begins."""
     return f"at {seconds:.3f} s" if seconds >= 0.0 else f"{-seconds:.3f} s before the drive began"
 
 
 class WatchdogMonitor:
-    """Monitor of a playback: all watchdogs of a rig, block by block.
-
-    `watchdogs`: Of the rig that plays. `sample_rate`: In Hz.
-    """
+    """Monitor of a playback: all watchdogs of a rig, block by block."""
 
     def __init__(self, watchdogs: Sequence[Watchdog], *, sample_rate: float) -> None:
         self._sample_rate = sample_rate
         by_source = {source: tuple(dog for dog in watchdogs if dog.source is source) for source in Source}
         self._sides = {source: _Side(dogs) for source, dogs in by_source.items() if dogs}
 
-    def first_trip(
-        self, *, first_sample: int, response: np.ndarray, following_error: np.ndarray, monitored: np.ndarray
-    ) -> Trip | None:
-        """Look at a block.
-
-        `first_sample`: Index of the block's first sample within the run. `response`: As measured, each row in its
-        channel's unit. `following_error`: Command less achieved value, each row in its drive's unit; zero where no
-        actuator follows. `monitored`: In their own units.
-        Returns: The earliest violation; of several at one sample, the first in the order of the watchdogs.
-        """
-        values = {Source.RESPONSE: response, Source.FOLLOWING_ERROR: following_error, Source.MONITORED: monitored}
+    def first_trip(self, block: Block) -> Trip | None:
+        """Return the earliest violation in a block; of several at one sample, the first by the order of watchdogs."""
+        values = {
+            Source.RESPONSE: block.response,
+            Source.FOLLOWING_ERROR: block.following_error,
+            Source.MONITORED: block.monitored,
+        }
         earliest: Trip | None = None
         for source, side in self._sides.items():
             found = side.first_outside(values[source])
             if found is None:
                 continue
             dog, value, sample = found
-            seconds = (first_sample + sample) / self._sample_rate
+            seconds = (block.first_sample + sample) / self._sample_rate
             if earliest is None or seconds < earliest.seconds:
                 earliest = Trip(dog, value, dog.minimum if value < dog.minimum else dog.maximum, seconds)
         return earliest

@@ -45,7 +45,7 @@ class Motion:
 
 
 def move(tree: MultibodyTree, positions: Array, velocities: Array) -> Motion:
-    """Return the motion of the tree at Drake's positions and velocities, in m and rad, quaternions by their elements."""
+    """Return the motion of the tree at Drake's positions and velocities, in m and rad, quaternions by elements."""
     poses: list[Pose] = [_WORLD] * len(tree.bodies)
     spatial: list[Spatial] = [ZERO] * len(tree.bodies)
     axes: list[list[Spatial]] = []

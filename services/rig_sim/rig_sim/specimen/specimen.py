@@ -99,7 +99,7 @@ RIGHT = "right_"
 
 
 def mirrored_name(name: str) -> str:
-    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others stay the same."""
+    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others stay."""
     return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
 
 

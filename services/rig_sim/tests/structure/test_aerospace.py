@@ -8,7 +8,7 @@ import yaml
 
 import rig_sim.structure.rig
 from duralab_bus import FaultError
-from duralab_gateway import check_drive
+from duralab_gateway.description import check_drive
 from rig_sim.bus import describe_rig
 from rig_sim.loading import load_any_rig
 from rig_sim.specimen.specimen import SpecimenError, shipped_specimens

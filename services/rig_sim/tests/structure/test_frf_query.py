@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from duralab_bus import FaultError
-from duralab_gateway import answer_frf
+from duralab_gateway.server import answer_frf
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim.bus import describe_rig

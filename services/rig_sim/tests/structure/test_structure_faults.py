@@ -38,15 +38,7 @@ def played(rig, given):
 
 def tripped(rig, given):
     monitor = WatchdogMonitor(rig.watchdogs, sample_rate=512.0)
-    return [
-        monitor.first_trip(
-            first_sample=block.first_sample,
-            response=block.response,
-            following_error=block.following_error,
-            monitored=block.monitored,
-        )
-        for block in played(rig, given)[1]
-    ]
+    return [monitor.first_trip(block) for block in played(rig, given)[1]]
 
 
 def test_a_wing_that_swings_too_far_trips_and_a_usual_test_does_not(aerospace):
