@@ -55,17 +55,17 @@ class CrgFormat(Enum):
 
 @dataclass(frozen=True)
 class CrgHeader:
-    """What the header says.
+    """What the header says: the $ROAD_CRG block and the data channels, named in lower case, values in SI units."""
 
-    `parameters`: The $ROAD_CRG block: names in lower case, values in SI units. `channels`: Names of the data channels
-    in file order, lower case, without units. `data_format`: How the numbers are stored. `data_offset`: Byte at which
-    they begin.
-    """
-
+    path: Path
     parameters: dict[str, float]
     channels: tuple[str, ...]
     data_format: CrgFormat
     data_offset: int
+
+    def error(self, sentence: str) -> RoadFileError:
+        """Return the error of what begins behind the header."""
+        return RoadFileError(self.path, self.data_offset, sentence)
 
 
 def read_header(stream: BinaryIO, path: Path) -> CrgHeader:
@@ -101,7 +101,7 @@ def read_header(stream: BinaryIO, path: Path) -> CrgHeader:
         offset += len(raw)
     if data_format is None or not channels:
         raise RoadFileError(path, offset, "expected a block $KD_DEFINITION with a format (#:) and data channels (D:).")
-    return CrgHeader(parameters, tuple(channels), data_format, offset + len(raw))
+    return CrgHeader(path, parameters, tuple(channels), data_format, offset + len(raw))
 
 
 def _assignment(line: str, *, path: Path, offset: int) -> tuple[str, float]:
@@ -172,50 +172,46 @@ def read_opencrg(path: str | os.PathLike[str], *, maximum_cells: int = 50_000_00
     path = Path(path)
     with path.open("rb") as stream:
         header = read_header(stream, path)
-        positions, columns = _lateral_positions(header, path)
-        spacing, rows = _longitudinal(header, path)
+        positions, columns = _lateral_positions(header)
+        spacing, rows = _longitudinal(header)
         count = len(header.channels)
         if rows is not None and rows * count > maximum_cells:
-            raise RoadFileError(
-                path,
-                header.data_offset,
+            raise header.error(
                 f"the header announces {rows} x {count} values, more than the {maximum_cells} that are accepted.",
             )
         if header.data_format.is_text:
             values = _read_text(stream, header, path, rows=rows, maximum_rows=maximum_cells // count)
         else:
-            values = _read_binary(stream, header, path, rows=rows)
-    _refuse_inclined(header, values, path)
-    _refuse_curved(header, values, path, spacing=spacing, outermost=float(np.abs(positions).max()))
+            values = _read_binary(stream, header, rows=rows)
+    _refuse_inclined(header, values)
+    _refuse_curved(header, values, spacing=spacing, outermost=float(np.abs(positions).max()))
     grid = values[:, columns]
     if np.any(np.isinf(grid)):
-        raise RoadFileError(path, header.data_offset, "expected finite elevations or NaN, found an infinite one.")
+        raise header.error("expected finite elevations or NaN, found an infinite one.")
     return Road(spacing, positions, grid)
 
 
-def _longitudinal(header: CrgHeader, path: Path) -> tuple[float, int | None]:
+def _longitudinal(header: CrgHeader) -> tuple[float, int | None]:
     """Return the spacing [m] and the number of rows, None where the header does not say."""
     spacing = header.parameters.get("reference_line_increment")
     if spacing is None or spacing <= 0:
-        raise RoadFileError(path, header.data_offset, "expected REFERENCE_LINE_INCREMENT above 0 m in $ROAD_CRG.")
+        raise header.error("expected REFERENCE_LINE_INCREMENT above 0 m in $ROAD_CRG.")
     end = header.parameters.get("reference_line_end_u")
     if end is None:
         return spacing, None
     steps = (end - header.parameters.get("reference_line_start_u", 0.0)) / spacing
     if not math.isfinite(steps) or steps < 0.5 or abs(steps - round(steps)) > 1e-3 * max(1.0, steps * 1e-3):
-        raise RoadFileError(
-            path,
-            header.data_offset,
+        raise header.error(
             f"expected a whole number of increments from start to end of u, found {steps:.6g}.",
         )
     return spacing, round(steps) + 1
 
 
-def _lateral_positions(header: CrgHeader, path: Path) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _lateral_positions(header: CrgHeader) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Return the ascending positions [m] of the elevation columns and the columns' places among the channels."""
     columns = [index for index, name in enumerate(header.channels) if name.startswith("long section")]
     if not columns:
-        raise RoadFileError(path, header.data_offset, "expected data channels named 'long section'.")
+        raise header.error("expected data channels named 'long section'.")
     named = [LATERAL_POSITION.match(header.channels[index]) for index in columns]
     if any(named):
         try:
@@ -224,58 +220,50 @@ def _lateral_positions(header: CrgHeader, path: Path) -> tuple[NDArray[np.float6
             positions = np.array([math.nan])
         order = np.argsort(positions)
     else:
-        positions = _regular_positions(header, path, count=len(columns))
+        positions = _regular_positions(header, count=len(columns))
         order = np.arange(len(columns))
     positions = positions[order]
     if not np.all(np.isfinite(positions)) or np.any(np.diff(positions) <= 0):
-        raise RoadFileError(
-            path, header.data_offset, "expected a different finite lateral position for each long section."
-        )
+        raise header.error("expected a different finite lateral position for each long section.")
     return positions, np.array(columns)[order]
 
 
-def _regular_positions(header: CrgHeader, path: Path, *, count: int) -> NDArray[np.float64]:
+def _regular_positions(header: CrgHeader, *, count: int) -> NDArray[np.float64]:
     right = header.parameters.get("long_section_v_right")
     left = header.parameters.get("long_section_v_left")
     increment = header.parameters.get("long_section_v_increment")
     if right is not None and left is None and increment is not None:
         left = right + (count - 1) * increment
     if right is None or left is None or (count > 1 and left <= right):
-        raise RoadFileError(
-            path,
-            header.data_offset,
+        raise header.error(
             "expected LONG_SECTION_V_RIGHT below LONG_SECTION_V_LEFT, or 'long section at v ='.",
         )
     positions = np.linspace(right, left, count)
     if increment is not None and abs(right + (count - 1) * increment - left) > 1e-3 * abs(increment):
-        raise RoadFileError(
-            path,
-            header.data_offset,
+        raise header.error(
             f"{count} long sections do not reach from v = {right} to {left} m in steps of {increment} m.",
         )
     return positions
 
 
-def _read_binary(stream: BinaryIO, header: CrgHeader, path: Path, *, rows: int | None) -> NDArray[np.float64]:
+def _read_binary(stream: BinaryIO, header: CrgHeader, *, rows: int | None) -> NDArray[np.float64]:
     """Return (rows, channels); records are filled across rows, the last one padded."""
     if rows is None:
-        raise RoadFileError(path, header.data_offset, "expected REFERENCE_LINE_END_U, which a binary file needs.")
+        raise header.error("expected REFERENCE_LINE_END_U, which a binary file needs.")
     data_format = header.data_format
     count = rows * len(header.channels)
     available = os.fstat(stream.fileno()).st_size - header.data_offset
     needed = count * data_format.width
     padded = -(-count // data_format.per_record) * data_format.per_record * data_format.width
     if not needed <= available <= padded:
-        raise RoadFileError(
-            path,
-            header.data_offset,
+        raise header.error(
             f"expected {needed} bytes of data ({rows} rows of {len(header.channels)} channels, at most {padded} with "
             f"padding), found {available}; the file was cut or its line endings were converted.",
         )
     kind = ">f4" if data_format is CrgFormat.KRBI else ">f8"
     values = np.frombuffer(stream.read(needed), dtype=kind)
     if values.size != count:
-        raise RoadFileError(path, header.data_offset, "the file became shorter while it was read.")
+        raise header.error("the file became shorter while it was read.")
     return values.astype(np.float64).reshape(rows, len(header.channels))
 
 
@@ -321,7 +309,7 @@ def _number(field: bytes, path: Path, offset: int) -> float:
         raise RoadFileError(path, offset, f"expected a number, found {field.decode('latin-1')!r}.") from None
 
 
-def _refuse_inclined(header: CrgHeader, values: NDArray[np.float64], path: Path) -> None:
+def _refuse_inclined(header: CrgHeader, values: NDArray[np.float64]) -> None:
     """Refuse slope and banking of the reference line: elevation would be only a part of the height."""
     for name, suffix in ((SLOPE, "s"), (BANKING, "b")):
         told = [header.parameters.get(f"reference_line_{end}_{suffix}", 0.0) for end in ("start", "end")]
@@ -329,14 +317,10 @@ def _refuse_inclined(header: CrgHeader, values: NDArray[np.float64], path: Path)
             column = values[:, header.channels.index(name)]
             told.append(float(np.nanmax(np.abs(column), initial=0.0)))
         if any(value != 0 for value in told):
-            raise RoadFileError(
-                path, header.data_offset, f"a {name} other than 0 is not supported; add it to the elevations first."
-            )
+            raise header.error(f"a {name} other than 0 is not supported; add it to the elevations first.")
 
 
-def _refuse_curved(
-    header: CrgHeader, values: NDArray[np.float64], path: Path, *, spacing: float, outermost: float
-) -> None:
+def _refuse_curved(header: CrgHeader, values: NDArray[np.float64], *, spacing: float, outermost: float) -> None:
     """Refuse a reference line that turns too much to be unrolled (heading over whole metres, against noise)."""
     if HEADING not in header.channels:
         return
@@ -348,9 +332,7 @@ def _refuse_curved(
     curvature = float(np.abs(heading[window:] - heading[:-window]).max()) / (window * spacing)
     stretch = curvature * outermost
     if stretch > MAXIMUM_STRETCH:
-        raise RoadFileError(
-            path,
-            header.data_offset,
+        raise header.error(
             f"the reference line turns with {curvature:.3g} rad/m, which stretches the outermost column by "
             f"{stretch:.0%}; up to {MAXIMUM_STRETCH:.0%} can be driven as a straight road.",
         )
