@@ -22,9 +22,7 @@ from duralab_bus.session import (
     Declaration,
     Identity,
     Instance,
-    LiveCallback,
     LivelinessTracker,
-    LiveWatch,
     Reintroduction,
     check_identity,
     open_session,
@@ -90,7 +88,6 @@ class Bus:
         # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
         self._tokens: set[LiveToken] = set()
         self._subscriptions: set[Subscription[Any]] = set()
-        self._watches: set[LiveWatch] = set()
         self._spaces: set[SpoolSpace] = set()
         self._published = follow_streams(
             self.metrics,
@@ -247,12 +244,6 @@ class Bus:
         """Return who is there now, as (service, instance); a new session has not met everyone yet: see `discover`."""
         return self._tracker.live(service, instance)
 
-    def watch_live(self, callback: LiveCallback) -> LiveWatch:
-        """Call back with (service, instance, alive) for everyone who is there and at every change, on an own thread."""
-        watch = LiveWatch(self._tracker, callback, on_close=self._watches.discard)
-        self._watches.add(watch)
-        return watch
-
     def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
         """Return who is there, like `live`, but only when this session is old enough to have met everyone."""
         self._client.wait_until_discovered()
@@ -284,8 +275,6 @@ class Bus:
                 return
             self._closed = True
         self.stop_serving()
-        for watch in list(self._watches):
-            watch.close()
         for subscription in list(self._subscriptions):
             subscription.close()
         self._replays.close()

@@ -15,7 +15,7 @@ WAIT = 120.0
 
 def test_service_is_seen_coming_and_being_killed(hub, processes):
     events = queue.SimpleQueue()
-    watch = hub.watch_live(lambda *event: events.put(event))
+    hub._tracker.subscribe(lambda *event: events.put(event))
     process = processes.start({"bus": {"connect": list(hub.listening)}, "rigs": ["one", "two"]})
     assert {events.get(timeout=WAIT) for _ in range(2)} == {("rig_sim", "one", True), ("rig_sim", "two", True)}
     assert hub.live() == hub.live("rig_sim") == {("rig_sim", "one"), ("rig_sim", "two")}
@@ -26,14 +26,13 @@ def test_service_is_seen_coming_and_being_killed(hub, processes):
     # Its connection told, not the lease of 10 s that runs out.
     assert time.monotonic() - killed < 8.0
     assert hub.live() == set()
-    watch.close()
 
 
 def test_frozen_service_is_gone_for_those_who_wait_and_back_when_it_thaws(hub, processes):
     events, faults = queue.SimpleQueue(), queue.SimpleQueue()
     process = processes.start({"bus": {"connect": list(hub.listening)}})
     hub.wait_for_live({("rig_sim", "bench")}, WAIT)
-    watch = hub.watch_live(lambda *event: events.put(event))
+    hub._tracker.subscribe(lambda *event: events.put(event))
     assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
 
     def ask():
@@ -54,42 +53,38 @@ def test_frozen_service_is_gone_for_those_who_wait_and_back_when_it_thaws(hub, p
     process.send_signal(signal.SIGCONT)
     assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
     assert hub.query(hub.keys.rig_state("bench"), rig_pb2.StateRequest(), rig_pb2.RigState).rig == "bench"
-    watch.close()
 
 
 def test_service_whose_native_code_keeps_python_busy_is_not_taken_for_frozen(hub, bench):
     events = queue.SimpleQueue()
-    watch = hub.watch_live(lambda *event: events.put(event))
+    hub._tracker.subscribe(lambda *event: events.put(event))
     assert events.get(timeout=WAIT) == ("rig_sim", "bench", True)
     # 4 s without the interpreter: twice what a link waits for a sign of life.
     result = hub.query(hub.keys.rig_play("bench"), rig_pb2.PlayRequest(run="hold.1"), rig_pb2.PlayResult)
     assert result.run == "hold.1"
     assert events.empty()
-    watch.close()
 
 
 def test_late_watcher_is_told_who_is_there_already(hub):
     token = hub.declare_live("recorder", "main")
     hub.wait_for_live({("recorder", "main")}, WAIT)
     events = queue.SimpleQueue()
-    watch = hub.watch_live(lambda *event: events.put(event))
+    hub._tracker.subscribe(lambda *event: events.put(event))
     assert events.get(timeout=WAIT) == ("recorder", "main", True)
     token.close()
     assert events.get(timeout=WAIT) == ("recorder", "main", False)
-    watch.close()
 
 
 def test_flap_is_not_reported(hub):
     token = hub.declare_live("recorder", "main")
     events = queue.SimpleQueue()
-    watch = hub.watch_live(lambda *event: events.put(event))
+    hub._tracker.subscribe(lambda *event: events.put(event))
     assert events.get(timeout=WAIT) == ("recorder", "main", True)
     token.close()
     token = hub.declare_live("recorder", "main")
     with pytest.raises(queue.Empty):
         events.get(timeout=0.6)
     token.close()
-    watch.close()
 
 
 def test_new_session_discovers_who_was_there_before(lab):

@@ -158,11 +158,10 @@ def test_a_service_that_the_asker_meets_a_moment_later_is_waited_for_and_one_tha
     ask = partial(lab.query, lab.keys.rig_state("late"), rig_pb2.StateRequest(), rig_pb2.RigState)
     assert ask().rig == "late"
     gone = threading.Event()
-    watch = lab.watch_live(lambda _service, name, alive: gone.set() if name == "late" and not alive else None)
+    lab._tracker.subscribe(lambda _service, name, alive: gone.set() if name == "late" and not alive else None)
     tokens.get().close()
     assert gone.wait(WAIT)
     assert fault_of(ask).code == query_pb2.FAULT_CODE_UNAVAILABLE
-    watch.close()
     served.close()
 
 

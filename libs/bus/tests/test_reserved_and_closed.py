@@ -87,18 +87,15 @@ def test_asker_that_left_once_is_looked_for_before_its_query_is_cancelled(hub, t
             token.undeclare()
 
 
-def test_closed_subscriptions_watches_tokens_and_keys_are_let_go(hub):
+def test_closed_subscriptions_tokens_and_keys_are_let_go(hub):
     for _ in range(3):
         hub.subscribe(hub.keys.rig_state("r"), rig_pb2.RigState, lambda _: None).close()
-        hub.watch_live(lambda *_: None).close()
         hub.declare_live("rig_sim", "r").close()
         served = hub.serve(hub.keys.rig_stop("r"), rig_pb2.StopRequest, lambda *_: rig_pb2.RigState(), workers=2)
         served.close()
         served.close()
     server = hub._server
-    assert [len(kept) for kept in (hub._subscriptions, hub._watches, hub._tokens, server._served, server._routes)] == (
-        [0] * 5
-    )
+    assert [len(kept) for kept in (hub._subscriptions, hub._tokens, server._served, server._routes)] == [0] * 4
     assert server._pools == []
 
 

@@ -17,7 +17,7 @@ from duralab_proto.v1 import rig_pb2
 from rig_sim.compile import compile_model
 from rig_sim.elements import AntiRollBar, Strut, Tyre
 from rig_sim.hydraulics import HydraulicActuator
-from rig_sim.model import Assembly, SpindleForce, SpindleMoment
+from rig_sim.model import Assembly, SpindleForce
 from rig_sim.multibody import Joint, MultibodyTree, Pose, SpringDamper, move
 
 _NUMBERS = 12
@@ -144,7 +144,7 @@ def _visuals(model_file: Path, tree: MultibodyTree, roles: dict[int, rig_pb2.Sha
 
 def _wheels(assembly: Assembly) -> set[int]:
     tyres = {element.wheel for element in assembly.elements if isinstance(element, Tyre)}
-    return tyres | {sensor.wheel for sensor in assembly.transducers if isinstance(sensor, SpindleForce | SpindleMoment)}
+    return tyres | {sensor.wheel for sensor in assembly.transducers if isinstance(sensor, SpindleForce)}
 
 
 def _solid(shape: object) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 from duralab_bus.session.callback_thread import CallbackThread
 from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
-from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LiveCallback, LivelinessTracker, LiveWatch
+from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker
 from duralab_bus.session.reintroduction import Reintroduction
 from duralab_bus.session.rejoining import BusSession, Declaration, Inbox
 from duralab_bus.session.session import LINK_SETTINGS, Identity, check_identity, explain_failure, open_session
@@ -19,8 +19,6 @@ __all__ = [
     "Identity",
     "Inbox",
     "Instance",
-    "LiveCallback",
-    "LiveWatch",
     "LivelinessTracker",
     "Reintroduction",
     "TlsConfig",

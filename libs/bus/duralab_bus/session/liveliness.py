@@ -11,7 +11,6 @@ from typing import Final
 
 import zenoh
 
-from duralab_bus.session.callback_thread import CallbackThread
 from duralab_bus.session.rejoining import BusSession
 from duralab_proto.keys import ANY, Keys, parse_live
 
@@ -22,32 +21,6 @@ Instance = tuple[str, str]
 """(service, instance)"""
 
 LiveCallback = Callable[[str, str, bool], None]
-
-
-class LiveWatch:
-    """Who comes and goes; made by `Bus.watch_live`, ended by `close`."""
-
-    def __init__(
-        self, tracker: LivelinessTracker, callback: LiveCallback, *, on_close: Callable[[LiveWatch], None]
-    ) -> None:
-        self._tracker = tracker
-        self._on_close = on_close
-        self._closed = False
-        self._thread = CallbackThread[tuple[str, str, bool]](
-            lambda event: callback(*event), name="duralab_bus-watch-live"
-        )
-        tracker.subscribe(self._put)
-
-    def _put(self, service: str, instance: str, alive: bool) -> None:
-        self._thread.put((service, instance, alive))
-
-    def close(self) -> None:
-        """Call the callback no more."""
-        if not self._closed:
-            self._closed = True
-            self._tracker.unsubscribe(self._put)
-            self._thread.close()
-            self._on_close(self)
 
 
 class LivelinessTracker:

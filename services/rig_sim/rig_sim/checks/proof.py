@@ -11,21 +11,15 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from pydrake.common import value as drake_value
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from rig_sim.compile import CompiledModel
-from rig_sim.engines import drake_responses
+from rig_sim.engines import AppliedForces, applied_force, drake_responses
 from rig_sim.model import Evaluation, RigModel
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24
-
-# The stubs do not know the template of values.
-_AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]
 
 
 class ProofError(RuntimeError):
@@ -135,23 +129,12 @@ def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, eva
 
 def apply_own_effect(plant: MultibodyPlant, context: Context, evaluation: Evaluation) -> None:
     """Fix Drake's force inputs to what the elements of the YAML do."""
-    plant.get_applied_spatial_force_input_port().FixValue(context, _AppliedForces(applied_forces(evaluation)))
-    joint_forces = np.array(evaluation.own_effect.joint_forces, dtype=float)
-    plant.get_applied_generalized_force_input_port().FixValue(context, joint_forces)
-
-
-def applied_forces(evaluation: Evaluation) -> list[ExternallyAppliedSpatialForce]:
-    """Return the wrenches of the elements of the YAML as Drake takes them: about each body's origin, world axes."""
     forces = []
-    for index, wrench in enumerate(evaluation.own_effect.wrenches):
-        if index == 0:
-            continue
+    for index, wrench in enumerate(evaluation.own_effect.wrenches[1:], start=1):
         origin = np.array(evaluation.motion.poses[index].origin, dtype=float)
         force = np.array(wrench.linear, dtype=float)
         moment = np.array(wrench.angular, dtype=float) - np.cross(origin, force)
-        applied = cast(Any, ExternallyAppliedSpatialForce())
-        applied.body_index = BodyIndex(index)
-        applied.p_BoBq_B = np.zeros(3)
-        applied.F_Bq_W = cast(Any, SpatialForce)(moment, force)
-        forces.append(applied)
-    return forces
+        forces.append(applied_force(index, np.concatenate([moment, force])))
+    plant.get_applied_spatial_force_input_port().FixValue(context, AppliedForces(forces))
+    joint_forces = np.array(evaluation.own_effect.joint_forces, dtype=float)
+    plant.get_applied_generalized_force_input_port().FixValue(context, joint_forces)

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import atan2, cos, sin, sqrt
-from rig_sim.multibody import Array, Effect, Input, Motion, dot, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Motion, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 #: A link must stand this far from in line with its lever, as the sine of the angle between: else it may fold over.
@@ -94,17 +94,13 @@ class Lever:
 
 
 @dataclass(frozen=True)
-class AntiRollBar:
+class AntiRollBar(ForceElement):
     """An anti-roll bar on a body, with a lever at the left and one at the right."""
 
     name: str
     body: int
     levers: tuple[Lever, Lever]
     law: AntiRollBarLaw
-
-    settles: bool = False
-    initial_state: tuple[float, ...] = ()
-    inputs: tuple[Input, ...] = ()
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Turn the levers back to one angle."""

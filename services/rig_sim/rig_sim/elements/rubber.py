@@ -15,7 +15,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import absolute
-from rig_sim.multibody import Array, Effect, Input, Motion, Pose, cross, dot, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Motion, Pose, cross, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 
@@ -37,7 +37,7 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Rubber:
+class Rubber(ForceElement):
     """Rubber between frame A on one body and the origin (m) of frame C on another, along a unit vector in frame A."""
 
     name: str
@@ -48,9 +48,7 @@ class Rubber:
     axis: np.ndarray
     law: RubberLaw
 
-    settles: bool = False
-    initial_state: tuple[float, ...] = (0.0,)
-    inputs: tuple[Input, ...] = ()
+    initial_state = (0.0,)
 
     def pull(self, motion: Motion, state: Array) -> Array:
         """Return the force on frame C, (3,) in the world's axes, in N."""

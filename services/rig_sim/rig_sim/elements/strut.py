@@ -9,7 +9,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import absolute, maximum, select_positive, tanh
-from rig_sim.multibody import Array, Effect, Input, Motion, stretch, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Motion, stretch, wrench_at
 from rig_sim.parameters import STRICT, Finite, NotNegative, Positive
 
 
@@ -51,7 +51,7 @@ def strut_force(law: StrutLaw, compression: Any, speed: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Strut:
+class Strut(ForceElement):
     """A strut between a point on body a and a point on body b, both in their body's frame, in metres."""
 
     name: str
@@ -61,10 +61,6 @@ class Strut:
     point_b: np.ndarray
     design_length: float
     law: StrutLaw
-
-    settles: bool = False
-    initial_state: tuple[float, ...] = ()
-    inputs: tuple[Input, ...] = ()
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Push the two bodies apart."""

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import maximum
-from rig_sim.multibody import Array, Effect, Input, Motion, vector, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Input, Motion, vector, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 
@@ -36,7 +36,7 @@ class TyreLaw:
 
 
 @dataclass(frozen=True)
-class Tyre:
+class Tyre(ForceElement):
     """A tyre under a wheel body whose centre is the body's origin.
 
     Inputs: height of the effective road under the wheel [m], its slope [1], positive uphill, its camber [1], positive
@@ -49,8 +49,7 @@ class Tyre:
     law: TyreLaw
     inputs: tuple[Input, ...]
 
-    settles: bool = False
-    initial_state: tuple[float, ...] = (0.0,)
+    initial_state = (0.0,)
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Carry the wheel on the road."""

@@ -101,7 +101,15 @@ def _rubber_force(sensor: BushingForce, model: RigModel, state: Array) -> float:
 
 
 # The stubs do not know the template of values.
-_AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]
+AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]
+
+
+def applied_force(body: int, wrench: np.ndarray) -> ExternallyAppliedSpatialForce:
+    """Return a moment and a force (6,) on a body as Drake takes them: about the body's origin, world axes."""
+    applied = cast(Any, ExternallyAppliedSpatialForce())
+    applied.body_index = BodyIndex(body)
+    applied.F_Bq_W = cast(Any, SpatialForce)(wrench)
+    return applied
 
 
 class OwnEffects:
@@ -155,7 +163,7 @@ class ElementsSystem(LeafSystem):
         self.DeclareContinuousState(len(model.state_names) - effects.first_own_state)
         # An output port is cached: derivative, forces and moments of one instant are computed together, once.
         self.effects = self.DeclareVectorOutputPort("effects", effects.length, self._evaluate)
-        self.spatial = self.DeclareAbstractOutputPort("spatial", _AppliedForces, self._spatial)
+        self.spatial = self.DeclareAbstractOutputPort("spatial", AppliedForces, self._spatial)
         self.generalized = self.DeclareVectorOutputPort(
             "generalized", model.assembly.tree.velocity_count, self._generalized
         )
@@ -175,13 +183,7 @@ class ElementsSystem(LeafSystem):
 
     def _spatial(self, context: Any, output: Any) -> None:
         wrenches = cast(Any, self.effects.Eval(context))[self._effects.wrenches].reshape(-1, 6)
-        forces = []
-        for body, wrench in zip(self._effects.bodies, wrenches, strict=True):
-            applied = cast(Any, ExternallyAppliedSpatialForce())
-            applied.body_index = BodyIndex(body)
-            applied.F_Bq_W = cast(Any, SpatialForce)(wrench)
-            forces.append(applied)
-        output.set_value(forces)
+        output.set_value([applied_force(*pair) for pair in zip(self._effects.bodies, wrenches, strict=True)])
 
     def _generalized(self, context: Any, output: Any) -> None:
         output.SetFromVector(cast(Any, self.effects.Eval(context))[self._effects.joint_forces])

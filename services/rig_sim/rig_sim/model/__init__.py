@@ -1,7 +1,7 @@
 """The equations of a rig: the specimen's parts and sensors on the tree of the SDF, as one function to trace."""
 
 from rig_sim.model.assembly import Assembly, assemble
-from rig_sim.model.measurement import BushingForce, Sensor, SpindleForce, SpindleMoment, StrutTravel
+from rig_sim.model.measurement import BushingForce, Sensor, SpindleForce, StrutTravel
 from rig_sim.model.rig_model import Evaluation, RigModel
 
 __all__ = [
@@ -11,7 +11,6 @@ __all__ = [
     "RigModel",
     "Sensor",
     "SpindleForce",
-    "SpindleMoment",
     "StrutTravel",
     "assemble",
 ]

@@ -63,14 +63,6 @@ class Sensor(Protocol):
         ...
 
 
-def _spindle_wrench(instant: Instant, wheel: int) -> Spatial:
-    """Wrench of the wheel on the knuckle about the world's origin: what the wheel gets, less what moves it."""
-    body, pose = instant.tree.bodies[wheel], instant.motion.poses[wheel]
-    velocity, proper = instant.motion.velocities[wheel], instant.accelerations.proper[wheel]
-    inertia = inertia_in_world(body, pose)
-    return instant.wrenches[wheel] - inertia.momentum(proper) - velocity.force_cross(inertia.momentum(velocity))
-
-
 @dataclass(frozen=True)
 class SpindleForce:
     """One component of the force at a wheel-force transducer, in the sensor's axes, in N."""
@@ -83,7 +75,7 @@ class SpindleForce:
 
     def read(self, instant: Instant) -> Any:
         """Return the force of the wheel on the spindle."""
-        # Not from `_spindle_wrench`: the acceleration of the centre of mass takes fewer operations.
+        # Not as the moment below: the acceleration of the centre of mass takes fewer operations.
         body, pose = instant.tree.bodies[self.wheel], instant.motion.poses[self.wheel]
         centre = pose.rotation @ body.centre + pose.origin
         velocity, proper = instant.motion.velocities[self.wheel], instant.accelerations.proper[self.wheel]
@@ -93,17 +85,16 @@ class SpindleForce:
 
 
 @dataclass(frozen=True)
-class SpindleMoment:
+class SpindleMoment(SpindleForce):
     """One component of the moment at a wheel-force transducer, about its centre, in the sensor's axes, in N*m."""
 
-    name: str
-    wheel: int
-    frame: Pose
-    row: int
-
     def read(self, instant: Instant) -> Any:
-        """Return the moment of the wheel on the spindle."""
-        wrench = _spindle_wrench(instant, self.wheel)
+        """Return the moment of the wheel on the spindle: of what the wheel gets, less what moves it."""
+        body, pose = instant.tree.bodies[self.wheel], instant.motion.poses[self.wheel]
+        velocity, proper = instant.motion.velocities[self.wheel], instant.accelerations.proper[self.wheel]
+        inertia = inertia_in_world(body, pose)
+        gyration = velocity.force_cross(inertia.momentum(velocity))
+        wrench = instant.wrenches[self.wheel] - inertia.momentum(proper) - gyration
         frame = instant.motion.poses[self.wheel] @ self.frame
         return (frame.rotation.T @ (wrench.angular - cross(frame.origin, wrench.linear)))[self.row]
 

@@ -5,6 +5,7 @@ from rig_sim.multibody.dynamics import Accelerations, accelerate, inertia_in_wor
 from rig_sim.multibody.forces import (
     Effect,
     Element,
+    ForceElement,
     Input,
     Line,
     Offering,
@@ -34,6 +35,7 @@ __all__ = [
     "Bushing",
     "Effect",
     "Element",
+    "ForceElement",
     "Input",
     "Joint",
     "JointKind",

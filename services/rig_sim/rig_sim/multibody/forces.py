@@ -88,6 +88,14 @@ class Element(Protocol):
         ...
 
 
+class ForceElement:
+    """What most elements have: no state of their own, or one that may keep any value at rest, and no drive."""
+
+    settles = False
+    initial_state: tuple[float, ...] = ()
+    inputs: tuple[Input, ...] = ()
+
+
 @runtime_checkable
 class Offering(Protocol):
     """An element that others draw from: it offers before any is applied, and stands behind all who draw."""

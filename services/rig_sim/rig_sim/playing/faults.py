@@ -28,14 +28,18 @@ class FaultKind(StrEnum):
     SUPPLY_SAG = "supply_sag"
 
 
-class StuckSensor(BaseModel):
-    """From `start`, in s of a playback, the channel keeps the value it had then."""
-
+class _SensorFault(BaseModel):
     model_config = STRICT
 
-    kind: Literal[FaultKind.STUCK_SENSOR]
     channel: str
+    #: In s of a playback.
     start: NotNegative = 0.0
+
+
+class StuckSensor(_SensorFault):
+    """From `start` on, the channel keeps the value it had then."""
+
+    kind: Literal[FaultKind.STUCK_SENSOR]
 
     @property
     def sentence(self) -> str:
@@ -43,15 +47,11 @@ class StuckSensor(BaseModel):
         return f"sensor {self.channel} stuck from {self.start:g} s"
 
 
-class NoisySensor(BaseModel):
-    """From `start`, in s of a playback, the channel has more white noise, of `rms` in its unit."""
-
-    model_config = STRICT
+class NoisySensor(_SensorFault):
+    """From `start` on, the channel has more white noise, of `rms` in its unit."""
 
     kind: Literal[FaultKind.NOISY_SENSOR]
-    channel: str
     rms: Positive
-    start: NotNegative = 0.0
     #: Joined with the playback's seed.
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -61,15 +61,11 @@ class NoisySensor(BaseModel):
         return f"sensor {self.channel} noisy by {self.rms:g} from {self.start:g} s"
 
 
-class DriftingGain(BaseModel):
-    """From `start`, in s of a playback, the channel's gain is 1 + rate (t - start); `rate` in 1/s."""
-
-    model_config = STRICT
+class DriftingGain(_SensorFault):
+    """From `start` on, the channel's gain is 1 + rate (t - start); `rate` in 1/s."""
 
     kind: Literal[FaultKind.DRIFTING_GAIN]
-    channel: str
     rate: Finite
-    start: NotNegative = 0.0
 
     @property
     def sentence(self) -> str:
@@ -109,7 +105,7 @@ class SupplySag(BaseModel):
 
 
 SensorFault = StuckSensor | NoisySensor | DriftingGain
-Fault = Annotated[StuckSensor | NoisySensor | DriftingGain | ValveSaturation | SupplySag, Field(discriminator="kind")]
+Fault = Annotated[SensorFault | ValveSaturation | SupplySag, Field(discriminator="kind")]
 
 
 def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
