@@ -8,7 +8,7 @@ from duralab_gateway.motion import Approach, RigFaultError
 if TYPE_CHECKING:
     from duralab_gateway.description import complete_description
     from duralab_gateway.gateway_process import GatewayConfig, open_spools, serve, serving
-    from duralab_gateway.rig import KnowsItsFrf, Phase, Rig, Run, ShowsFrames
+    from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, ShowsFrames
     from duralab_gateway.server import SERVICE, RigServer, serve_refusal
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "GatewayConfig",
     "KnowsItsFrf",
     "Phase",
+    "PlaybackRig",
     "Rig",
     "RigFaultError",
     "RigServer",

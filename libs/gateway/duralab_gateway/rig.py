@@ -146,17 +146,13 @@ class Rig(Protocol):
 
 
 class PlaybackRig(Protocol):
-    """A rig that makes a playback of a drive by itself, as simulated ones do; `StepwiseRig` makes one of any `Rig`."""
+    """A rig that makes a playback of a drive by itself, as simulated ones do; `StepwiseRig` makes one of any `Rig`.
 
-    @property
-    def approach(self) -> Approach:
-        """Ways to the first sample and back."""
-        ...
+    `approach`: Ways to the first sample and back. `watchdogs`: What makes it ramp down and latch while it plays.
+    """
 
-    @property
-    def watchdogs(self) -> tuple[Watchdog, ...]:
-        """What makes it ramp down and latch while it plays."""
-        ...
+    approach: Approach
+    watchdogs: tuple[Watchdog, ...]
 
     def describe(self) -> rig_pb2.RigDescription:
         """Return what the rig is; asked once."""
@@ -168,11 +164,9 @@ class PlaybackRig(Protocol):
 
     def stop(self, reason: str) -> None:
         """Hear of a latch; see `Rig.stop`."""
-        ...
 
     def reset(self) -> None:
         """Make ready again; see `Rig.reset`."""
-        ...
 
 
 @runtime_checkable

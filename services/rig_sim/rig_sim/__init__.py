@@ -1,6 +1,6 @@
 """Multibody test rigs with servo-hydraulic actuators: Drake is the model and the judge, compiled code plays."""
 
-from duralab_gateway.motion import Block, RigFaultError, Use
+from duralab_gateway.motion import RigFaultError
 from rig_sim.engines import Engine, EngineChoice
 from rig_sim.loading import load_any_rig
 from rig_sim.playing import Playback, Rig, load_rig
@@ -8,7 +8,6 @@ from rig_sim.specimen import Specimen, SpecimenError, load_specimen, shipped_spe
 from rig_sim.structure import PlayableRig
 
 __all__ = [
-    "Block",
     "Engine",
     "EngineChoice",
     "PlayableRig",
@@ -17,7 +16,6 @@ __all__ = [
     "RigFaultError",
     "Specimen",
     "SpecimenError",
-    "Use",
     "load_any_rig",
     "load_rig",
     "load_specimen",

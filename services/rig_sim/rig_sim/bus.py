@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from duralab_gateway import Run
-from duralab_gateway.motion import Approach, DrivePlayback, Watchdog, to_poses
+from duralab_gateway import PlaybackRig, Run
+from duralab_gateway.motion import DrivePlayback, to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
 from rig_sim.playing import Rig
@@ -53,24 +53,16 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
     return description
 
 
-class SimulatedRig:
+class SimulatedRig(PlaybackRig):
     """A rig of this simulator, at rest, behind a gateway; it has nothing to stop and nothing to make ready."""
 
     def __init__(self, rig: PlayableRig) -> None:
         self._rig = rig
+        self.approach = rig.specimen.approach
+        self.watchdogs = rig.watchdogs
         if isinstance(rig, StructureRig):
             # A rig that has it says that it knows its FRF.
             self.sampled_frf = rig.sampled_frf
-
-    @property
-    def approach(self) -> Approach:
-        """Ways to the first sample and back, of its specimen."""
-        return self._rig.specimen.approach
-
-    @property
-    def watchdogs(self) -> tuple[Watchdog, ...]:
-        """Watchdogs of its specimen."""
-        return self._rig.watchdogs
 
     def describe(self) -> rig_pb2.RigDescription:
         """Return what it is."""
@@ -79,12 +71,6 @@ class SimulatedRig:
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
         """Return a playback of a checked drive."""
         return self._rig.playback(drive, seed=run.seed)
-
-    def stop(self, reason: str) -> None:
-        """Do nothing: the gateway ramps down."""
-
-    def reset(self) -> None:
-        """Do nothing: every playback begins at rest."""
 
 
 def _kind(quantity: Quantity) -> Any:

@@ -4,7 +4,6 @@ from duralab_gateway.motion.following import FollowedDrive
 from duralab_gateway.motion.playback import (
     Approach,
     Block,
-    DriveChannel,
     DrivePlayback,
     RigFaultError,
     Use,
@@ -12,17 +11,15 @@ from duralab_gateway.motion.playback import (
     lead_out,
 )
 from duralab_gateway.motion.poses import to_poses
-from duralab_gateway.motion.watchdogs import Source, Trip, Watchdog, WatchdogMonitor, when
+from duralab_gateway.motion.watchdogs import Source, Watchdog, WatchdogMonitor, when
 
 __all__ = [
     "Approach",
     "Block",
-    "DriveChannel",
     "DrivePlayback",
     "FollowedDrive",
     "RigFaultError",
     "Source",
-    "Trip",
     "Use",
     "Watchdog",
     "WatchdogMonitor",

@@ -6,7 +6,7 @@ it, and compiled to play it.
 
 from rig_sim.compile.compiled_model import CompiledModel, Playback
 from rig_sim.compile.integrate import Method, amplification
-from rig_sim.compile.model import ModelFunction, TracedModel, compile_model, trace_model
+from rig_sim.compile.model import compile_model, trace_model
 from rig_sim.compile.numeric import (
     absolute,
     asin,
@@ -21,17 +21,13 @@ from rig_sim.compile.numeric import (
     sqrt,
     tanh,
 )
-from rig_sim.compile.tracing import Expression, Graph, Scalar
+from rig_sim.compile.tracing import Graph
 
 __all__ = [
     "CompiledModel",
-    "Expression",
     "Graph",
     "Method",
-    "ModelFunction",
     "Playback",
-    "Scalar",
-    "TracedModel",
     "absolute",
     "amplification",
     "asin",

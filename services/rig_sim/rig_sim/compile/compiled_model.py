@@ -152,12 +152,13 @@ class CompiledModel:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: ArrayLike | None = None,
     ) -> Playback:
-        """Integrate over a record of commands (inputs, samples + 1) with a fixed step; see `engines.Player`.
+        """Integrate over a record of commands (inputs, samples + 1) with a fixed step, `substeps` to a sample.
 
-        Playing consecutive chunks, each from the state the last one ended in, gives the bits of one call. The extra
-        sample is the one after the record: the first of the next chunk, or the last once more. `bounds` are any finite
-        ones by default. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is
-        out of its range.
+        Commands are linear between samples, `sample_interval` in s apart; the extra sample is the one after the record:
+        the first of the next chunk, or the last once more. Playing consecutive chunks, each from the state the last one
+        ended in, gives the bits of one call. `bounds` are the largest magnitudes of the states, checked at the samples;
+        any finite ones by default. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a
+        number is out of its range.
         """
         inner = self._vector(state, self.state_names, "state")[self._order]
         command = np.ascontiguousarray(commands, dtype=np.float64)

@@ -261,7 +261,6 @@ class LaneFunction:
     name: str
     plan: LanePlan
     places: dict[int, tuple[int, int]]
-    arguments: int
     pairs: tuple[tuple[tuple[int, Expression, Expression], ...], ...]
     singles: tuple[tuple[tuple[int, Expression], ...], ...]
 
@@ -279,7 +278,7 @@ def lane_function_text(function: LaneFunction, *, contract: bool) -> str:
             writer.store(array, position, writer.signed_pair(a, b), _VECTOR)
         for position, expression in singles:
             writer.store(array, position, writer.number(expression), SCALAR)
-    parameters = [f"ptr noalias readonly %argument{array}" for array in range(function.arguments)]
+    parameters = [f"ptr noalias readonly %argument{array}" for array in range(2)]
     parameters += [f"ptr noalias %result{array}" for array in range(len(function.pairs))]
     head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind {{"
     return "\n".join([head, *writer.lines, "ret void", "}"])
@@ -418,19 +417,11 @@ def _constants(values: Sequence[float]) -> str:
 Pair = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class LaneTexts:
-    """LLVM IR of the functions of a model in lanes, and which state of the model is at each place of their arrays.
+def lane_texts(traced: TracedModel, *, contract: bool) -> tuple[str, tuple[int, ...]] | None:
+    """Return the model in two lanes, and which of its states is at each place of the arrays: pairs side by side first.
 
-    The lanes of a pair are side by side, then comes what has no partner.
+    None where no mirror is found with which that saves operations.
     """
-
-    text: str
-    state_order: tuple[int, ...]
-
-
-def lane_texts(traced: TracedModel, *, contract: bool) -> LaneTexts | None:
-    """Return the model in two lanes; None where no mirror is found with which that saves operations."""
     for mirror in find_mirrors(traced):
         pairs = _state_pairs(traced, mirror)
         order = tuple(place for pair in pairs for place in pair)
@@ -443,7 +434,7 @@ def lane_texts(traced: TracedModel, *, contract: bool) -> LaneTexts | None:
             functions = [lane_function_text(function, contract=contract) for function in (derivative, observe)]
         except ValueError:
             continue  # vectors that need each other: as good as no mirror
-        return LaneTexts("\n".join([declarations(PAIR), *functions]), order)
+        return "\n".join([declarations(PAIR), *functions]), order
     return None
 
 
@@ -473,7 +464,6 @@ def _function(
         name=name,
         plan=plan,
         places=places,
-        arguments=2,
         pairs=(tuple(paired), ()) if with_outputs else (tuple(paired),),
         singles=(tuple(single), tuple(outputs)) if with_outputs else (tuple(single),),
     )

@@ -69,10 +69,11 @@ def compile_model(
     if len(names) != len(traced.outputs):
         raise ValueError(f"The model returns {len(traced.outputs)} outputs for {len(names)} names; name each of them.")
     paired = lane_texts(traced, contract=contract) if lanes else None
+    functions, order = paired or (_scalar_text(traced, contract=contract), None)
     text = "\n".join(
         [
             declarations(),
-            paired.text if paired else _scalar_text(traced, contract=contract),
+            functions,
             play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs)),
         ]
     )
@@ -82,7 +83,7 @@ def compile_model(
         input_names=tuple(input_names),
         output_names=names,
         operation_count=sum(node.operation not in LEAVES for node in creation_order(traced.derivative)),
-        state_order=paired.state_order if paired else None,
+        state_order=order,
     )
 
 

@@ -1,7 +1,7 @@
 """The choice of the program that integrates a rig; Drake as one of them, and what Drake measures."""
 
-from rig_sim.engines.choice import Engine, EngineChoice, Player
-from rig_sim.engines.drake_engine import AppliedForces, DrakeEngine, applied_force, drake_responses
+from rig_sim.engines.choice import Engine, EngineChoice
+from rig_sim.engines.drake_engine import AppliedForces, DrakeEngine, Player, applied_force, drake_responses
 
 __all__ = [
     "AppliedForces",

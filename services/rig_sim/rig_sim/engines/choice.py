@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
-import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
-from rig_sim.compile import Method, Playback
 from rig_sim.parameters import STRICT, Positive
 
 
@@ -50,30 +48,3 @@ class EngineChoice(BaseModel):
         if len(given) > 1:
             raise ValueError("accuracy and fixed_step are both given; take one of them")
         return self
-
-
-class Player(Protocol):
-    """What advances a rig: `rig_sim.compile.CompiledModel`, or `rig_sim.engines.drake_engine.DrakeEngine`."""
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Rows of the outputs: responses, then monitored values."""
-        ...
-
-    def play(
-        self,
-        state: np.ndarray,
-        commands: np.ndarray,
-        *,
-        sample_interval: float,
-        substeps: int,
-        method: Method = Method.RUNGE_KUTTA_4,
-        bounds: np.ndarray,
-    ) -> Playback:
-        """Advance over a record; consecutive records, each from the state the last one ended in, have no seam.
-
-        Commands are linear between samples, `sample_interval` in s apart; the last column is the sample after the
-        record. `substeps` and `method` are for an engine whose steps are fixed by the specimen. `bounds` are the
-        largest magnitudes of the states, checked at the samples.
-        """
-        ...

@@ -7,7 +7,7 @@ forces: what both play alike is not an artefact of either.
 from __future__ import annotations
 
 import threading
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from pydrake.common import value as drake_value
@@ -258,7 +258,7 @@ class DrakeEngine:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: np.ndarray,
     ) -> Playback:
-        """Advance over a record of commands; see :class:`rig_sim.engines.Player`. Drake chooses its steps by itself."""
+        """Advance over a record of commands; see `CompiledModel.play`. Drake chooses its steps by itself."""
         del substeps, method
         if sample_interval != self._interval:
             raise ValueError(f"the sample interval is {sample_interval:g} s; this rig has {self._interval:g} s.")
@@ -305,3 +305,7 @@ class DrakeEngine:
         change = np.abs(reached - state)
         reached[int(np.argmax(np.where(np.isfinite(change), change, np.inf)))] = np.nan
         return reached
+
+
+Player: TypeAlias = CompiledModel | DrakeEngine
+"""What advances a rig; consecutive records, each from the state the last one ended in, have no seam."""

@@ -28,7 +28,7 @@ from rig_sim.specimen.specimen import (
     read_specimen,
     shipped_specimens,
 )
-from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
+from rig_sim.specimen.watchdogs import set_up_watchdogs
 
 __all__ = [
     "AccelerationChannel",
@@ -48,7 +48,6 @@ __all__ = [
     "StrutChannel",
     "StrutPart",
     "TyrePart",
-    "WatchdogLimits",
     "document_files",
     "explain_problems",
     "load_specimen",
