@@ -82,14 +82,14 @@ def load_any_rig(
     """
     document = read_document(path)
     kind = document.get("kind") if isinstance(document, dict) else None
+    name = rig_name(path)
+    injected = (faults or {}).get(name, ())
     if kind is None:
-        name = rig_name(path)
-        return load_rig(path, (engines or {}).get(name, EngineChoice()), faults=(faults or {}).get(name, ()))
+        return load_rig(path, (engines or {}).get(name, EngineChoice()), faults=injected)
     if kind != KIND:
         raise SpecimenError(f"specimen {path.name}: kind is {kind!r}; leave it out for a multibody rig, or say {KIND}.")
-    name = rig_name(path)
     if name in (engines or {}):
         raise SpecimenError(
             f"specimen {path.name}: {name} is played in closed form and takes no engine; leave it out of engines."
         )
-    return load_structure(path, (faults or {}).get(name, ()))
+    return load_structure(path, injected)

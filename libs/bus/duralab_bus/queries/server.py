@@ -231,12 +231,10 @@ class QueryServer:
             # Not to be refused: whoever asks a second time for a stop has the same right to it.
             patience_seconds=PATIENCE_SECONDS if workers is None else math.inf,
         )
-        with self._changed:
-            self._pools.append(pool)
         route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
         with self._changed:
+            self._pools.append(pool)
             self._routes.append(route)
-
         inbox = self._session.receive(
             lambda joined: joined.declare_queryable(
                 key_expression,
@@ -273,7 +271,6 @@ class QueryServer:
                 return
             self._closed = True
             self._changed.notify_all()
-        with self._changed:
             all_served, pools = list(self._served), list(self._pools)
         for served in all_served:
             served.close()

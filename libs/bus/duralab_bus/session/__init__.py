@@ -1,6 +1,5 @@
 """A session on the bus: configuration, opening, identity, rejoining after a loss, and liveliness."""
 
-from duralab_bus.session.callback_thread import CallbackThread
 from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
 from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker
 from duralab_bus.session.reintroduction import Reintroduction
@@ -14,7 +13,6 @@ __all__ = [
     "BusConfig",
     "BusMode",
     "BusSession",
-    "CallbackThread",
     "Declaration",
     "Identity",
     "Inbox",

@@ -22,7 +22,7 @@ import zenoh
 
 from duralab_bus.encoding import MessageT, decode, encoding_of
 from duralab_bus.faults import BusError, FaultError
-from duralab_bus.session import BusSession, CallbackThread, Declaration
+from duralab_bus.session import BusSession, Declaration
 from duralab_bus.spool import Spool
 from duralab_bus.streams.item import POSITION, Received, StreamItem, read_item
 from duralab_proto.keys import stream_family
@@ -30,7 +30,10 @@ from duralab_proto.v1 import query_pb2, stream_pb2
 
 
 class DelayedExecutor:
-    """Executor that runs each job after its delay; the thread starts with the first job."""
+    """Executor that runs each job after its delay, in the order of their times; the thread starts with the first job.
+
+    Not on Zenoh's threads: a slow callback there blocks the session. What a job raises is logged.
+    """
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -41,35 +44,43 @@ class DelayedExecutor:
         self._closed = False
 
     def put(self, seconds: float, job: Callable[[], None]) -> None:
-        """Run a job after `seconds`; it must not block. No job runs after `close`."""
+        """Run a job after `seconds`; never blocks. No job that is put after `close` runs."""
         with self._changed:
             if self._closed:
                 return
             heapq.heappush(self._jobs, (time.monotonic() + seconds, next(self._numbers), job))
             if self._thread is None:
+                # A daemon: a job that is stuck must not keep the process from ending.
                 self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
                 self._thread.start()
             self._changed.notify()
 
     def close(self) -> None:
-        """Discard the jobs that have not run yet; return at once."""
+        """Run the jobs that are due, discard the others; wait for the thread, but not for a job that is stuck."""
         with self._changed:
             self._closed = True
-            self._jobs.clear()
+            now = time.monotonic()
+            self._jobs = sorted(job for job in self._jobs if job[0] <= now)
             self._changed.notify()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(_JOIN_SECONDS)
 
     def _run(self) -> None:
         while (job := self._next()) is not None:
-            job()
+            try:
+                job()
+            except Exception:  # noqa: BLE001 - what one job raises must not keep the others from running
+                structlog.get_logger("duralab_bus").exception("A job failed.", thread=self._name)
 
     def _next(self) -> Callable[[], None] | None:
         with self._changed:
-            while not self._closed:
+            while True:
                 wait = self._jobs[0][0] - time.monotonic() if self._jobs else None
                 if wait is not None and wait <= 0.0:
                     return heapq.heappop(self._jobs)[2]
+                if self._closed:
+                    return None
                 self._changed.wait(wait)
-            return None
 
 
 MOST_REPLAYED: Final = 1000
@@ -83,6 +94,7 @@ run is asked for after it."""
 LAST_HEAD_SECONDS: Final = 5.0
 """How long it is still told how many messages a stream had, when it ended and all of it is marked."""
 
+_JOIN_SECONDS: Final = 2.0
 _LARGEST_SEQ: Final = 2**64
 _LARGEST_MARK: Final = 64
 # A recorder brings what it has to the disk four times a second.
@@ -192,8 +204,7 @@ class ReplayServer:
         self._declaring = threading.Lock()
         self._families: dict[str, tuple[Declaration[Any], ...]] = {}
         self._retired: deque[SpoolOffer] = deque()
-        self._threads: dict[bool, CallbackThread[Callable[[], None]]] = {}
-        self._delayed = DelayedExecutor("duralab_bus-expiry")
+        self._bulk, self._small = DelayedExecutor("duralab_bus-replay"), DelayedExecutor("duralab_bus-heads")
         self._closed = False
 
     @property
@@ -208,9 +219,6 @@ class ReplayServer:
         with self._lock:
             if self._closed:
                 raise BusError(f"The bus is closed; nothing can be published on {key}.")
-            if not self._threads:
-                for bulk, name in ((True, "duralab_bus-replay"), (False, "duralab_bus-heads")):
-                    self._threads[bulk] = CallbackThread(lambda job: job(), name=name)
         offer = SpoolOffer(self, key=key, epoch=epoch, spool=spool)
         with self._lock:
             self._offers.add(offer)
@@ -274,7 +282,7 @@ class ReplayServer:
 
     def do(self, job: Callable[[], None], *, bulk: bool) -> None:
         """Have something done on a thread of this server; never blocks."""
-        self._threads[bulk].put(job)
+        (self._bulk if bulk else self._small).put(0.0, job)
 
     def retire(self, offer: SpoolOffer) -> None:
         """Keep an offer until it is settled, or as one of the last few where nobody marks."""
@@ -287,12 +295,12 @@ class ReplayServer:
             surplus = self._retired.popleft() if len(self._retired) > KEPT_SPOOLS else None
         if surplus is not None:
             self._expire(surplus)
-        self._delayed.put(KEPT_SECONDS, lambda: self._expire(offer))
+        self._small.put(KEPT_SECONDS, lambda: self._expire(offer))
 
     def settle(self, offer: SpoolOffer) -> None:
         """Let go of a spool that nobody needs any more; its end is still told for a moment."""
         offer.spool.close(delete=True)
-        self._delayed.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
+        self._small.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 
     def close(self) -> None:
         """Offer nothing more, after a moment for the last marks; what is on disk and not marked stays there."""
@@ -302,15 +310,14 @@ class ReplayServer:
         with self._lock:
             self._closed = True
             offers = list(self._offers)
-        self._delayed.close()
         for offer in offers:
             self.withdraw(offer)
         with self._declaring:
             for declared in (one for family in self._families.values() for one in family):
                 declared.undeclare()
             self._families.clear()
-        for thread in self._threads.values():
-            thread.close()
+        self._bulk.close()
+        self._small.close()
 
     def _unsettled(self) -> bool:
         with self._lock:

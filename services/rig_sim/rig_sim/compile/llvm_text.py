@@ -31,15 +31,6 @@ _OPERANDS = {Operation.FUSED: 3, Operation.MINIMUM: 2, Operation.MAXIMUM: 2}
 _TO_LAST_BITS = 2.0**52 + 1023.0
 
 
-@dataclass(frozen=True)
-class TracedFunction:
-    """A function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``."""
-
-    name: str
-    arguments: tuple[tuple[Expression, ...], ...]
-    results: tuple[tuple[Expression, ...], ...]
-
-
 def literal(value: float) -> str:
     """Write a number as LLVM reads it back bit by bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
@@ -72,16 +63,25 @@ def declarations(kind: Kind = DOUBLE) -> str:
     )
 
 
-def function_text(function: TracedFunction, *, contract: bool) -> str:
-    """Write one function."""
+def function_text(
+    name: str,
+    arguments: Sequence[Sequence[Expression]],
+    results: Sequence[Sequence[Expression]],
+    *,
+    contract: bool,
+) -> str:
+    """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``."""
     flags = " contract" if contract else ""
     places = {
         expression.index: (array, position)
-        for array, inputs in enumerate(function.arguments)
+        for array, inputs in enumerate(arguments)
         for position, expression in enumerate(inputs)
     }
-    flat_results = [result for results in function.results for result in results]
-    stores = _stores_by_expression(function)
+    flat_results = [expression for expressions in results for expression in expressions]
+    stores: dict[int, list[tuple[int, int]]] = {}
+    for array, expressions in enumerate(results):
+        for position, expression in enumerate(expressions):
+            stores.setdefault(expression.index, []).append((array, position))
     lines: list[str] = []
     loaded: set[int] = set()
 
@@ -90,7 +90,7 @@ def function_text(function: TracedFunction, *, contract: bool) -> str:
             return literal(expression.value)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
-                raise ValueError(f"The input {expression.name!r} is in no argument of {function.name}; add it to one.")
+                raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")
             array, position = places[expression.index]
             loaded.add(expression.index)
             lines.append(f"%p{expression.index} = getelementptr {SCALAR}, ptr %argument{array}, i64 {position}")
@@ -119,19 +119,11 @@ def function_text(function: TracedFunction, *, contract: bool) -> str:
     for result in flat_results:  # constants and inputs that are results themselves
         if result.index in stores:
             store(result)
-    parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(function.arguments))]
-    parameters += [f"ptr noalias %result{array}" for array in range(len(function.results))]
+    parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(arguments))]
+    parameters += [f"ptr noalias %result{array}" for array in range(len(results))]
     # noinline: the loop that calls it four times must not hold four copies of it
-    head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind {{"
+    head = f"define void @{name}({', '.join(parameters)}) noinline nounwind {{"
     return "\n".join([head, *lines, "ret void", "}"])
-
-
-def _stores_by_expression(function: TracedFunction) -> dict[int, list[tuple[int, int]]]:
-    stores: dict[int, list[tuple[int, int]]] = {}
-    for array, results in enumerate(function.results):
-        for position, result in enumerate(results):
-            stores.setdefault(result.index, []).append((array, position))
-    return stores
 
 
 def operation_lines(

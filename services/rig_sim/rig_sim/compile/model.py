@@ -9,7 +9,7 @@ from rig_sim.compile.compiled_model import CompiledModel, compile_module
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import play_text
 from rig_sim.compile.lanes import lane_texts
-from rig_sim.compile.llvm_text import TracedFunction, declarations, function_text
+from rig_sim.compile.llvm_text import declarations, function_text
 from rig_sim.compile.operations import LEAVES
 from rig_sim.compile.tracing import Expression, Graph, Scalar, TracedModel, creation_order
 
@@ -88,12 +88,9 @@ def compile_model(
 
 
 def _scalar_text(traced: TracedModel, *, contract: bool) -> str:
-    arguments = (traced.state, traced.inputs)
-    functions = (
-        TracedFunction("derivative", arguments, (traced.derivative,)),
-        TracedFunction("observe", arguments, (traced.derivative, traced.outputs)),
-    )
-    return "\n".join(function_text(function, contract=contract) for function in functions)
+    arguments, rates = (traced.state, traced.inputs), traced.derivative
+    derivative = function_text("derivative", arguments, (rates,), contract=contract)
+    return "\n".join([derivative, function_text("observe", arguments, (rates, traced.outputs), contract=contract)])
 
 
 def _objects(expressions: tuple[Expression, ...]) -> np.ndarray:

@@ -20,8 +20,6 @@ from rig_sim.multibody import (
     accelerate,
     add_linear_elements,
     move,
-    position_count,
-    velocity_count,
 )
 
 
@@ -51,9 +49,9 @@ class RigModel:
         names = [f"position {index}" for index in range(len(tree.default_positions))]
         names += [f"velocity {index}" for index in range(tree.velocity_count)]
         for joint in tree.joints:
-            for index in range(position_count(joint.kind)):
+            for index in range(joint.positions):
                 names[joint.position_start + index] = f"{joint.name} position {index}"
-            for index in range(velocity_count(joint.kind)):
+            for index in range(joint.velocities):
                 names[len(tree.default_positions) + joint.velocity_start + index] = f"{joint.name} velocity {index}"
         initial = [*tree.default_positions, *np.zeros(tree.velocity_count)]
         self._slices: dict[str, slice] = {}

@@ -23,8 +23,6 @@ from rig_sim.multibody.tree import (
     MultibodyTree,
     Pose,
     SpringDamper,
-    position_count,
-    velocity_count,
 )
 
 __all__ = [
@@ -54,10 +52,8 @@ __all__ = [
     "inertia_in_world",
     "load_plant",
     "move",
-    "position_count",
     "read_tree",
     "stretch",
     "vector",
-    "velocity_count",
     "wrench_at",
 ]

@@ -161,7 +161,9 @@ def _joint(joint: DrakeJoint) -> Joint:
         frame_on_child=_pose(joint.frame_on_child().GetFixedPoseInBodyFrame()),
         axis=axis,
         position_start=joint.position_start() if joint.num_positions() else 0,
+        positions=joint.num_positions(),
         velocity_start=joint.velocity_start() if joint.num_velocities() else 0,
+        velocities=joint.num_velocities(),
     )
 
 

@@ -20,16 +20,6 @@ class JointKind(Enum):
     FLOATING = auto()
 
 
-def position_count(kind: JointKind) -> int:
-    """Return how many positions a joint of this kind has."""
-    return {JointKind.WELD: 0, JointKind.BALL: 3, JointKind.FLOATING: 7}.get(kind, 1)
-
-
-def velocity_count(kind: JointKind) -> int:
-    """Return how many velocities a joint of this kind has."""
-    return {JointKind.WELD: 0, JointKind.BALL: 3, JointKind.FLOATING: 6}.get(kind, 1)
-
-
 @dataclass(frozen=True)
 class Pose:
     """A frame in another frame: rotation (3, 3), axes as columns, and origin (3,) in metres."""
@@ -68,8 +58,11 @@ class Joint:
     frame_on_child: Pose
     #: Unit axis in F, for REVOLUTE and PRISMATIC.
     axis: np.ndarray
+    #: Its positions and velocities: where they begin and how many there are.
     position_start: int
+    positions: int
     velocity_start: int
+    velocities: int
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rig_sim.multibody import load_plant, read_tree
 from rig_sim.playing.faults import Fault, break_specimen
 from rig_sim.playing.simulated_playback import BLOCK_SAMPLES, SimulatedPlayback
 from rig_sim.playing.software import content_hash
-from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen, set_up_watchdogs
+from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen
 
 #: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
 FULL_LOAD_PRESSURE = 0.95
@@ -201,6 +201,7 @@ def load_rig(
         check_step(at_rest, names=model.state_names, specimen=specimen)
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
     files = (sdf, *document_files(path))
+    followed = [element.name for element in model.assembly.elements if isinstance(element, HydraulicActuator)]
     player = DrakeEngine(model, plant, engine) if engine.engine is Engine.DRAKE else compiled
     return Rig(
         specimen=specimen,
@@ -214,23 +215,9 @@ def load_rig(
         content_hash=content_hash(files, faults, engine=f"engine {engine.model_dump_json()}\n"),
         poses=Poses(tree),
         geometry=view_geometry(sdf, model.assembly),
-        watchdogs=_watchdogs(specimen, model),
+        watchdogs=specimen.set_up_watchdogs(followed=followed, monitored=model.output_names[len(specimen.responses) :]),
         faults=tuple(faults),
     )
-
-
-def _watchdogs(specimen: Specimen, model: RigModel) -> tuple[Watchdog, ...]:
-    elements = model.assembly.elements
-    try:
-        return set_up_watchdogs(
-            specimen.watchdogs,
-            responses={channel.name: channel.unit for channel in specimen.responses},
-            drives={channel.name: channel.unit for channel in specimen.drives},
-            followed=[element.name for element in elements if isinstance(element, HydraulicActuator)],
-            monitored=model.output_names[len(specimen.responses) :],
-        )
-    except ValueError as error:
-        raise SpecimenError(f"specimen {specimen.name}: {error}") from error
 
 
 class Playback(SimulatedPlayback):

@@ -28,7 +28,6 @@ from rig_sim.specimen.specimen import (
     read_specimen,
     shipped_specimens,
 )
-from rig_sim.specimen.watchdogs import set_up_watchdogs
 
 __all__ = [
     "AccelerationChannel",
@@ -54,6 +53,5 @@ __all__ = [
     "mirrored_name",
     "read_document",
     "read_specimen",
-    "set_up_watchdogs",
     "shipped_specimens",
 ]

@@ -7,6 +7,7 @@ The SDF beside it holds bodies, joints and bushings. Whether the names in the YA
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -14,14 +15,14 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from duralab_gateway.motion import Approach
+from duralab_gateway.motion import Approach, Watchdog
 from duralab_settings import YamlError, explain_validation, parse_yaml, read_yaml_text
 from rig_sim.compile import Method
 from rig_sim.elements import AntiRollBarLaw, RubberLaw, StrutLaw, TyreLaw
 from rig_sim.hydraulics import CONTROLS, ActuatorKind, ActuatorPart, Supply
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
 from rig_sim.specimen.responses import KINDS, SPINDLE, UNIT_OF, Quantity, ResponseChannel
-from rig_sim.specimen.watchdogs import WatchdogLimits
+from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
 
 _VARIANT_OF = "variant_of"
 _BESIDE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.yaml")
@@ -227,6 +228,18 @@ class RigSpecimen(BaseModel):
     #: Channels of the kind of rig: an `InputChannel` each, and a `SensorChannel` each.
     drives: Annotated[tuple[Any, ...], Field(min_length=1)]
     responses: Annotated[tuple[Any, ...], Field(min_length=1)]
+
+    def set_up_watchdogs(self, *, followed: Sequence[str] = (), monitored: Sequence[str] = ()) -> tuple[Watchdog, ...]:
+        """Find what its watchdogs name; see :func:`rig_sim.specimen.watchdogs.set_up_watchdogs`."""
+        responses, drives = (
+            {channel.name: channel.unit for channel in channels} for channels in (self.responses, self.drives)
+        )
+        try:
+            return set_up_watchdogs(
+                self.watchdogs, responses=responses, drives=drives, followed=followed, monitored=monitored
+            )
+        except ValueError as error:
+            raise SpecimenError(f"specimen {self.name}: {error}") from error
 
 
 class Specimen(RigSpecimen):

@@ -20,7 +20,7 @@ from rig_sim.playing import (
     sensor_faults,
     title_suffix,
 )
-from rig_sim.specimen import SpecimenError, document_files, read_specimen, set_up_watchdogs
+from rig_sim.specimen import SpecimenError, document_files, read_specimen
 from rig_sim.structure.modal_model import Complex, ModalModel, SampledModel, find_modes
 from rig_sim.structure.specimen import StructureSpecimen
 
@@ -74,15 +74,9 @@ def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     specimen = whole.model_copy(update={"title": whole.title + title_suffix(faults)})
     try:
         modes = find_modes(specimen)
-        watchdogs = set_up_watchdogs(
-            specimen.watchdogs,
-            responses={channel.name: channel.unit for channel in specimen.responses},
-            drives={channel.name: channel.unit for channel in specimen.drives},
-            followed=(),
-            monitored=(),
-        )
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
+    watchdogs = specimen.set_up_watchdogs()
     digest = content_hash(document_files(path), faults)
     return StructureRig(specimen, modes, modes.sampled(specimen.sample_rate), digest, watchdogs, broken)
 
