@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -13,7 +14,7 @@ from google.protobuf.message import Message
 
 from duralab_bus.encoding import MessageT
 from duralab_bus.faults import BusError, FaultError
-from duralab_bus.metrics import HealthService, Metrics
+from duralab_bus.metrics import NO_LABELS, Counter, FigureKind, HealthService, Labels, Metrics
 from duralab_bus.queries import Cancel, Handler, QueryClient, QueryServer, Served
 from duralab_bus.security import Permission
 from duralab_bus.session import (
@@ -28,7 +29,7 @@ from duralab_bus.session import (
     open_session,
 )
 from duralab_bus.spool import SPOOL_BYTES, SpoolFolder, SpoolSpace
-from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamPublisher, Subscription, follow_streams
+from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamPublisher, Subscription
 from duralab_proto.access import Operation
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import health_pb2, query_pb2
@@ -89,15 +90,43 @@ class Bus:
         self._tokens: set[LiveToken] = set()
         self._subscriptions: set[Subscription[Any]] = set()
         self._spaces: set[SpoolSpace] = set()
-        self._published = follow_streams(
-            self.metrics,
-            spaces=self._spaces,
-            unstored=lambda: self._replays.unstored,
-            subscriptions=self._subscriptions,
-        )
+        self._published = self._follow_streams()
         self._health = HealthService(self.metrics)
         self._closing = threading.Lock()
         self._closed = False
+
+    def _follow_streams(self) -> Counter:
+        """Register the metrics of the streams; return the counter of what is published, by type."""
+        for name, what, read in (
+            (
+                "duralab_stream_unstored_messages",
+                "Messages published that the recorder has not stored yet",
+                lambda: self._replays.unstored,
+            ),
+            ("duralab_spool_bytes", "What spools take", lambda: sum(space.used_bytes for space in self._spaces)),
+            (
+                "duralab_spool_limit_bytes",
+                "What spools may take",
+                lambda: sum(space.largest_bytes for space in self._spaces),
+            ),
+        ):
+            self.metrics.follow(name, what, lambda read=read: {NO_LABELS: float(read())})
+        for name, what, attribute in (
+            ("received_messages_total", "Messages handed to their receivers", "received"),
+            ("fetched_messages_total", "Messages that were lost on the way and fetched again", "fetched"),
+            ("lost_messages_total", "Messages that nobody has any more or that were refused", "lost"),
+            ("missing_messages", "Messages published that are not here yet", "missing"),
+        ):
+            self.metrics.follow(
+                f"duralab_stream_{name}",
+                f"{what}, by type",
+                lambda attribute=attribute: _by_message(self._subscriptions, attribute),
+                labels=_BY_MESSAGE,
+                kind=FigureKind.GAUGE if attribute == "missing" else FigureKind.COUNTER,
+            )
+        return self.metrics.count(
+            "duralab_stream_published_messages_total", "Messages published, by type", labels=_BY_MESSAGE
+        )
 
     def serve(
         self,
@@ -319,3 +348,13 @@ def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4)
     identity = check_identity(config.tls) if config.tls is not None else None
     session, listening = open_session(config)
     return Bus(session, config, service=service, workers=workers, listening=listening, identity=identity)
+
+
+_BY_MESSAGE = ("message",)
+
+
+def _by_message(subscriptions: Iterable[Subscription[Any]], attribute: str) -> Mapping[Labels, float]:
+    counted: defaultdict[Labels, float] = defaultdict(float)
+    for each in list(subscriptions):
+        counted[each.message,] += getattr(each, attribute)
+    return counted

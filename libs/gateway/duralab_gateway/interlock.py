@@ -26,10 +26,12 @@ class Interlock:
         self._latched = False
         self._reason = ""
         self._newest_reason = ""
-        self._trips = 0
+        self.trips = 0
+        """How often it was tripped so far."""
         self._run = ""
         self._mode: rig_pb2.RigMode = rig_pb2.RIG_MODE_IDLE
-        self._fraction = 0.0
+        self.fraction = 0.0
+        """Share of the run that is played, 0 to 1."""
         self._stop = threading.Event()
         # A dict keeps the order in which the names came.
         self._runs: dict[str, None] = {}
@@ -43,18 +45,8 @@ class Interlock:
                 mode=rig_pb2.RIG_MODE_INTERLOCKED if self._latched else self._mode,
                 reason=self._reason,
                 run=self._run,
-                fraction=self._fraction,
+                fraction=self.fraction,
             )
-
-    @property
-    def fraction(self) -> float:
-        """Share of the run that is played, 0 to 1."""
-        return self._fraction
-
-    @fraction.setter
-    def fraction(self, value: float) -> None:
-        with self._changed:
-            self._fraction = value
 
     def begin(self, run: str) -> None:
         """Take the rig for a playback; `end` must follow."""
@@ -73,7 +65,7 @@ class Interlock:
                     field="run",
                 )
             _remember(self._runs, run)
-            self._run, self._fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
+            self._run, self.fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
 
     def enter(self, mode: rig_pb2.RigMode) -> None:
         """Say what the playback under way does now: settling, playing, ramping down."""
@@ -83,24 +75,19 @@ class Interlock:
     def end(self) -> None:
         """Give the rig back, at rest."""
         with self._changed:
-            self._run, self._fraction, self._mode = "", 0.0, rig_pb2.RIG_MODE_IDLE
+            self._run, self.fraction, self._mode = "", 0.0, rig_pb2.RIG_MODE_IDLE
             self._changed.notify_all()
 
     def trip(self, reason: str) -> str:
         """Latch, so that a playback under way ramps down; the first reason stays. Return this one, shortened."""
         reason = reason or "stopped on request"
         with self._changed:
-            self._trips += 1
+            self.trips += 1
             self._newest_reason = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON] + "…"
             if not self._latched:
                 self._latched, self._reason = True, self._newest_reason
             self._stop.set()
             return self._newest_reason
-
-    @property
-    def trips(self) -> int:
-        """How often it was tripped so far."""
-        return self._trips
 
     def wait_for_stop(self, seconds: float) -> bool:
         """Wait for at most so long; return whether the playback has to ramp down."""
@@ -131,7 +118,7 @@ class Interlock:
     def reset(self, *, seen: int) -> None:
         """Clear the latch; a rig that is not latched stays as it is."""
         with self._changed:
-            if self._latched and self._trips != seen:
+            if self._latched and self.trips != seen:
                 raise FaultError(
                     query_pb2.FAULT_CODE_FAILED_PRECONDITION,
                     f"{self._rig} was stopped again while its reset waited ({self._newest_reason}); see to it and "

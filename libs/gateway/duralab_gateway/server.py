@@ -130,13 +130,13 @@ class RigServer:
         self._rig = rig
         self._real_time = real_time
         self._description = rig.describe()
-        self._name = self._description.rig
-        self._log = structlog.get_logger(SERVICE).bind(rig=self._name)
-        self._interlock = Interlock(self._name)
-        self._metrics = RigMetrics(bus.metrics, self._name, self._interlock.state)
+        self.name = self._description.rig
+        self._log = structlog.get_logger(SERVICE).bind(rig=self.name)
+        self._interlock = Interlock(self.name)
+        self._metrics = RigMetrics(bus.metrics, self.name, self._interlock.state)
         self._publishing = threading.Lock()
         keys = bus.keys
-        self._states = bus.publisher(keys.rig_state(self._name))
+        self._states = bus.publisher(keys.rig_state(self.name))
         self._session = PlaybackSession(
             bus,
             rig,
@@ -147,19 +147,14 @@ class RigServer:
             spools=spools,
             spool_wait_seconds=spool_wait_seconds,
         )
-        bus.serve(keys.rig_description(self._name), rig_pb2.DescriptionRequest, lambda *_: self._description)
-        bus.serve(keys.rig_frf(self._name), rig_pb2.RigFrfRequest, self._answer_frf)
+        bus.serve(keys.rig_description(self.name), rig_pb2.DescriptionRequest, lambda *_: self._description)
+        bus.serve(keys.rig_frf(self.name), rig_pb2.RigFrfRequest, self._answer_frf)
         # Workers of their own: rigs beside each other play at once, one more query is told that this one is busy, and a
         # stop is heard while all others are taken.
-        bus.serve(keys.rig_play(self._name), rig_pb2.PlayRequest, self._play, workers=2)
-        bus.serve(keys.rig_stop(self._name), rig_pb2.StopRequest, self._on_stop, workers=4)
-        bus.serve(keys.rig_reset(self._name), rig_pb2.ResetRequest, self._on_reset, workers=4)
-        bus.serve(keys.rig_state(self._name), rig_pb2.StateRequest, lambda *_: self._interlock.state())
-
-    @property
-    def name(self) -> str:
-        """Name of the rig."""
-        return self._name
+        bus.serve(keys.rig_play(self.name), rig_pb2.PlayRequest, self._play, workers=2)
+        bus.serve(keys.rig_stop(self.name), rig_pb2.StopRequest, self._on_stop, workers=4)
+        bus.serve(keys.rig_reset(self.name), rig_pb2.ResetRequest, self._on_reset, workers=4)
+        bus.serve(keys.rig_state(self.name), rig_pb2.StateRequest, lambda *_: self._interlock.state())
 
     def close(self) -> None:
         """End a playback that may be under way; nothing plays afterwards."""
@@ -222,7 +217,7 @@ class RigServer:
         try:
             self._rig.reset()
         except RigFaultError as error:
-            sentence = f"{self._name} cannot be reset: {error}"
+            sentence = f"{self.name} cannot be reset: {error}"
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, sentence) from error
         try:
             self._interlock.reset(seen=seen)

@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from duralab_gateway.motion import Block, Source, WatchdogMonitor
-from rig_sim.specimen.watchdogs import Range, WatchdogLimits, set_up_watchdogs
+from rig_sim.specimen.specimen import Range, WatchdogLimits, set_up_watchdogs
 
 
 def dogs(**limits):

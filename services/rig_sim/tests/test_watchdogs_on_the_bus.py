@@ -11,7 +11,7 @@ from duralab_proto.arrays import from_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim import load_rig, shipped_specimens
 from rig_sim.playing.faults import DriftingGain, NoisySensor, StuckSensor, SupplySag, ValveSaturation
-from rig_sim.specimen.watchdogs import WatchdogLimits, set_up_watchdogs
+from rig_sim.specimen.specimen import WatchdogLimits, set_up_watchdogs
 
 RAMP_SAMPLES = 600
 

@@ -51,13 +51,7 @@ def log_stacks() -> None:
 
 
 def log_stacks_on_signal() -> None:
-    """Have SIGUSR1 log where every thread is, in a process that is no service of its own; those do it anyway.
-
-    Raises
-    ------
-    ValueError
-        Called on another thread than the main one.
-    """
+    """Have SIGUSR1 log where every thread is, in a process that is no service; called on the main thread."""
     # On a thread of its own: the main one may be in the middle of a line of the log.
     signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=log_stacks, daemon=True).start())
 

@@ -134,29 +134,25 @@ class SpoolSpace:
         self.largest_bytes = largest_bytes
         self._where = where
         self._counting = threading.Lock()
-        self._used = 0
+        self.used_bytes = 0
+        """How much is taken now."""
 
     @property
     def shortage(self) -> str:
         """Why no more should be published; empty while there is room."""
-        if self._used <= self.largest_bytes * 7 // 8:
+        if self.used_bytes <= self.largest_bytes * 7 // 8:
             return ""
         return f"the spool of {self.largest_bytes / 2**20:.0f} MiB {self._where} is full"
 
     @property
     def full(self) -> bool:
         """Whether the bound is exceeded."""
-        return self._used > self.largest_bytes
-
-    @property
-    def used_bytes(self) -> int:
-        """How much is taken now."""
-        return self._used
+        return self.used_bytes > self.largest_bytes
 
     def count(self, size: int) -> None:
         """Note bytes taken, or given back where negative."""
         with self._counting:
-            self._used += size
+            self.used_bytes += size
 
     def store(self, *, key: str, epoch: int) -> Store:
         """Return the store of a new epoch."""
@@ -185,7 +181,8 @@ class Spool:
     def __init__(self, store: Store, *, held: bool, unheld_bytes: int, extent: Extent | None = None) -> None:
         self._store = store
         self._lock = threading.Lock()
-        self._held = held
+        self.held = held
+        """Whether somebody marks what is stored, and is waited for."""
         self._unheld_bytes = unheld_bytes
         # Numbers of their own: to make a tuple of them for every message took as long as to look up its checksum.
         self._first, self._next, self._marked = extent or Extent(first=0, next=0, marked=0)
@@ -203,20 +200,15 @@ class Spool:
             return self._next - self._marked
 
     @property
-    def held(self) -> bool:
-        """Whether somebody marks what is stored, and is waited for."""
-        return self._held
-
-    @property
     def settled(self) -> bool:
         """Whether nobody needs it any more: all of it is marked."""
-        return self._held and self._marked >= self._next
+        return self.held and self._marked >= self._next
 
     @property
     def shortage(self) -> str:
         """Why nothing more should be published before more is marked; empty while there is room."""
         with self._lock:
-            return self._store.shortage if self._held else ""
+            return self._store.shortage if self.held else ""
 
     def append(self, payload: bytes, encoding: str) -> int:
         """Keep the next message and return its number, the count of those before.
@@ -226,7 +218,7 @@ class Spool:
         """
         with self._lock:
             seq = self._next
-            if self._held and self._store.full:
+            if self.held and self._store.full:
                 raise SpoolFullError(f"{self._store.shortage}, with {seq - self._marked} messages not stored.")
             try:
                 self._store.append(seq, payload, encoding)
@@ -239,7 +231,7 @@ class Spool:
 
     @property
     def _too_much(self) -> bool:
-        return not self._held and (self._store.full or self._store.size > self._unheld_bytes)
+        return not self.held and (self._store.full or self._store.size > self._unheld_bytes)
 
     def read(self, first: int, stop: int, *, most: int) -> list[Spooled]:
         """Return the first `most` messages it has from number `first` on and before `stop`, ascending."""
@@ -250,7 +242,7 @@ class Spool:
     def mark(self, marked: int) -> None:
         """Note that all below a number are stored elsewhere; let go of them. From now on somebody is waited for."""
         with self._lock:
-            self._held = True
+            self.held = True
             self._marked = min(max(marked, self._marked), self._next)
             self._first = max(self._first, self._marked)
             self._store.drop_before(self._first)
@@ -258,5 +250,5 @@ class Spool:
     def close(self, *, delete: bool) -> None:
         """Keep nothing more in this process; what is on disk and not marked stays there unless it is to be deleted."""
         with self._lock:
-            self._store.close(delete=delete or not self._held or self._marked >= self._next)
+            self._store.close(delete=delete or not self.held or self._marked >= self._next)
             self._first = self._next

@@ -1,7 +1,6 @@
-"""Streams: publishing, receiving, replay of lost messages, and the metrics of all that."""
+"""Streams: publishing, receiving and replay of lost messages."""
 
 from duralab_bus.streams.item import StreamItem
-from duralab_bus.streams.metrics import follow_streams
 from duralab_bus.streams.order import Continuity, StreamProof
 from duralab_bus.streams.publisher import StreamPublisher
 from duralab_bus.streams.replay import ReplayClient, ReplayServer
@@ -15,5 +14,4 @@ __all__ = [
     "StreamProof",
     "StreamPublisher",
     "Subscription",
-    "follow_streams",
 ]

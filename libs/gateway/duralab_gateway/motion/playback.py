@@ -181,10 +181,7 @@ class DrivePlayback(ABC):
     def blocks(self) -> Iterator[Block]:
         """Play the drive on, block by block, after the approach where that was not iterated over; the last is shorter.
 
-        Raises
-        ------
-        RigFaultError
-            Where the rig cannot go on; names what happened and when.
+        Raises `RigFaultError` where the rig cannot go on; names what happened and when.
         """
         for _ in self.approach():
             pass
@@ -198,13 +195,7 @@ class DrivePlayback(ABC):
             yield block
 
     def ramp_down(self) -> Iterator[Block]:
-        """From where the playback was left, bring all drives to zero along a cosine and hold; blocks count on.
-
-        Raises
-        ------
-        RigFaultError
-            As `blocks`.
-        """
+        """From where the playback was left, bring all drives to zero along a cosine and hold; blocks count on."""
         ramp = lead_out(self._approach, self._heading, self._channels, self._rate)
         left = self._next
         for begin in range(0, ramp.shape[1] - 1, self.block_samples):

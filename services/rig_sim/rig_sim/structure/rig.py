@@ -36,10 +36,8 @@ class StructureRig:
     watchdogs: tuple[Watchdog, ...] = ()
     faults: tuple[SensorFault, ...] = ()
 
-    @property
-    def engine_name(self) -> str:
-        """What plays."""
-        return "state space"
+    #: What plays.
+    engine_name = "state space"
 
     @property
     def block_samples(self) -> int:
