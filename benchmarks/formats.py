@@ -18,7 +18,7 @@ import numpy as np
 from machine import machine
 
 from duralab import Channel, Signals
-from duralab.formats.rpc3_layout import DataType
+from duralab.formats.rpc3_header import DataType
 from duralab.formats.rpc3_reading import open_rpc3, read_rpc3
 from duralab.formats.rpc3_writing import Rpc3Settings, write_rpc3
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from duralab.cli import app
 from duralab.errors import InputError
 from duralab.security import configure_router, init_authority, issue, read_certificates, renew
-from duralab.security.certificate_files import read_certificate
+from duralab.security.certificates import read_certificate
 from duralab_bus import BusError, TlsConfig, check_identity
 
 

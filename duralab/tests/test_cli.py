@@ -19,8 +19,7 @@ from typer.testing import CliRunner
 
 from duralab import Channel, Signals
 from duralab.cli import app
-from duralab.cli.campaign_summary import shown_playbacks
-from duralab.cli.run_display import remaining_words
+from duralab.cli.run_display import remaining_words, shown_playbacks
 from duralab.formats import write_signals
 from duralab.processes import running_labs
 from duralab.recording import open_recording

@@ -12,7 +12,7 @@ import pytest
 from test_cli import COMMAND, invoke
 
 from duralab.cli.commands import SECTIONS, command_function
-from duralab.cli.exit_codes import MEANINGS, ExitCode
+from duralab.cli.ending import MEANINGS, ExitCode
 from duralab.cli.output import write_json
 from duralab.python_version import python_fault
 
@@ -231,7 +231,7 @@ def test_a_rig_that_is_not_shipped_is_said_before_a_lab_is_started(tmp_path, mon
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
-        "duralab.processes.rig_files.shipped_rigs", lambda: dict.fromkeys(("front_axle", "predecessor"), "")
+        "duralab.processes.service_programs.shipped_rigs", lambda: dict.fromkeys(("front_axle", "predecessor"), "")
     )
     drive, campaign = tmp_path / "drive.csv", tmp_path / "campaign.yaml"
     drive.write_text("time [s],vertical [m]\n0,0\n0.001,0\n")

@@ -8,25 +8,31 @@ import pytest
 from test_cli import invoke
 
 from duralab.diagnosis import Severity, examine
-from duralab.diagnosis.network_checks import LAB_PORT, check_bus, check_ports, ports_free
-from duralab.diagnosis.package_checks import (
+from duralab.diagnosis.checks import (
+    LAB_PORT,
+    MEBIBYTE,
+    check_bus,
+    check_command,
+    check_disk,
+    check_graphics,
+    check_locale,
     check_lock,
     check_own_versions,
+    check_ports,
+    check_python,
     check_requirements,
-    locked_versions,
-    named,
-)
-from duralab.diagnosis.place_checks import (
-    MEBIBYTE,
-    check_disk,
-    check_locale,
+    check_services,
+    check_shadows,
     check_temporary,
+    check_viewer,
     check_writable,
     free_bytes,
+    locked_versions,
+    named,
     nearest_folder,
+    ports_free,
+    vulkan_drivers,
 )
-from duralab.diagnosis.python_checks import check_command, check_python, check_services, check_shadows
-from duralab.diagnosis.viewer_checks import check_graphics, check_viewer, vulkan_drivers
 from duralab_bus import BusError
 
 FREE = {LAB_PORT: True, 9876: True, 9090: True}
@@ -41,7 +47,7 @@ def test_this_machine_is_examined_and_every_fault_has_a_remedy(tmp_path):
 
 
 def test_the_exit_code_says_whether_a_lab_would_work(monkeypatch, tmp_path):
-    from duralab.diagnosis.finding import fine, problem, warning
+    from duralab.diagnosis.checks import fine, problem, warning
 
     found = [fine("a", "well"), warning("b", "half", "mend it")]
     monkeypatch.setattr("duralab.diagnosis.examine", lambda recordings: found)
@@ -161,7 +167,7 @@ def test_a_port_in_use_is_found_unless_it_is_ones_own_lab():
 def test_a_port_that_somebody_listens_on_is_not_free(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        monkeypatch.setattr("duralab.diagnosis.network_checks.LAB_PORT", port)
+        monkeypatch.setattr("duralab.diagnosis.checks.LAB_PORT", port)
         assert ports_free()[port] is False
 
 
@@ -171,7 +177,7 @@ def test_a_bus_that_cannot_be_opened_is_found(monkeypatch):
     def refuse(*_, **__):
         raise BusError("Cannot listen at tcp/127.0.0.1:0: Permission denied.")
 
-    monkeypatch.setattr("duralab.diagnosis.network_checks.open_bus", refuse)
+    monkeypatch.setattr("duralab.diagnosis.checks.open_bus", refuse)
     assert check_bus().severity is PROBLEM
 
 

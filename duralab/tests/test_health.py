@@ -5,7 +5,7 @@ import math
 import pytest
 
 import duralab_bus
-from duralab.lab.health import health_of
+from duralab.lab.status import health_of
 
 
 @pytest.fixture

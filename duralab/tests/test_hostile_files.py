@@ -12,7 +12,7 @@ import duralab
 from duralab.campaign import load_campaign, load_identification, load_import_settings, parse_campaign
 from duralab.errors import InputError
 from duralab.formats import Format, read_frequency_response, read_signals
-from duralab.security.certificate_files import load_certificate
+from duralab.security.certificates import load_certificate
 from duralab_bus import BusConfig, ConfigError, load_config
 from duralab_proto.v1 import iterator_pb2, rig_pb2
 

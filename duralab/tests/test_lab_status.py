@@ -10,7 +10,7 @@ from duralab.cli.commands.status import _service_table
 from duralab.cli.run_display import RunDisplay
 from duralab.data import RigMode
 from duralab.lab import LabStatus, ServiceHealth, lab_status
-from duralab.lab.health import Figure
+from duralab.lab.status import Figure
 from duralab_bus import FaultError, FigureKind
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2

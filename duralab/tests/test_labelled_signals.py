@@ -8,7 +8,7 @@ import xarray
 
 from duralab.data import Channel, Rig, Signals
 from duralab.errors import InputError
-from duralab.lab.playing.drives import drive_signals
+from duralab.lab.playing import drive_signals
 
 CHANNELS = (Channel("a", "m", maximum=1.0, minimum=-1.0, label="stroke"), Channel("b", "N"))
 SIGNALS = Signals(CHANNELS, 500.0, np.random.default_rng(1).standard_normal((2, 400)))

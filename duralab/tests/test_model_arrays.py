@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from duralab.cli.commands.identify import _document
-from duralab.cli.frf_file import write_frf
+from duralab.cli.commands.export import write_frf
+from duralab.cli.commands.play import _document
 from duralab.data import Model
 from duralab.formats import read_frequency_response
 from duralab.report.model_figures import contributions

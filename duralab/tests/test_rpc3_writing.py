@@ -9,7 +9,7 @@ import pytest
 import rpc3
 
 from duralab import Channel, InputError, Signals
-from duralab.formats.rpc3_layout import ByteOrder, DataType, TimeType
+from duralab.formats.rpc3_header import ByteOrder, DataType, TimeType
 from duralab.formats.rpc3_reading import open_rpc3, read_rpc3
 from duralab.formats.rpc3_writing import Rpc3Settings, write_rpc3
 

@@ -10,9 +10,8 @@ import yaml
 
 from duralab.errors import InputError
 from duralab.sweeps import load_sweep, shipped_sweeps
-from duralab.sweeps.dotted_keys import change, look_up
 from duralab.sweeps.points import PointMaker, grid, grid_size
-from duralab.sweeps.specimens import Specimens
+from duralab.sweeps.specimens import Specimens, change, look_up
 
 SPECIMEN = """
 name: beam

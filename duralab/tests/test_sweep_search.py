@@ -9,9 +9,9 @@ import yaml
 
 from duralab.errors import InputError
 from duralab.sweeps import load_sweep
-from duralab.sweeps.outcome import Outcome, State
 from duralab.sweeps.points import PointMaker
-from duralab.sweeps.search import search
+from duralab.sweeps.results import Outcome, State
+from duralab.sweeps.sweeping import search
 
 SECTION = {
     "settings": {
@@ -101,7 +101,9 @@ def test_a_budget_below_one_trial_is_refused(plan, tmp_path):
 
 
 def test_axes_with_too_many_points_are_refused_before_they_are_made(plan, tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.import_module("duralab.sweeps.search"), "grid", lambda _: pytest.fail("It is made."))
+    monkeypatch.setattr(
+        importlib.import_module("duralab.sweeps.sweeping"), "grid", lambda _: pytest.fail("It is made.")
+    )
     both = plan(axes={key: {"from": 1, "count": 100_000} for key in ("seed", "excitation.repeats")})
     with pytest.raises(InputError, match=r"10000000000 points; 100000 are allowed"):
         run(both, tmp_path / "a", FakeRunner())

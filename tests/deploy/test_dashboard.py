@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import duralab
-from duralab.lab.health import Figure
+from duralab.lab.status import Figure
 from duralab_bus import FigureKind
 
 from .compose_file import ROOT

@@ -8,14 +8,37 @@ import signal
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
 
 import typer
 
-from duralab.cli.exit_codes import ExitCode
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ended, is_process_limit
+
+
+class ExitCode(IntEnum):
+    """How a command ended, as a shell sees it."""
+
+    DONE = 0
+    FAILED = 1
+    USER_ERROR = 2
+    NOT_REACHED = 3
+    INTERRUPTED = 130
+    TERMINATED = 143
+
+
+MEANINGS: Final = {
+    ExitCode.DONE: "done",
+    ExitCode.FAILED: "the lab, a campaign or a check failed",
+    ExitCode.USER_ERROR: "a wrong value or option",
+    ExitCode.NOT_REACHED: "finished, but the target was not reached",
+    ExitCode.INTERRUPTED: "interrupted",
+    ExitCode.TERMINATED: "terminated",
+}
+"""What each means, in words."""
+
 
 _NOTHING_STARTED: Final = f"A process or thread of this command could not be started: {PROCESS_LIMIT}."
 _STANDARD_OUTPUTS: Final = (1, 2)

@@ -1,10 +1,13 @@
-"""What a command prints: text for people, and with `--json` one document on standard output."""
+"""What a command prints: text for people, commands to type next, and with `--json` one document on standard output."""
 
 from __future__ import annotations
 
 import math
+import shlex
+import shutil
 import sys
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -64,3 +67,28 @@ def _plain(value: Any) -> Any:
         case _:
             plain = str(value)
     return plain
+
+
+def own_command() -> str:
+    """Return how this command line was started, so that a hint works when it is typed as it stands."""
+    program = Path(sys.argv[0])
+    if program.name != "duralab":
+        return f"{shlex.quote(sys.executable)} -m duralab"
+    found = shutil.which("duralab")
+    if found is not None and Path(found).resolve() == program.resolve():
+        return "duralab"
+    here = Path.cwd()
+    absolute = program.absolute()
+    return shlex.quote(str(absolute.relative_to(here) if absolute.is_relative_to(here) else absolute))
+
+
+def open_hint(path: Path) -> str:
+    """Return the command that opens a file in the program the system has for it."""
+    program = {"darwin": "open", "win32": "start"}.get(sys.platform, "xdg-open")
+    return f"{program} {shlex.quote(str(path))}"
+
+
+def page_lines(name: str, page: Path, *, pdf: Path | None) -> list[str]:
+    """Return a line for a written page, and one for its PDF, with the commands that open them."""
+    files = {name: page} if pdf is None else {name: page, "PDF": pdf}
+    return [f"{what}: {file}   open it with:  {open_hint(file)}" for what, file in files.items()]

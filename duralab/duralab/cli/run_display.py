@@ -1,15 +1,27 @@
-"""What a run shows while it works: what it does now, how far it is, how long it will take, the error so far."""
+"""What a run shows while it works, and what a campaign came to, for a terminal and as JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
-from duralab.lab import RunProgress, Stage
+from duralab.campaign import Judgement, judged_rows, repeatability_in_words
+from duralab.cli.ending import ExitCode
+from duralab.cli.output import Output, open_hint, own_command
+from duralab.data import DAMAGE_SLOPES, counted_slope
+from duralab.lab import CampaignResult, RunProgress, Stage
 
 CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
 """What a run of a campaign works on, one after the other."""
@@ -96,3 +108,134 @@ def remaining_words(seconds: float) -> str:
         return ""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes}:{rest:02d} left"
+
+
+LARGEST_COLUMNS = 8
+"""Playbacks in a table for the terminal."""
+
+
+def follow(
+    output: Output, run: Callable[[Callable[[RunProgress], None]], CampaignResult], *, iterations: int | None
+) -> tuple[CampaignResult, Path]:
+    """Run a campaign with a progress display, print its figures, and return it and its report."""
+    with RunDisplay(output.console, iterations=iterations) as display:
+        result = run(display.show)
+        display.write_report()
+        report = result.report()
+    print_result(output, result, report)
+    return result, report
+
+
+def conclude(output: Output, result: CampaignResult, report: Path) -> None:
+    """Print the JSON document of a campaign if it is asked for; raises typer.Exit if the target was not reached."""
+    output.document(campaign_document(result, report))
+    if result.verdict.judgement is not Judgement.REACHED:
+        raise typer.Exit(int(ExitCode.NOT_REACHED))
+
+
+def print_result(output: Output, result: CampaignResult, report: Path) -> None:
+    """Print the figures of a campaign, its verdict, and how to open what it left."""
+    iterations = result.iterations
+    title = "Relative RMS error after each playback (0 is perfect, ★ the best playback)"
+    output.console.print(figure_table(title, result, iterations.relative_rms_error, overall=iterations.overall))
+    title = "RMS response (1 is perfect)"
+    output.console.print(figure_table(title, result, iterations.rms_response, overall=None))
+    output.console.print(judged_table(result))
+    style = "bold green" if result.verdict.judgement is Judgement.REACHED else "bold red"
+    output.say(result.verdict.sentence, style=style)
+    if repeats := repeatability_in_words(result.status):
+        output.say(repeats)
+    if result.status.remarks:
+        output.console.print("\nNotes", style="bold")
+    output.say(*(f"· {remark}" for remark in result.status.remarks))
+    output.console.print()
+    rows = (
+        ("report", report, open_hint(report)),
+        ("recording", result.recording_path, f'in Python, duralab.open("{result.recording_path}")'),
+        ("live view", result.live_path, f"{own_command()} view {shlex.quote(str(result.live_path))}"),
+    )
+    # No table: a long path must be whole, so that it can be copied.
+    output.say(*(f"{name:<10} {path}   open it:  {command}" for name, path, command in rows))
+
+
+def judged_table(result: CampaignResult) -> Table:
+    """Return the judged figures of the best playback for the terminal; those outside their limits are red."""
+    iterations = result.iterations
+    slope = counted_slope(result.specification)
+    header, rows = judged_rows(iterations, result.verdict, slope=slope)
+    title = f"Playback {iterations.numbers[iterations.best]}, the best, and what is allowed (✗ outside it)"
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    for column, (name, allowed) in enumerate(header):
+        table.add_column(f"{name}\n[dim]{allowed}[/]", justify="right" if column else "left", no_wrap=not column)
+    for row in rows:
+        table.add_row(*(f"[bold red]{cell}[/]" if cell.endswith("✗") else cell for cell in row))
+    return table
+
+
+def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, overall: np.ndarray | None) -> Table:
+    """Return one kind of figure for the terminal: a row for each channel, a column for each playback."""
+    iterations = result.iterations
+    limit = result.verdict.limits.relative_rms_error if overall is not None else None
+    shown = shown_playbacks(len(iterations), best=iterations.best)
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table.add_column("playback")
+    for row in shown:
+        table.add_column(
+            f"{iterations.numbers[row]}{'★' if row == iterations.best else ''}", justify="right", no_wrap=True
+        )
+    for i, name in enumerate(iterations.channels):
+        watched = bool(iterations.watched[i])
+        green = limit if not watched else None
+        cells = [figure_cell(float(values[row, i]), green=green) for row in shown]
+        table.add_row(name.replace("_", " ") + (" (watched)" if watched else ""), *cells)
+    if overall is not None:
+        table.add_section()
+        table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))
+    return table
+
+
+def figure_cell(value: float, *, green: float | None) -> str:
+    """Return a figure as the terminal shows it: green up to a limit, a dash where a watched channel has none."""
+    if math.isnan(value):
+        return "–"
+    return f"[green]{value:.3f}[/green]" if green is not None and value <= green else f"{value:.3f}"
+
+
+def shown_playbacks(count: int, *, best: int) -> list[int]:
+    """Return which rows fit a terminal: all of a few playbacks, of more the first, the best and the last ones."""
+    if count <= LARGEST_COLUMNS:
+        return list(range(count))
+    last = range(count - LARGEST_COLUMNS + 2, count)
+    return sorted({0, best, *last})
+
+
+def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]:
+    """Return what a campaign came to, for `--json`."""
+    table, verdict = result.iterations, result.verdict
+    slope = counted_slope(result.specification)
+    return {
+        "campaign": result.specification.id,
+        "rig": result.specification.rig,
+        "judgement": verdict.judgement.value,
+        "verdict": verdict.sentence,
+        "accept": asdict(verdict.limits),
+        "not_accepted": [
+            {"criterion": found.criterion.value, "channel": found.channel, "value": found.value}
+            for found in verdict.failed
+        ],
+        "channels": table.channels,
+        "watched": table.watched,
+        "playbacks": table.numbers,
+        "best_playback": table.numbers[table.best],
+        "relative_rms_error": table.relative_rms_error,
+        "overall_error": table.overall,
+        "rms_response": table.rms_response,
+        "peak_ratio": table.peak_ratio,
+        "damage_ratio": {str(k): table.damage_ratio[:, :, column] for column, k in enumerate(DAMAGE_SLOPES)},
+        "energy_outside_band": table.energy_outside_band,
+        "damage_spent": {"damage_exponent": slope, "passes": table.damage_spent(slope).sum(axis=0)},
+        "remarks": list(result.status.remarks),
+        "recording": result.recording_path,
+        "live_view": result.live_path,
+        "report": report,
+    }

@@ -7,14 +7,56 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
-from duralab.conformance.finding import BreachError
 from duralab_bus import Bus, FaultError, StreamItem
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
+
+
+class Outcome(StrEnum):
+    """How a check ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_TRIED = "not tried"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of a conformance check.
+
+    `check`: What was tried, in words. `outcome`: How it ended. `sentence`: Why it failed or was not tried; empty where
+    it passed.
+    """
+
+    check: str
+    outcome: Outcome
+    sentence: str = ""
+
+
+class BreachError(Exception):
+    """The rig breaks the contract; the message is the sentence."""
+
+
+class NotTriedError(Exception):
+    """The check does not apply, or would not be safe; the message is the sentence."""
+
+
+def expect(condition: bool, sentence: str) -> None:
+    """Raise a breach where a condition does not hold."""
+    if not condition:
+        raise BreachError(sentence)
+
+
+def all_passed(findings: Iterable[Finding]) -> bool:
+    """Return whether nothing failed; what was not tried is no failure."""
+    return all(finding.outcome is not Outcome.FAILED for finding in findings)
+
 
 #: Answers and stream messages that are due are waited for so long.
 PATIENCE_SECONDS: Final = 5.0

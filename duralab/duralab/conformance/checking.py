@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing, suppress
 
-from duralab.conformance.bench import Bench, check_numbering
+from duralab.conformance.bench import Bench, BreachError, Finding, NotTriedError, Outcome, check_numbering, expect
 from duralab.conformance.description_checks import (
     check_channels,
     check_figures,
@@ -13,7 +13,6 @@ from duralab.conformance.description_checks import (
     check_is_live,
     check_is_stable,
 )
-from duralab.conformance.finding import BreachError, Finding, NotTriedError, Outcome, expect
 from duralab.conformance.play_checks import PlayChecks
 from duralab.conformance.refusal_checks import RefusalChecks
 from duralab.conformance.stop_checks import StopChecks
@@ -26,14 +25,10 @@ MOVE_SECONDS = 2.0
 
 
 def check_rig(bus: Bus, rig: str, *, seconds: float = MOVE_SECONDS, tell: Tell | None = None) -> list[Finding]:
-    """Run the contract of docs/contract.md against a rig on the bus.
+    """Run the contract of docs/contract.md against a rig on the bus; return one finding for each check, in order.
 
-    It moves the rig twice, each time by at most 5 % of its limits, stops it once and resets it. A rig that is not idle
-    is left alone.
-
-    `bus`: Where the rig is. `rig`: Its name. `seconds`: Length of the drives that move it. `tell`: Called with each
-    finding as soon as it is there.
-    Returns: One for each check, in the order in which they were made.
+    The rig is moved twice for `seconds`, by at most 5 % of its limits, stopped once and reset. A rig that is not idle
+    is left alone. `tell` is called with each finding as soon as it is made.
     """
     with closing(Bench(bus, rig, seconds=seconds)) as bench:
         run = _Run(tell or (lambda _finding: None))

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from duralab.conformance.bench import Bench
-from duralab.conformance.finding import expect
+from duralab.conformance.bench import Bench, expect
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.v1 import array_pb2, rig_pb2
 

@@ -7,9 +7,8 @@ import time
 
 import numpy as np
 
-from duralab.conformance.bench import REPAIR_SECONDS, Bench, check_numbering
-from duralab.conformance.drives import gentle_drive
-from duralab.conformance.finding import NotTriedError, expect
+from duralab.conformance.bench import REPAIR_SECONDS, Bench, NotTriedError, check_numbering, expect
+from duralab.conformance.refusal_checks import gentle_drive
 from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 

@@ -7,11 +7,9 @@ import time
 
 import numpy as np
 
-from duralab.conformance.bench import PATIENCE_SECONDS, REPAIR_SECONDS, Bench
-from duralab.conformance.drives import gentle_drive
-from duralab.conformance.finding import NotTriedError, expect
+from duralab.conformance.bench import PATIENCE_SECONDS, REPAIR_SECONDS, Bench, NotTriedError, expect
 from duralab.conformance.play_checks import check_signal
-from duralab.conformance.refusal_checks import check_refused
+from duralab.conformance.refusal_checks import check_refused, gentle_drive
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2

@@ -14,19 +14,30 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from duralab.diagnosis.finding import Finding
-from duralab.diagnosis.network_checks import check_bus, check_ports, ports_free
-from duralab.diagnosis.package_checks import (
+from duralab.diagnosis.checks import (
     OWN,
+    Finding,
+    check_bus,
+    check_command,
+    check_disk,
+    check_graphics,
+    check_locale,
     check_lock,
     check_own_versions,
+    check_ports,
+    check_python,
     check_requirements,
+    check_services,
+    check_shadows,
+    check_temporary,
+    check_viewer,
+    check_writable,
+    free_bytes,
     locked_versions,
     named,
+    ports_free,
+    vulkan_drivers,
 )
-from duralab.diagnosis.place_checks import check_disk, check_locale, check_temporary, check_writable, free_bytes
-from duralab.diagnosis.python_checks import check_command, check_python, check_services, check_shadows
-from duralab.diagnosis.viewer_checks import check_graphics, check_viewer, vulkan_drivers
 from duralab.errors import InputError
 from duralab.processes import has_display, notes_folder, running_labs, viewer_program
 
@@ -34,11 +45,7 @@ _LOCK: Final = "requirements.lock"
 
 
 def examine(recordings: Path) -> list[Finding]:
-    """Look at everything that a lab needs of this machine; `recordings` is where recordings would go.
-
-    `recordings`: Where recordings would go.
-    Returns: One for each thing looked at.
-    """
+    """Look at everything that a lab needs of this machine; `recordings` is the folder for recordings."""
     installed = named((found.metadata["Name"], found.version) for found in metadata.distributions())
     temporary = Path(tempfile.gettempdir())
     return [

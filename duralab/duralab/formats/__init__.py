@@ -1,18 +1,10 @@
 """Signals in the files that durability engineers exchange; each format is imported when it is used."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from duralab.lazy_face import lazy_face
-
-if TYPE_CHECKING:
-    from duralab.formats.errors import FormatError
-    from duralab.formats.exchange import Format, format_of, read_signals, write_signals
-    from duralab.formats.frequency_responses import FrequencyResponse
-    from duralab.formats.uff58 import read_frequency_response, write_frequency_response
-    from duralab.formats.units import SI_UNITS, convert_units, named_units
-    from duralab.formats.written import Written
+from duralab.formats.errors import FormatError
+from duralab.formats.exchange import Format, format_of, read_signals, write_signals
+from duralab.formats.uff58 import FrequencyResponse, read_frequency_response, write_frequency_response
+from duralab.formats.units import SI_UNITS, convert_units, named_units
+from duralab.formats.written import Written
 
 __all__ = [
     "SI_UNITS",
@@ -28,15 +20,3 @@ __all__ = [
     "write_frequency_response",
     "write_signals",
 ]
-
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "errors": ("FormatError",),
-        "exchange": ("Format", "format_of", "read_signals", "write_signals"),
-        "frequency_responses": ("FrequencyResponse",),
-        "uff58": ("read_frequency_response", "write_frequency_response"),
-        "units": ("SI_UNITS", "convert_units", "named_units"),
-        "written": ("Written",),
-    },
-)

@@ -19,7 +19,7 @@ from duralab.near_files import did_you_mean
 from duralab.output_files import replace_when_complete, require_outputs
 
 if TYPE_CHECKING:
-    from duralab.formats.rpc3_layout import DataType
+    from duralab.formats.rpc3_header import DataType
 
 
 class Format(StrEnum):
@@ -189,7 +189,7 @@ def write_signals(
 
 
 def _rpc3_settings(data_type: str, form: Format) -> object:
-    from duralab.formats.rpc3_layout import DataType
+    from duralab.formats.rpc3_header import DataType
     from duralab.formats.rpc3_writing import Rpc3Settings
 
     if form is not Format.RPC3:

@@ -10,8 +10,7 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
-from duralab.formats.channel_names import unique_names
-from duralab.formats.columns import require_finite
+from duralab.formats.columns import require_finite, unique_names
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_room
 from duralab.formats.written import Written

@@ -9,11 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from duralab.data import Channel, Signals
-from duralab.formats.channel_names import unique_names
-from duralab.formats.columns import require_finite
+from duralab.formats.columns import rate_of_times, require_finite, unique_names
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
-from duralab.formats.sample_rates import rate_of_times
 from duralab.formats.written import Written
 
 _EXPECTED: Final = "an MDF 4 measurement"

@@ -10,10 +10,19 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from duralab.data import Channel, Signals
-from duralab.formats.channel_names import unique_names
+from duralab.formats.columns import unique_names
 from duralab.formats.errors import FormatError, opened, require_file
-from duralab.formats.rpc3_header import BLOCK, MOST_BLOCKS, RECORD, TRUE_LENGTH, Header, parse_header
-from duralab.formats.rpc3_layout import DataType, Layout, TimeType
+from duralab.formats.rpc3_header import (
+    BLOCK,
+    MOST_BLOCKS,
+    RECORD,
+    TRUE_LENGTH,
+    DataType,
+    Header,
+    Layout,
+    TimeType,
+    parse_header,
+)
 
 PIECE_BYTES: Final = 1 << 18
 """Bytes of the file that are in memory at a time; small enough to stay in the cache of a processor."""

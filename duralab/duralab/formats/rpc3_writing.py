@@ -10,8 +10,16 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats.rpc3_header import INT_FULL_SCALE, TRUE_LENGTH, compose_header
-from duralab.formats.rpc3_layout import ByteOrder, DataType, Layout, TimeType, stored_type
+from duralab.formats.rpc3_header import (
+    INT_FULL_SCALE,
+    TRUE_LENGTH,
+    ByteOrder,
+    DataType,
+    Layout,
+    TimeType,
+    compose_header,
+    stored_type,
+)
 from duralab.formats.written import Written
 
 CHANNELS_ALLOWED: Final = 128

@@ -8,11 +8,9 @@ from typing import Final
 import numpy as np
 
 from duralab.data import Channel, Signals
-from duralab.formats.channel_names import unique_names
-from duralab.formats.columns import require_finite
+from duralab.formats.columns import rate_of_step, require_finite, unique_names
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library
-from duralab.formats.sample_rates import rate_of_step
 from duralab.formats.written import Written
 
 STEP: Final = "wf_increment"

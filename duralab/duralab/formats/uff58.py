@@ -8,6 +8,7 @@ time step.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,13 +16,31 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
-from duralab.formats.channel_names import unique_names
-from duralab.formats.columns import require_finite
+from duralab.formats.columns import rate_of_step, require_finite, unique_names
 from duralab.formats.errors import FormatError, require_file
-from duralab.formats.frequency_responses import FrequencyResponse
 from duralab.formats.libraries import parsing, require_library
-from duralab.formats.sample_rates import rate_of_step
 from duralab.formats.written import Written
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """`frf` in y(f) = frf(f) u(f), with e^{+jωt}.
+
+    Parameters
+    ----------
+    drives, responses : tuple of Channel
+        Inputs and outputs.
+    frequency : np.ndarray, shape (lines)
+        In hertz, evenly spaced.
+    frf : np.ndarray, shape (lines, responses, drives)
+        Complex, response unit per drive unit.
+    """
+
+    drives: tuple[Channel, ...]
+    responses: tuple[Channel, ...]
+    frequency: np.ndarray
+    frf: np.ndarray
+
 
 TIME_RESPONSE: Final = 1
 FREQUENCY_RESPONSE: Final = 4

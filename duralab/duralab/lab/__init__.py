@@ -10,14 +10,13 @@ if TYPE_CHECKING:
     from duralab.lab.async_lab import AsyncLab, AsyncWatch, async_connect, async_start
     from duralab.lab.campaigns import CampaignResult, RecordingsPlace, expected_id, recording_file
     from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
-    from duralab.lab.health import ServiceHealth
     from duralab.lab.identifier import Identifier
     from duralab.lab.lab import Lab
     from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, connect, join_bus, start
     from duralab.lab.playing import read_drive_file
     from duralab.lab.progress import RunProgress, Stage
     from duralab.lab.recorded_result import Result
-    from duralab.lab.status import SERVICES, LabStatus, lab_status
+    from duralab.lab.status import SERVICES, LabStatus, ServiceHealth, lab_status
     from duralab.lab.watching import CampaignEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
 
 __all__ = [
@@ -61,14 +60,13 @@ __getattr__ = lazy_face(
         "async_lab": ("AsyncLab", "AsyncWatch", "async_connect", "async_start"),
         "campaigns": ("CampaignResult", "RecordingsPlace", "expected_id", "recording_file"),
         "catalogue": ("Catalogue", "CatalogueEntries", "CatalogueEntry"),
-        "health": ("ServiceHealth",),
         "identifier": ("Identifier",),
         "lab": ("Lab",),
         "opening": ("DEFAULT_RIGS", "FIND_SECONDS", "connect", "join_bus", "start"),
         "playing": ("read_drive_file",),
         "progress": ("RunProgress", "Stage"),
         "recorded_result": ("Result",),
-        "status": ("SERVICES", "LabStatus", "lab_status"),
+        "status": ("SERVICES", "LabStatus", "ServiceHealth", "lab_status"),
         "watching": ("CampaignEvent", "LabEvent", "RigEvent", "SignalsEvent", "Watch", "Watched"),
     },
 )

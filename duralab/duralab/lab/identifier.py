@@ -14,7 +14,7 @@ from duralab.arguments import progress_callback, real_numbers, require_seed
 from duralab.campaign import estimator_message, excitation_message
 from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
 from duralab.errors import InputError
-from duralab.lab.deadline import Deadline, deadline_of
+from duralab.lab.client import Deadline, deadline_of
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.keys import Keys

@@ -31,11 +31,10 @@ from duralab.lab.campaigns import (
     stop_campaign,
 )
 from duralab.lab.catalogue import Catalogue
-from duralab.lab.client import LabClient
-from duralab.lab.deadline import Deadline, deadline_of
-from duralab.lab.health import ServiceHealth, health_of
+from duralab.lab.client import Deadline, LabClient, deadline_of
 from duralab.lab.progress import OnProgress, RunProgress, Stage, progress_of
 from duralab.lab.rigs import LabRigs
+from duralab.lab.status import ServiceHealth, health_of
 from duralab.lab.watching import Watch, Watched
 from duralab.output_files import OUTPUTS, require_other
 from duralab.processes import Supervisor

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from duralab.arguments import require_path, require_switch, require_text
 from duralab.errors import InputError, UnavailableError
 from duralab.lab.campaigns import RecordingsPlace, own_recordings
-from duralab.lab.deadline import require_time
+from duralab.lab.client import require_time
 from duralab.lab.lab import Lab
 from duralab.processes import Supervisor, lab_services, the_running_lab
 from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
@@ -160,12 +160,7 @@ def connect(
 
 
 def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
-    """Open a session that joins the bus at an endpoint, whoever is on it.
-
-    `endpoint`: Where it listens; `tls/…` of a secured lab. `identity`: As `connect` takes it.
-    Returns: The open session.
-    Raises `InputError`: Nothing listens there, or the lab lets this identity not in.
-    """
+    """Open a session that joins the bus at an endpoint; `tls/…` needs an `identity`, as for `connect`."""
     if not endpoint.startswith(SECURED):
         return _open(listen=(FREE_ENDPOINT,), connect=(endpoint,))
     shown = identity or os.environ.get(IDENTITY_VARIABLE)

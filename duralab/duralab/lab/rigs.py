@@ -10,8 +10,7 @@ import numpy as np
 from duralab.arguments import progress_callback
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError
-from duralab.lab.client import LabClient
-from duralab.lab.deadline import Deadline, deadline_of
+from duralab.lab.client import Deadline, LabClient, deadline_of
 from duralab.lab.identifier import Identifier
 from duralab.lab.playing import halting, play_drive, reset_rig, state_of_rig, stop_rig
 from duralab.lab.progress import OnProgress

@@ -15,8 +15,7 @@ from typing import Any, Final, Self
 
 from duralab.data import Rig, RigState, Signals
 from duralab.errors import LabTimeoutError
-from duralab.lab.client import LabClient
-from duralab.lab.deadline import deadline_of
+from duralab.lab.client import LabClient, deadline_of
 from duralab.lab.progress import ENDED, POLL_SECONDS, RunProgress, progress_of
 from duralab_bus import StreamItem
 from duralab_proto.arrays import from_array

@@ -16,9 +16,14 @@ if TYPE_CHECKING:
         running_labs,
         the_running_lab,
     )
-    from duralab.processes.rig_files import require_shipped, shipped_rigs
+    from duralab.processes.service_programs import (
+        findings_of,
+        is_recording,
+        rebuilt_view,
+        require_shipped,
+        shipped_rigs,
+    )
     from duralab.processes.supervisor import ServicePlan, Supervisor, lab_services
-    from duralab.processes.view_rebuilding import findings_of, is_recording, rebuilt_view
     from duralab.processes.viewer import GRPC_PORT, WEB_PORT, Viewer, has_display, viewer_program
 
 __all__ = [
@@ -56,9 +61,8 @@ __getattr__ = lazy_face(
             "running_labs",
             "the_running_lab",
         ),
-        "rig_files": ("require_shipped", "shipped_rigs"),
+        "service_programs": ("findings_of", "is_recording", "rebuilt_view", "require_shipped", "shipped_rigs"),
         "supervisor": ("ServicePlan", "Supervisor", "lab_services"),
-        "view_rebuilding": ("findings_of", "is_recording", "rebuilt_view"),
         "viewer": ("GRPC_PORT", "WEB_PORT", "Viewer", "has_display", "viewer_program"),
     },
 )

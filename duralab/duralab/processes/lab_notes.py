@@ -71,11 +71,7 @@ def notes_folder() -> Path:
 
 @contextmanager
 def noted(endpoint: str, *, recordings: Path, services: dict[str, int]) -> Iterator[str | None]:
-    """Note a lab of this process for as long as the `with` statement; give why it could not be, or None.
-
-    `endpoint`: Where it listens. `recordings`: The recorder's folder. `services`: Process id of each service.
-    Yields: Why the lab could not be noted, or None.
-    """
+    """Note a lab of this process for as long as the `with` statement; give why it could not be, or None."""
     lab = RunningLab(
         endpoint=endpoint,
         process_id=os.getpid(),
@@ -126,10 +122,7 @@ def _read(path: Path) -> RunningLab | None:
 
 
 def the_running_lab() -> RunningLab | None:
-    """Return the one lab that runs; None where none does.
-
-    Raises `InputError`: There are several.
-    """
+    """Return the one lab that runs, None where none does; raises InputError where several do."""
     labs = running_labs()
     if len(labs) > 1:
         listed = ", ".join(lab.endpoint for lab in labs)
@@ -141,11 +134,7 @@ def the_running_lab() -> RunningLab | None:
 
 
 def require_no_lab(endpoint: str, *, recordings: Path) -> None:
-    """Refuse to start a lab where one of this user listens at the same endpoint or records into the same folder.
-
-    `endpoint`: Where the new lab is to listen. `recordings`: Its recorder's folder.
-    Raises `InputError`: Naming the lab that runs and the command that ends it.
-    """
+    """Refuse to start a lab where one of this user listens at the same endpoint or records into the same folder."""
     labs = running_labs()
     folder = str(recordings.resolve())
     lab = next((lab for lab in labs if endpoint == lab.endpoint or folder == lab.recordings), None)
@@ -160,11 +149,7 @@ def require_no_lab(endpoint: str, *, recordings: Path) -> None:
 
 
 def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
-    """Tell a lab to end and wait until it is gone.
-
-    `lab`: The lab. `timeout_seconds`: Largest time to wait, in seconds.
-    Raises `LabError`: It may not be ended by this user, or did not end in time.
-    """
+    """Tell a lab to end and wait; raises LabError where it belongs to another user or does not end in time."""
     try:
         process = psutil.Process(lab.process_id)
         # Asked again: psutil itself refuses to signal a process that took over the id since this line.

@@ -68,12 +68,10 @@ def lab_services(
     live_file: bool = True,
     real_time: bool = False,
 ) -> tuple[ServicePlan, ...]:
-    """Return the four services of a lab; the recorder comes last, and goes last.
+    """Return the four services of a lab in the order of their start; the recorder comes last, and ends last.
 
-    `rigs`: The shipped rigs that rig_sim serves. `recordings`: The recorder's folder. `viewer`: Address of a Rerun
-    viewer. `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes
-    what a viewer would show. `real_time`: Whether the rigs play every drive in real time.
-    Returns: What to start, in this order.
+    `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes what a
+    viewer would show.
     """
     return (
         ServicePlan(
@@ -117,11 +115,7 @@ class Supervisor:
         return {name: process.pid for name, process in self._processes.items()}
 
     def start(self, *, timeout_seconds: float = START_SECONDS) -> None:
-        """Start all services and wait until every one of them is on the bus.
-
-        `timeout_seconds`: Largest time to wait, in seconds.
-        Raises `LabError`: One ended, or did not come in time; with the last lines of its log.
-        """
+        """Start all services and wait until every one of them is on the bus; LabError with the last lines of a log."""
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -164,11 +158,7 @@ class Supervisor:
                 raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
 
     def log_path(self, name: str) -> Path:
-        """Return where the log of a service is.
-
-        `name`: Name of the service.
-        Returns: Path of its log.
-        """
+        """Return where the log of a service is."""
         return self._logs / f"{name}.log"
 
     def failure(self) -> ServiceEndedError | None:

@@ -105,11 +105,7 @@ class Viewer:
             time.sleep(0.05)
 
     def wait(self, timeout_seconds: float) -> bool:
-        """Return True when it was closed within the time.
-
-        `timeout_seconds`: Largest time to wait, in seconds.
-        Returns: Whether it was closed.
-        """
+        """Return True when it was closed within the time."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_seconds)
         return self._process.poll() is not None
@@ -134,10 +130,7 @@ class Viewer:
 
 
 def viewer_program() -> Path:
-    """Return the viewer's binary: not the script around it, whose end would leave the binary running.
-
-    Raises `InputError`: The viewer is not installed.
-    """
+    """Return the viewer's binary: not the script around it, whose end would leave the binary running."""
     package = importlib.util.find_spec("rerun_cli")
     for folder in (package.submodule_search_locations or []) if package is not None else []:
         for name in ("rerun", "Rerun.app/Contents/MacOS/Rerun", "rerun.exe"):

@@ -6,8 +6,10 @@ their owner only. `ca.key` makes anybody a member of the lab: keep it off the ma
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from ipaddress import ip_address
@@ -20,20 +22,122 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from duralab.errors import InputError
-from duralab.security.certificate_files import (
-    AUTHORITY,
-    LARGEST_BYTES,
-    CertificateFile,
-    expect_free,
-    load_certificate,
-    read_certificate,
-    read_certificates,
-    write_pair,
-)
 from duralab_bus import DEFAULT_PORT, router_configuration
 from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
 from duralab_proto.keys import KeyNameError, Keys
 from duralab_settings import read_regular
+
+AUTHORITY: Final = "ca"
+"""Name of the authority's files."""
+
+LARGEST_BYTES: Final = 2**20
+"""Of a certificate or key file; one has a few thousand."""
+
+_KEY_MODE: Final = 0o600
+_CERTIFICATE_MODE: Final = 0o644
+
+
+@dataclass(frozen=True)
+class CertificateFile:
+    """One certificate of a folder.
+
+    `name`: Common name, e.g. "operator.anna"; "ca" for the authority. `path`: Of the certificate; the key is beside it.
+    `begins`, `expires`: When it is valid. `hosts`: Names and addresses it stands for; of a router only. `fingerprint`:
+    SHA-256, in hexadecimal digits.
+    """
+
+    name: str
+    path: Path
+    begins: datetime
+    expires: datetime
+    hosts: tuple[str, ...]
+    fingerprint: str
+
+    @property
+    def key(self) -> Path:
+        """Where its private key is."""
+        return self.path.with_suffix(".key")
+
+    def days_left(self, now: datetime | None = None) -> float:
+        """Return how long it is still valid, in days; negative when it has expired."""
+        return (self.expires - (now or datetime.now(UTC))) / timedelta(days=1)
+
+
+def read_certificates(folder: Path) -> list[CertificateFile]:
+    """Return all certificates of a folder, the authority first."""
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; make a lab's certificates with `duralab certs init`.")
+    names = sorted(path.stem for path in folder.glob("*.crt"))
+    return [read_certificate(folder, name) for name in sorted(names, key=lambda name: name != AUTHORITY)]
+
+
+def read_certificate(folder: Path, name: str) -> CertificateFile:
+    """Return what a certificate of a folder says."""
+    path = folder / f"{name}.crt"
+    certificate = load_certificate(path)
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        hosts = tuple(str(host.value) for host in names)
+    except x509.ExtensionNotFound:
+        hosts = ()
+    return CertificateFile(
+        name=name,
+        path=path,
+        begins=certificate.not_valid_before_utc,
+        expires=certificate.not_valid_after_utc,
+        hosts=hosts,
+        fingerprint=certificate.fingerprint(hashes.SHA256()).hex(),
+    )
+
+
+def load_certificate(path: Path) -> x509.Certificate:
+    """Return a certificate, or raise InputError with one sentence."""
+    try:
+        return x509.load_pem_x509_certificate(read_regular(path, largest=LARGEST_BYTES))
+    except OSError as error:
+        raise InputError(f"The certificate {path} cannot be read: {error.strerror}.") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not a certificate in PEM.") from error
+
+
+def expect_free(folder: Path, name: str) -> None:
+    """Raise InputError where there is a certificate or a key of that name."""
+    for path in (folder / f"{name}.crt", folder / f"{name}.key"):
+        if path.exists():
+            raise InputError(f"{path} is there already and is not overwritten; `duralab certs renew {name}` does so.")
+
+
+def write_pair(
+    folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey
+) -> CertificateFile:
+    """Write a certificate and its key, in the place of those that are there."""
+    content = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _replace(folder / f"{name}.key", content, mode=_KEY_MODE)
+        _replace(folder / f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM), mode=_CERTIFICATE_MODE)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written: {error.strerror}.") from error
+    return read_certificate(folder, name)
+
+
+def _replace(path: Path, content: bytes, *, mode: int) -> None:
+    """Write a file as a whole, never readable by others for a moment."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            os.fchmod(stream.fileno(), mode)
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        fresh.replace(path)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
+
 
 AUTHORITY_DAYS: Final = 3650
 DEFAULT_DAYS: Final = 365
@@ -49,13 +153,7 @@ _HOST = re.compile(r"(?!-)[a-z0-9-]{1,63}(?<!-)(\.(?!-)[a-z0-9-]{1,63}(?<!-))*",
 
 
 def init_authority(folder: Path, *, lab: str = "local", days: int = AUTHORITY_DAYS) -> CertificateFile:
-    """Make the authority of a lab: `ca.crt` and `ca.key`.
-
-    `folder`: Made where it is not there, for its owner only. `lab`: Name of the lab, kept in the authority's own name:
-    lower case letters, digits, '-' and '_', at most 56. `days`: How long it is valid.
-    Returns: The certificate of the authority.
-    Raises `InputError`: There is one already, the folder cannot be written, or no lab can have this name.
-    """
+    """Make the authority of a lab, `ca.crt` and `ca.key`, in a folder for its owner only; valid for `days`."""
     _check_lab(lab)
     expect_free(folder, AUTHORITY)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"{_AUTHORITY_OF}{lab}")])
@@ -71,14 +169,10 @@ def issue(
     days: int = DEFAULT_DAYS,
     begins: datetime | None = None,
 ) -> CertificateFile:
-    """Issue a certificate and its private key.
+    """Issue a certificate and its private key to a role of `duralab_proto.access.HOLDER_ROLES` and a name.
 
-    `folder`: With the authority's certificate and key. `role`: One of `duralab_proto.access.HOLDER_ROLES`. `name`: Who
-    it is: lower case letters, digits, '-' and '_'. `hosts`: Names and addresses under which clients reach a router;
-    localhost where none is given. Others have none. `days`: How long it is valid. `begins`: From when on, with its time
-    zone; from now on where not given.
-    Returns: The new certificate.
-    Raises `InputError`: A value is not allowed, there is such a certificate already, or there is no authority.
+    `hosts`: Names and addresses under which clients reach a router, localhost where none is given; other roles have
+    none. `begins`: With its time zone; now where not given.
     """
     try:
         holder = Holder(role, name)
@@ -91,13 +185,9 @@ def issue(
 
 
 def renew(folder: Path, name: str, *, days: int | None = None) -> CertificateFile:
-    """Take the place of a certificate and its key by new ones with the same name and hosts.
+    """Replace a certificate and its key by new ones with the same name and hosts.
 
-    `folder`: With the authority's certificate and key. `name`: The common name, e.g. "operator.anna"; "ca" renews the
-    authority with the key that it has, so that what it issued stays valid. `days`: How long the new one is valid; as
-    usual where not given.
-    Returns: The new certificate.
-    Raises `InputError`: There is no such certificate or no authority.
+    "ca" renews the authority with the key that it has, so that what it issued stays valid.
     """
     old = read_certificate(folder, name)
     if name == AUTHORITY:
@@ -107,13 +197,9 @@ def renew(folder: Path, name: str, *, days: int | None = None) -> CertificateFil
 
 
 def configure_router(folder: Path, *, lab: str = "local", certificates: str, port: int = DEFAULT_PORT) -> str:
-    """Return the configuration of a router that lets in those whose certificates are in a folder, as JSON5.
+    """Return the configuration of a router, as JSON5: it admits those whose certificates are in the folder.
 
-    `folder`: With the certificates of all holders, one of them a router's. A file that is taken out withdraws access.
-    `lab`: Name of the lab. `certificates`: Where the router finds its own pair and `ca.crt`. `port`: Where it listens.
-    Returns: The configuration.
-    Raises `InputError`: There is not exactly one router's certificate, a file names no holder, or no lab can have this
-    name.
+    A file that is taken out withdraws access. `certificates`: Where the router finds its own pair and `ca.crt`.
     """
     _check_lab(lab)
     try:

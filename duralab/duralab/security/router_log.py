@@ -47,11 +47,7 @@ class Refusal:
 
 
 def read_refusals(lines: Iterable[str]) -> Iterator[Refusal]:
-    """Yield what the lines of a router's log say was refused; other lines are passed over.
-
-    `lines`: Of the log, in their order.
-    Yields: Refused sessions, messages and certificates, in the order of the lines.
-    """
+    """Yield what the lines of a router's log say was refused; other lines are passed over."""
     names: dict[str, str] = {}
     # A thread looks up all permissions of a key in one go; what other threads log comes in between.
     in_advance: set[str] = set()

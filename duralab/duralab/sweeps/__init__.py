@@ -9,8 +9,7 @@ from duralab.lazy_face import lazy_face
 if TYPE_CHECKING:
     from duralab.sweeps.report import write_report
     from duralab.sweeps.results import PLAYBACKS, RESULTS, SweepResults, read_results
-    from duralab.sweeps.sweep_file import CellKind, Kept, Objective, Sweep
-    from duralab.sweeps.sweep_loading import load_sweep, shipped_sweeps
+    from duralab.sweeps.sweep_file import CellKind, Kept, Objective, Sweep, load_sweep, shipped_sweeps
     from duralab.sweeps.sweeping import SweepProgress, default_folder, run_sweep
 
 __all__ = [
@@ -35,8 +34,7 @@ __getattr__ = lazy_face(
     {
         "report": ("write_report",),
         "results": ("PLAYBACKS", "RESULTS", "SweepResults", "read_results"),
-        "sweep_file": ("CellKind", "Kept", "Objective", "Sweep"),
-        "sweep_loading": ("load_sweep", "shipped_sweeps"),
+        "sweep_file": ("CellKind", "Kept", "Objective", "Sweep", "load_sweep", "shipped_sweeps"),
         "sweeping": ("SweepProgress", "default_folder", "run_sweep"),
     },
 )

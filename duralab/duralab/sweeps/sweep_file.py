@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from duralab_settings import Section, Seed, new_key, remarks_on
+from duralab.errors import InputError
+from duralab.near_files import did_you_mean
+from duralab_bus import ConfigError, load_config
+from duralab_settings import Section, Seed, new_key, read_yaml_text, remarks_on
 
 MOST_POINTS = 100_000
 """Points of one sweep: their settings are made and checked before the first of them is run."""
@@ -201,3 +205,36 @@ class Sweep(Section):
         copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
         copy._text = text  # noqa: SLF001
         return copy
+
+
+_SUFFIX = ".yaml"
+
+
+def shipped_sweeps() -> list[str]:
+    """Return the names of the sweeps that come with the package."""
+    entries = (files("duralab.sweeps") / "shipped").iterdir()
+    return sorted(entry.name.removesuffix(_SUFFIX) for entry in entries if entry.name.endswith(_SUFFIX))
+
+
+def load_sweep(source: str | Path) -> Sweep:
+    """Read and check a sweep file, given by its path or by the name of a shipped sweep."""
+    path = Path(source)
+    if not path.exists() and str(source) in shipped_sweeps():
+        # A shipped file has no folder of the user's own: its relative paths start where the user stands.
+        with as_file(files("duralab.sweeps") / "shipped" / f"{source}{_SUFFIX}") as shipped:
+            return _read(shipped, folder=Path())
+    if not path.is_file():
+        names = shipped_sweeps()
+        raise InputError(
+            f"There is no sweep file {str(source)!r}; give the path of one, or a shipped one: "
+            f"{', '.join(names)}{did_you_mean(path, names=names)}"
+        )
+    return _read(path, folder=path.parent)
+
+
+def _read(path: Path, *, folder: Path) -> Sweep:
+    try:
+        sweep = load_config(Sweep, path)
+    except ConfigError as error:
+        raise InputError(str(error)) from error
+    return sweep.read_from(folder=folder, text=read_yaml_text(path))

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import duralab_bus
 from duralab.cli import app
 from duralab.conformance import Outcome, all_passed, check_rig
-from duralab.conformance.drives import GENTLE, beyond_limit, gentle_drive, jump
+from duralab.conformance.refusal_checks import GENTLE, beyond_limit, gentle_drive, jump
 from duralab.data import RigMode
 from duralab.errors import StoppedError
 from duralab.lab import Lab

@@ -13,8 +13,7 @@ from pyarrow import parquet
 
 from duralab.errors import InputError
 from duralab.sweeps import PLAYBACKS, RESULTS, load_sweep, read_results, write_report
-from duralab.sweeps.outcome import Costs, Outcome, State, read_outcome, write_outcome
-from duralab.sweeps.results import write_results
+from duralab.sweeps.results import Costs, Outcome, State, read_outcome, write_outcome, write_results
 
 
 def outcome(id, error):

@@ -29,7 +29,6 @@ from duralab_recordings.parts import (
     part_path,
     parts_beside,
 )
-from duralab_recordings.steps import response_in_band
 from duralab_recordings.unfinished import (
     FOOTER_BYTES,
     MAGIC,
@@ -50,6 +49,7 @@ from duralab_recordings.windows import (
     check_samples,
     hash_of_blocks,
     played_epochs,
+    response_in_band,
 )
 
 __all__ = [

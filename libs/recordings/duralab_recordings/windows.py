@@ -16,7 +16,7 @@ from mcap.exceptions import McapError
 
 from duralab_proto.arrays import SamplesHash, from_array, samples_hash
 from duralab_proto.keys import rig_of
-from duralab_proto.v1 import recorder_pb2, rig_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from duralab_recordings.damage import MissingSamplesError, RecordingError, reading, within_contract
 from duralab_recordings.index import count_messages, index_of, messages_at
 from duralab_recordings.mcap_file import epoch_of
@@ -532,3 +532,32 @@ def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int,
             return reached, block.first_sample
         reached = block.first_sample + block.response.shape[-1]
     return (reached, last) if reached < last else None
+
+
+def response_in_band(
+    step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, target: np.ndarray
+) -> np.ndarray:
+    """Return the response of a playback in the control band, divided by the playback's level.
+
+    Parameters
+    ----------
+    step : IterationStep or ConfirmationStep
+        Of the playback.
+    target : ndarray, shape (responses, samples)
+        In the control band.
+
+    Returns
+    -------
+    ndarray, shape (responses, samples)
+        float64, in the units of the responses.
+
+    Raises
+    ------
+    ArrayError
+        The step's array is damaged, or of another shape than the target.
+    """
+    if step.HasField("error_in_band"):
+        return target - from_array(step.error_in_band, field="error_in_band", shape=target.shape, dtype=np.float32)
+    found = from_array(step.response_in_band, field="response_in_band", shape=target.shape, dtype=np.float64)
+    # A copy: as a view it would hold the whole message.
+    return found.copy()

@@ -10,7 +10,7 @@ from recorder.format import (
     recordings_in,
 )
 from recorder.live import LiveView
-from recorder.mcap import McapLog
+from recorder.mcap_log import McapLog
 from recorder.reading import describe, verify
 from recorder.service import build
 

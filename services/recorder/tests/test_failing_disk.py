@@ -11,7 +11,7 @@ from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from recorder.log import Archive, Placement
-from recorder.mcap import McapLog
+from recorder.mcap_log import McapLog
 from recorder.reading import verify
 from recorder.refused import RefusedError
 

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from recorder.mcap import McapLog
+from recorder.mcap_log import McapLog
 
 
 @pytest.fixture

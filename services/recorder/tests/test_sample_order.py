@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from duralab_bus import StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import recorder_pb2
-from recorder.format.sample_order import SampleOrder
+from recorder.format.content import SampleOrder
 from recorder.log import Archive
 from recorder.reading import verify
 

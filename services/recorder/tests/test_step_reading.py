@@ -77,7 +77,9 @@ def test_a_long_recording_comes_in_parts(archive, campaign, step_of, tmp_path, m
         campaign.iteration(2, 0.3),
     ]
     commit(archive, step_of, messages)
-    monkeypatch.setattr("recorder.reading.step_reading.LARGEST_ANSWER", messages[0].ByteSize() + messages[1].ByteSize())
+    monkeypatch.setattr(
+        "recorder.reading.signal_windows.LARGEST_ANSWER", messages[0].ByteSize() + messages[1].ByteSize()
+    )
     assert [step.step for step in read(tmp_path / "demo.mcap").steps] == [0, 1]
     assert [step.step for step in read(tmp_path / "demo.mcap", 2).steps] == [2]
     assert read(tmp_path / "demo.mcap", 2).total == 4
@@ -90,9 +92,9 @@ def test_each_part_reads_its_own_chunks_and_no_others(archive, campaign, step_of
     if state == "closed":
         archive.close()
     read_chunks, scanned = [], []
-    monkeypatch.setattr("recorder.reading.step_reading.LARGEST_ANSWER", 1)
+    monkeypatch.setattr("recorder.reading.signal_windows.LARGEST_ANSWER", 1)
     monkeypatch.setattr(
-        "recorder.reading.step_reading.messages_of",
+        "recorder.reading.signal_windows.messages_of",
         lambda *place: read_chunks.append(place) or index.messages_of(*place),
     )
     monkeypatch.setattr(index, "scan", lambda *file: scanned.append(file) or unfinished.scan(*file))

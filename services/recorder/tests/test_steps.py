@@ -10,7 +10,7 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from recorder.format import decode_step
 from recorder.format.steps import STEP_TYPES
 from recorder.log import Placement
-from recorder.log.step_order import StepOrder
+from recorder.log.recording import StepOrder
 from recorder.refused import RefusedError
 
 

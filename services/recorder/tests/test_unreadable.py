@@ -124,7 +124,7 @@ def test_a_view_ends_also_where_the_disk_refused_the_ending_the_first_time(tmp_p
         ending = request_of(1, recorder_pb2.RecordingClosed(reason="done"))
         with monkeypatch.context() as patched:
             patched.setattr(
-                "recorder.mcap.writer.McapLog.close", mock.Mock(side_effect=OSError(errno.ENOSPC, "No space left"))
+                "recorder.mcap_log.McapLog.close", mock.Mock(side_effect=OSError(errno.ENOSPC, "No space left"))
             )
             with pytest.raises(RefusedError, match="cannot be written now"):
                 service.commit(bus, ending, call)

@@ -1,4 +1,4 @@
-"""The commands of the command line, one file each; a command is imported when it is used."""
+"""The commands of the command line; a command is imported when it is used."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from typing import Any, Final
 
 __all__ = ["SECTIONS", "command_function"]
 
-_CERTS: Final = {f"certs {name}": f"certs:{name}" for name in ("init", "issue", "renew", "show", "router", "refusals")}
-_ELSEWHERE: Final = {"import": "import_file:import_file", "router": "certs:run_router", **_CERTS}
-"""Module and function of the commands that are not named like their file."""
+_CERTS: Final = tuple(f"certs {name}" for name in ("init", "issue", "renew", "show", "router", "refusals"))
 
 SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "The lab": ("up", "down", "status", "view"),
@@ -22,16 +20,25 @@ SECTIONS: Final[dict[str, tuple[str, ...]]] = {
 }
 """Names of the commands, by the sections of the help."""
 
+_PLACES: Final = {
+    "down": "up:down",
+    "identify": "play:identify",
+    "reset": "rigs:reset",
+    "resume": "run:resume",
+    "stop": "run:stop",
+    "compare": "report:compare",
+    "verify": "catalogue:verify",
+    "import": "convert:import_file",
+    "router": "certs:run_router",
+    **{name: name.replace(" ", ":") for name in _CERTS},
+}
+"""Module and function of the commands that are not named like their file."""
+
 
 def command_function(name: str) -> Any:
-    """Return the function of a command.
-
-    `name`: One of `SECTIONS`.
-    Returns: Its parameters are the command's, its docstring is the command's help.
-    Raises `KeyError`: If there is no such command.
-    """
+    """Return the function of a command: its docstring is the help; raises KeyError if there is no such command."""
     if not any(name in names for names in SECTIONS.values()):
         raise KeyError(name)
     own = name.replace("-", "_")
-    module, _, function = _ELSEWHERE.get(name, f"{own}:{own}").partition(":")
+    module, _, function = _PLACES.get(name, f"{own}:{own}").partition(":")
     return getattr(import_module(f"{__name__}.{module}"), function)

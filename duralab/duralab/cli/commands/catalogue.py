@@ -1,17 +1,18 @@
-"""`duralab catalogue`: the recordings of a lab."""
+"""`duralab catalogue` and `duralab verify`: the recordings of a lab, and whether one is whole."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
+from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from duralab.cli.choosing_lab import endpoint_of_lab
-from duralab.cli.options import Connect, Json
+from duralab.cli.ending import ExitCode
+from duralab.cli.options import Connect, Json, endpoint_of_lab
 from duralab.cli.output import Output
 from duralab.errors import InputError
 from duralab.lab import Result
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from duralab.lab import CatalogueEntry
+
 
 _MEBIBYTE: Final = 1024 * 1024
 _OPTIONS: Final = {"begun_from": "--from", "begun_before": "--before"}
@@ -129,3 +131,41 @@ def _table(entries: Sequence[CatalogueEntry], *, target_width: int, folded: bool
             f"{entry.bytes / _MEBIBYTE:.1f}",
         )
     return table
+
+
+def verify(
+    recording: Annotated[
+        str,
+        typer.Argument(metavar="ID|FILE", help="A closed recording of a lab, or a recording.mcap."),
+    ],
+    endpoint: Connect = None,
+    as_json: Json = False,
+) -> None:
+    """Read a recording from end to end: checksums, hashes, steps, signal blocks and the chain of its files."""
+    from duralab.processes import findings_of
+
+    # No id holds a dot or a slash.
+    of_files = "." in recording or "/" in recording
+    findings = findings_of(Path(recording)) if of_files else _findings_of_lab(recording, endpoint)
+    output = Output(as_json)
+    if not output.document({"recording": recording, "whole": not findings, "findings": findings}):
+        verdict = "is not whole." if findings else "is whole: every checksum, hash, step and signal block is in place."
+        output.say(*findings, f"{recording} {verdict}")
+    if findings:
+        raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _findings_of_lab(id: str, endpoint: str | None) -> list[str]:
+    from duralab.lab import connect
+
+    with connect(endpoint_of_lab(endpoint)) as lab:
+        try:
+            return lab.catalogue.verify(id)
+        except InputError as error:
+            if id in {entry.id for entry in lab.catalogue.search()}:
+                raise
+            sentence = (
+                f"There is no recording {id!r}; `duralab catalogue` lists those there are, and the path of a "
+                "recording.mcap has its files verified."
+            )
+            raise InputError(sentence, field="recording", service=error.service) from error

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.exit_codes import ExitCode
+from duralab.cli.ending import ExitCode
 from duralab.cli.options import Json, Replace
 from duralab.cli.output import Output
 from duralab.errors import InputError

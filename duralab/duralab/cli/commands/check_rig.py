@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.exit_codes import ExitCode
-from duralab.cli.options import Connect, Json, RigName
+from duralab.cli.ending import ExitCode
+from duralab.cli.options import Connect, Json, RigName, endpoint_if_any, open_lab
 from duralab.cli.output import Output
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from duralab.cli.exit_codes import ExitCode
+from duralab.cli.ending import ExitCode
 from duralab.cli.options import Json
 from duralab.cli.output import Output
 

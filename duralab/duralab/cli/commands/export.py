@@ -17,7 +17,7 @@ from duralab.cli.output import Output
 from duralab.errors import InputError
 
 if TYPE_CHECKING:
-    from duralab.data import Signals
+    from duralab.data import Model, Signals
     from duralab.recording import Recording
 
 
@@ -114,8 +114,6 @@ def _refuse_for_frf(**options: object) -> None:
 
 
 def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
-    from duralab.cli.frf_file import require_frf_file, write_frf
-
     require_frf_file(out)
     if recording.model is None:
         raise InputError(f"{recording.path} holds no model; the campaign did not come so far.")
@@ -159,3 +157,29 @@ def _origin_document(recording: Recording, playback: int | None) -> dict[str, ob
         "verdict": verdict.sentence,
         "recording_finished": recording.whole,
     }
+
+
+def require_frf_file(path: Path) -> None:
+    """Refuse a file that cannot hold a frequency response; raises InputError."""
+    from duralab.formats import Format, format_of
+
+    if format_of(path, None) is not Format.UFF58:
+        raise InputError(f"{path} cannot hold a frequency response; give a file that ends in .uff or .unv.")
+
+
+def write_frf(model: Model, path: Path, *, replace: bool) -> None:
+    """Write the frequency responses of a model; lines at both ends that were not excited are left out."""
+    import numpy as np
+
+    from duralab.formats import FrequencyResponse, write_frequency_response
+    from duralab.output_files import replace_when_complete, require_outputs
+
+    # Lines without excitation hold NaN; those at both ends are cut off, one in between is an error.
+    known = np.flatnonzero(np.isfinite(model.frf).all(axis=(1, 2)))
+    if known.size == 0:
+        raise InputError(f"{path} is not written: the model holds no line that was identified.")
+    lines = slice(int(known[0]), int(known[-1]) + 1)
+    response = FrequencyResponse(model.drives, model.responses, model.frequency[lines], model.frf[lines])
+    require_outputs([path], replace=replace)
+    with replace_when_complete(path) as temporary:
+        write_frequency_response(response, temporary)

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.opening import own_command
-from duralab.cli.options import Connect, Json, Replace, complete_campaign, complete_rig
-from duralab.cli.output import Output
+from duralab.cli.options import Connect, Json, Replace, complete_campaign, complete_rig, endpoint_if_any, open_lab
+from duralab.cli.output import Output, own_command
 
 if TYPE_CHECKING:
     from duralab.data import Rig

@@ -1,13 +1,12 @@
-"""`duralab rigs`: which rigs there are, and what they are."""
+"""`duralab rigs` and `duralab reset`: the rigs of a lab, and the latch of one."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from duralab.cli.choosing_lab import endpoint_if_any, open_lab
-from duralab.cli.options import Connect, Json
+from duralab.cli.options import Connect, Json, RigName, endpoint_if_any, endpoint_of_lab, open_lab
 from duralab.cli.output import Output
-from duralab.errors import LabError
+from duralab.errors import InputError, LabError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -100,3 +99,29 @@ def _limits(channel: Channel) -> str:
     if channel.minimum == -channel.maximum:
         return f"± {channel.maximum:g} {channel.unit}"
     return f"{channel.minimum:g} … {channel.maximum:g} {channel.unit}"
+
+
+def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
+    """Clear the latch of an interlocked rig, after its cause is removed."""
+    import secrets
+
+    from duralab.lab import FIND_SECONDS, join_bus
+    from duralab_bus import FaultError
+    from duralab_proto.v1 import rig_pb2
+
+    output = Output(as_json)
+    with join_bus(endpoint_of_lab(endpoint)) as bus:
+        try:
+            key, state_key = bus.keys.rig_reset(rig), bus.keys.rig_state(rig)
+        except ValueError as error:
+            raise InputError(str(error), field="rig") from error
+        try:
+            bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
+            before = bus.query(state_key, rig_pb2.StateRequest(), rig_pb2.RigState)
+            after = bus.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState)
+        except FaultError as fault:
+            raise LabError(fault.message, service=fault.service) from fault
+    was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"
+    now = rig_pb2.RigMode.Name(after.mode).removeprefix("RIG_MODE_").lower()
+    output.say(f"{rig} {was}; it is {now} now.")
+    output.document({"rig": rig, "reason": before.reason, "state": now})

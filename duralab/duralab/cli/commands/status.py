@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from duralab.cli.exit_codes import ExitCode
+from duralab.cli.ending import ExitCode
 from duralab.cli.options import Connect, Json
 from duralab.cli.output import Output
 from duralab.errors import LabError, UnavailableError

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from duralab.cli.opening import open_hint
 from duralab.cli.options import Json
-from duralab.cli.output import Output
+from duralab.cli.output import Output, open_hint
 from duralab.errors import InputError, LabError
 
 if TYPE_CHECKING:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from duralab.cli.options import Json
 from duralab.cli.output import Output
+
+if TYPE_CHECKING:
+    from duralab.processes import Viewer
 
 _WATCH_SECONDS = 0.25
 
@@ -25,7 +28,6 @@ def view(
     """Open the Rerun viewer on 127.0.0.1, in a window or as a page for the browser, until Ctrl-C."""
     from tempfile import TemporaryDirectory
 
-    from duralab.cli.live_viewer import say_where
     from duralab.processes import Viewer, is_recording, rebuilt_view
 
     output = Output(as_json)
@@ -40,3 +42,24 @@ def view(
         output.say(f"It listens at {viewer.address}. Ctrl-C ends it.")
         while not viewer.wait(_WATCH_SECONDS):
             pass
+
+
+def open_viewer(stack: ExitStack, output: Output) -> Viewer:
+    """Open the live viewer until `stack` is closed and say where it is."""
+    from duralab.errors import InputError
+    from duralab.processes import Viewer
+
+    # Free ports where the usual ones are taken: a second lab with a viewer is no reason to refuse.
+    try:
+        viewer = Viewer()
+    except InputError:
+        viewer = Viewer(port=0, web_port=0)
+    stack.enter_context(viewer)
+    say_where(viewer, output)
+    return viewer
+
+
+def say_where(viewer: Viewer, output: Output) -> None:
+    """Say how to look at the viewer."""
+    where = f"at {viewer.page} (open it in a browser)" if viewer.page else "in its own window"
+    output.say(f"Live viewer: {where}")

@@ -44,37 +44,22 @@ class RecordingsPlace:
     """Sentence about the recording of each campaign."""
 
     def file(self, id: str) -> Path | None:
-        """Return the first file of a recording where the recorder wrote it; None where there is none.
-
-        `id`: Name of the campaign.
-        Returns: The file, or None.
-        """
+        """Return the first file of a recording where the recorder wrote it; None where there is none."""
         path = None if self.folder is None else self.folder / f"{id}.mcap"
         return path if path is not None and path.is_file() else None
 
     def outlives(self, path: Path) -> bool:
-        """Return whether a file of this path is there when the lab has ended.
-
-        `path`: The path.
-        Returns: True where it stays.
-        """
+        """Return whether a file of this path is there when the lab has ended."""
         return self.passing is None or not path.is_relative_to(self.passing)
 
     def fetched(self, id: str) -> None:
-        """Note that the whole recording is where its user wants it.
-
-        `id`: Name of the campaign.
-        """
+        """Note that the whole recording is where its user wants it."""
         self._fetched.add(id)
 
     def copy_in(self, recording: Recording) -> None:
         """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
 
         A copy and no link: the recorder repairs a file that was never finished, and the given one stays as it is.
-
-        `recording`: Its files are only read.
-        Raises `InputError`: The folder is not this process's, holds a recording of that name, or a file cannot be
-        copied.
         """
         id = recording.specification.id
         if self.folder is None:
@@ -95,28 +80,17 @@ class RecordingsPlace:
                 shutil.copyfile(file, temporary)
 
     def expect_change(self, id: str) -> bool:
-        """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy.
-
-        `id`: Name of the campaign.
-        Returns: Whether an unchanged copy was noted.
-        """
+        """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy."""
         is_copy = id in self._copies
         self._copies.discard(id)
         return is_copy
 
     def unchanged(self, id: str) -> None:
-        """Note that a copy is unchanged after all.
-
-        `id`: Name of the campaign.
-        """
+        """Note that a copy is unchanged after all."""
         self._copies.add(id)
 
     def say(self, id: str, sentence: str) -> str:
-        """Return the sentence about where a recording is, noted for whoever ends the lab with another error.
-
-        `id`: Name of the campaign. `sentence`: Where its recording is.
-        Returns: The sentence.
-        """
+        """Return the sentence about where a recording is, noted for whoever ends the lab with another error."""
         self._said[id] = sentence
         return sentence
 
@@ -126,10 +100,7 @@ class RecordingsPlace:
         return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self._fetched - self._copies
 
     def add_notes(self, error: BaseException) -> None:
-        """Add to an error what was said of recordings, and where those are of which nothing was said.
-
-        `error`: The error that ends the lab.
-        """
+        """Add to an error what was said of recordings, and where those are of which nothing was said."""
         told = "\n".join([str(error), *getattr(error, "__notes__", ())])
         for sentence in (*self._said.values(), *self.unsaid()):
             if sentence not in told:
@@ -142,14 +113,10 @@ class RecordingsPlace:
 
 @contextmanager
 def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
-    """Give a new folder for the recordings of a lab of one's own; use it around the life of its services.
+    """Give a new folder for the recordings of a private lab; use it around the life of its services.
 
-    It lies in the folder of the results and is no temporary one: it is deleted only when each recording in it was
-    fetched whole. However a campaign ends, and whoever interrupts whom, what was committed is there and stays there.
-
-    `out`: Folder of the results; a temporary one, of which only such recordings stay, where None.
-    Yields: Its `folder` exists.
-    Raises `InputError`: The folder cannot be made.
+    It lies in the folder of the results `out`, or in a temporary one, and is deleted only when each recording in it was
+    fetched whole: however a campaign ends, what was committed stays there.
     """
     parent = Path(tempfile.mkdtemp(prefix="duralab-")) if out is None else out
     folder = _new_folder(parent)

@@ -12,12 +12,11 @@ from duralab.arguments import whole_number
 from duralab.campaign import Campaign, PartialSettings, acceptance_message, completed, stop_message, update_message
 from duralab.data import Rig
 from duralab.errors import InputError, LabError
+from duralab.lab.campaigns.fetching import Recovery
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace
-from duralab.lab.campaigns.recovery import Recovery
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.lab.campaigns.running import collect, followed, free_id
-from duralab.lab.client import LabClient
-from duralab.lab.deadline import Deadline
+from duralab.lab.client import Deadline, LabClient
 from duralab.lab.progress import OnProgress
 from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
@@ -37,22 +36,14 @@ _REFUSED: Final = frozenset(
 
 
 def recording_file(given: str | Path) -> Path | None:
-    """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash.
-
-    `given`: Path of a recording, or id of a campaign.
-    Returns: The path, or None.
-    """
+    """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash."""
     if isinstance(given, os.PathLike) or (isinstance(given, str) and (os.sep in given or given.endswith(".mcap"))):
         return Path(given)
     return None
 
 
 def expected_id(recording: Recording, *, is_changed: bool) -> str:
-    """Return the name of the campaign that continues a recording in a lab that holds no other.
-
-    `recording`: The file. `is_changed`: Whether other settings or an earlier playback are asked for.
-    Returns: Name of the campaign.
-    """
+    """Return the name of the campaign that continues a recording in a lab that holds no other."""
     id = recording.specification.id
     if recording.closed is None and not is_changed:
         return id
@@ -109,15 +100,7 @@ def resume_campaign(
     tell: OnProgress,
     deadline: Deadline,
 ) -> CampaignResult:
-    """Resume a campaign and collect what it leaves; see `Lab.resume`.
-
-    `ask`: The session. `id`: The campaign. `settings`: Whose update and stop criteria take the place of its own.
-    `from_iteration`: The last playback to build on; 0 is the last there is. `describe`: Returns what a rig is.
-    `folder`: Returns where the outputs of a campaign go. `place`: Where the recorder writes. `replace`: Whether outputs
-    that are there are overwritten. `tell`: Told how far it is. `deadline`: How long to wait.
-    Returns: The result, its files fetched.
-    Raises `LabError`: See `Lab.resume`.
-    """
+    """Resume a campaign and collect what it leaves in its `folder`; see `Lab.resume`."""
     parent = _parent(ask, id, from_iteration=from_iteration)
     request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
     if settings is not None:

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from duralab.errors import CampaignFaultError, LabError, ServiceEndedError, ended
-from duralab.lab.campaigns.fetching import fetch_result
-from duralab.lab.campaigns.recovery import Recovery
+from duralab.lab.campaigns.fetching import Recovery, fetch_result
 from duralab.lab.campaigns.result import CampaignResult
-from duralab.lab.client import LabClient
-from duralab.lab.deadline import FOREVER, Deadline
+from duralab.lab.client import FOREVER, Deadline, LabClient
 from duralab.lab.progress import ENDED, OnProgress, follow_campaign, progress_of
 from duralab_bus import BusError, FaultError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
@@ -22,11 +20,7 @@ _STOP_SILENCE_SECONDS: Final = 2.0
 
 
 def free_id(ask: LabClient, name: str, *, first: int = 1) -> str:
-    """Return the campaign's name, with a number where the lab's recorder holds one of that name already.
-
-    `ask`: The session. `name`: Without a number. `first`: Least number.
-    Returns: A name that the recorder does not hold.
-    """
+    """Return the campaign's name, with a number where the lab's recorder holds one of that name already."""
     taken = {
         information.recording
         for information in ask.query(
@@ -46,13 +40,7 @@ def followed(
     recovery: Recovery,
     deadline: Deadline = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is.
-
-    `ask`: The session. `id`: Name of the campaign. `begin`: Begins it and returns its first status. `tell`: Receives
-    the progress. `recovery`: Keeps what can be kept where it fails. `deadline`: How long to wait.
-    Returns: The status at the end.
-    Raises `LabError`: The campaign could not be followed to its end.
-    """
+    """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is."""
     begun, played = False, False
 
     def beginning() -> iterator_pb2.CampaignStatus:
@@ -100,12 +88,7 @@ def followed(
 def stop_campaign(
     ask: LabClient, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
 ) -> iterator_pb2.CampaignStatus:
-    """Stop a campaign; raises FaultError where the iterator does not know it.
-
-    `ask`: The session. `id`: Name of the campaign. `reason`: Why it is stopped, in words. `silence_seconds`: Largest
-    time without an answer, in seconds.
-    Returns: The status after the stop.
-    """
+    """Stop a campaign; raises FaultError where the iterator does not know it."""
     return ask.bus.query(
         ask.key("id", ask.bus.keys.campaign_stop, id),
         iterator_pb2.StopCampaignRequest(reason=reason),
@@ -122,13 +105,7 @@ def collect(
     folder: Path,
     recovery: Recovery,
 ) -> CampaignResult:
-    """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is.
-
-    `ask`: The session. `specification`: What was asked for. `status`: How the campaign ended. `folder`: Where its files
-    go. `recovery`: Keeps what can be kept where fetching fails.
-    Returns: The result, its files fetched.
-    Raises `LabError`: The files could not be fetched; CampaignFaultError where the campaign ended early.
-    """
+    """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is."""
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
         error = ask.failure() or CampaignFaultError(
             ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}"),

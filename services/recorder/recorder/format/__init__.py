@@ -18,9 +18,8 @@ from recorder.format.files import (
     recordings_in,
     sha256_of,
 )
-from recorder.format.runs import MOST_BLOCKS, PlannedRun
 from recorder.format.steps import STEP_TYPES, PlaybackStep, Step, decode_step, leaves_samples_out, type_name_of
-from recorder.format.summary import Runs, Story, Streams, Summary, read_summary
+from recorder.format.summary import MOST_BLOCKS, PlannedRun, Runs, Story, Streams, Summary, read_summary
 
 __all__ = [
     "DAMAGED_FOLDER",

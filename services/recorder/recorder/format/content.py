@@ -12,10 +12,44 @@ from duralab_bus import Continuity
 from duralab_proto.keys import rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA
-from recorder.format.runs import PlannedRun
-from recorder.format.sample_order import SampleOrder
 from recorder.format.steps import type_name_of
-from recorder.format.summary import Runs, Story, Streams, Summary
+from recorder.format.summary import PlannedRun, Runs, Story, Streams, Summary
+
+
+class SampleOrder:
+    """Compares where each block begins with where the one before it ends, in whatever order they come.
+
+    Memory grows with the number of gaps between the blocks, not with their number.
+    """
+
+    def __init__(self) -> None:
+        # Sample at which the block of a number is to begin, and does: until the other of the two is known.
+        self._expected: dict[int, int] = {0: 0}
+        self._found: dict[int, int] = {}
+        self._misfit: tuple[int, int, int] | None = None
+
+    def take(self, number: int, *, first: int, count: int) -> None:
+        """Take note of a block that was not taken before."""
+        self._compare(number, self._expected.pop(number, None), first, keep=self._found)
+        self._compare(number + 1, self._found.pop(number + 1, None), first + count, keep=self._expected)
+
+    def _compare(self, number: int, known: int | None, sample: int, *, keep: dict[int, int]) -> None:
+        if known is None:
+            keep[number] = sample
+        elif known != sample and self._misfit is None:
+            begins, ends = (sample, known) if keep is self._found else (known, sample)
+            self._misfit = (number, begins, ends)
+
+    @property
+    def finding(self) -> str:
+        """The first two blocks that do not join, in words; empty where all do."""
+        if self._misfit is None:
+            return ""
+        number, begins, ends = self._misfit
+        if number == 0:
+            return f"its first block begins at sample {begins}"
+        return f"block {number} begins at sample {begins}, the one before it ends at {ends}"
+
 
 STEP_TOPIC: Final = "step/"
 """Committed steps are on `step/<short name of the message>`, numbered by their sequence."""

@@ -30,12 +30,7 @@ _SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
 
 
 def checked_name(name: str, *, field: str) -> str:
-    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it.
-
-    `name`: As it was received. `field`: Path of the request's field that holds it.
-    Returns: The name itself.
-    Raises `RefusedError`: It is not a valid id.
-    """
+    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it."""
     try:
         return check_id(name)
     except ValueError as error:
@@ -43,33 +38,13 @@ def checked_name(name: str, *, field: str) -> str:
 
 
 def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
-    """Return where a file of a recording lies; the id is checked again here, where it becomes a path.
-
-    `folder`: The recorder's. `name`: Id of the recording. `part`: Log or live view. `number`: Number of the file within
-    the recording, from 1.
-    Returns: The file need not exist.
-    """
+    """Return the path of a recording's file, number 1 or higher; the id is checked again where it becomes a path."""
     place = f".part{number:02d}" if number > 1 else ""
     return folder / (checked_name(name, field="recording") + place + _SUFFIX[part])
 
 
 def files_of(folder: Path, name: str) -> list[Path]:
-    """Return the MCAP files of a recording in their order; empty where there is none.
-
-    A number that is missing ends the list: what follows it is not known to belong to what lies before.
-
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-
-    Returns
-    -------
-    list of Path
-        The first one carries no number.
-    """
+    """Return the MCAP files of a recording in their order, up to a missing number."""
     files: list[Path] = []
     # A link could lead out of the folder.
     while (path := recording_path(folder, name, number=len(files) + 1)).is_file() and not path.is_symlink():
@@ -78,11 +53,7 @@ def files_of(folder: Path, name: str) -> list[Path]:
 
 
 def files_after_a_gap(folder: Path, name: str) -> list[Path]:
-    """Return the MCAP files of a recording that lie behind a missing one, in their order.
-
-    `folder`: The recorder's. `name`: Id of the recording.
-    Returns: Empty where no number is missing.
-    """
+    """Return the MCAP files of a recording that lie behind a missing one, in their order."""
     known = len(files_of(folder, name))
     found: dict[int, Path] = {}
     for path in folder.glob(f"{checked_name(name, field='recording')}.part*{_SUFFIX[Part.RECORDING]}"):
@@ -93,18 +64,7 @@ def files_after_a_gap(folder: Path, name: str) -> list[Path]:
 
 
 def recordings_in(folder: Path) -> list[str]:
-    """Return the ids of the recordings in a folder, sorted; other files are passed over.
-
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-
-    Returns
-    -------
-    list of str
-        Ids.
-    """
+    """Return the ids of the recordings in a folder, sorted; other files are passed over."""
     names = []
     for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
         match = _FILE.fullmatch(path.name)
@@ -119,13 +79,7 @@ def recordings_in(folder: Path) -> list[str]:
 
 
 def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
-    """Return a file of a recording, or refuse with NOT_FOUND.
-
-    `folder`: The recorder's. `name`: Id of the recording. `part`: Log or live view. `number`: Number of the file within
-    the recording, from 1.
-    Returns: A regular file in the folder.
-    Raises `RefusedError`: NOT_FOUND: there is no such file, or it is a link.
-    """
+    """Return a file of a recording; NOT_FOUND if there is none, or a link."""
     path = recording_path(folder, name, part, number=number)
     # A link could lead out of the folder.
     if path.is_symlink() or not path.is_file():
@@ -138,10 +92,6 @@ def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, numbe
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 (hexadecimal) of a file.
-
-    `path`: Of the file.
-    Returns: 64 digits.
-    """
+    """Return the SHA-256 (hexadecimal) of a file."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -14,7 +14,7 @@ from google.protobuf.message import DecodeError, Message
 from duralab_proto.arrays import ArrayError, from_array, from_record
 from duralab_proto.keys import check_rig, check_run
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
-from recorder.format.runs import MOST_BLOCKS
+from recorder.format.summary import MOST_BLOCKS
 from recorder.refused import invalid
 
 LONGEST_TYPE_NAME: Final = 200
@@ -40,11 +40,7 @@ class Step:
 
 
 def type_name_of(kind: type[Message]) -> str:
-    """Return the full name of a message, e.g. "duralab.v1.Model".
-
-    `kind`: Of the contract.
-    Returns: With its package.
-    """
+    """Return the full name of a message, e.g. "duralab.v1.Model"."""
     return kind.DESCRIPTOR.full_name
 
 
@@ -95,11 +91,7 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 
 
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
-    """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them.
-
-    `message`: A step.
-    Returns: False for a step that carries samples, and for one of another kind.
-    """
+    """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them."""
     return isinstance(message, PlaybackStep) and not message.HasField("response")
 
 
@@ -169,12 +161,7 @@ STEP_TYPES: Final[dict[str, type[Message]]] = {kind.DESCRIPTOR.full_name: kind f
 
 
 def decode_step(request: recorder_pb2.CommitRequest) -> Step:
-    """Decode the payload of a commit and check it.
-
-    `request`: What was received; nothing in it is trusted.
-    Raises `RefusedError`: INVALID_ARGUMENT: an unknown type, bytes that are no such message, or arrays that do not fit
-    together.
-    """
+    """Decode the payload of a commit, of which nothing is trusted, and check it."""
     kind = STEP_TYPES.get(request.message_type)
     if kind is None:
         raise invalid(

@@ -3,8 +3,8 @@
 from recorder.log.archive import Archive
 from recorder.log.folder_lock import exclusive_folder
 from recorder.log.intake import Intake
+from recorder.log.recording import Placement
 from recorder.log.recovery import MEBIBYTE
-from recorder.log.step_order import Placement
 
 __all__ = [
     "MEBIBYTE",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -11,19 +12,93 @@ from typing import Any, Final
 import numpy as np
 import structlog
 
-from duralab_bus import StreamItem
+from duralab_bus import Continuity, StreamItem
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import BlockPlace
-from recorder.format import Step, files_of, leaves_samples_out, recordings_in
+from recorder.format import MOST_BLOCKS, PlannedRun, Step, files_of, leaves_samples_out, recordings_in
 from recorder.log.interruptions import Interruptions
-from recorder.log.recording import DiskError, Recording, as_disk_error
+from recorder.log.recording import DiskError, Placement, Recording, StepOrder, as_disk_error
 from recorder.log.recovery import LEAST_FREE_BYTES, MEBIBYTE, FreeSpaceGuard, is_ended, reopen
-from recorder.log.run_registry import RunRegistry
-from recorder.log.step_order import Placement, StepOrder
-from recorder.mcap import holds_doubles_only
+from recorder.mcap_log import holds_doubles_only
 from recorder.refused import RefusedError
+
+
+class RunRegistry:
+    """The playbacks of all open recordings, by rig and run."""
+
+    def __init__(self) -> None:
+        self._runs: dict[tuple[str, str], PlannedRun] = {}
+        # Bounded, because anybody may play by hand for as long as the lab runs.
+        self._strangers: deque[str] = deque(maxlen=100)
+
+    def find(self, rig: str, run: str) -> PlannedRun | None:
+        """Return a playback that was announced, or None."""
+        return self._runs.get((rig, run))
+
+    def rig_of(self, recording: str, run: str) -> str:
+        """Return the rig that a run was announced on to a recording; empty where it was not."""
+        return next((rig for rig, name in self.of_recording(recording) if name == run), "")
+
+    def is_new_stranger(self, run: str) -> bool:
+        """Whether a run of no recording is met for the first time."""
+        if run in self._strangers:
+            return False
+        self._strangers.append(run)
+        return True
+
+    def check(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
+        """Raise a RefusedError where the announcement does not fit to what was announced before."""
+        known = self.find(message.rig, message.run)
+        if isinstance(message, recorder_pb2.RunPlanned):
+            if known is not None and known.recording != recording:
+                raise RefusedError(
+                    query_pb2.FAULT_CODE_ALREADY_EXISTS,
+                    f"The run {message.run!r} on rig {message.rig!r} belongs to recording {known.recording!r}; "
+                    "choose another name for it.",
+                    field="payload.run",
+                )
+            return
+        if known is None or known.recording != recording:
+            raise RefusedError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"The run {message.run!r} on rig {message.rig!r} was not announced to recording {recording!r}; "
+                "commit RunPlanned before it is played.",
+                field="payload.run",
+            )
+
+    def note(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
+        """Note an announcement that was checked and stored."""
+        run = self._runs.setdefault((message.rig, message.run), PlannedRun(recording))
+        if isinstance(message, recorder_pb2.RunPlayed):
+            run.played = message
+
+    def is_new(self, run: PlannedRun, epoch: int, seq: int) -> bool:
+        """Tell whether a block is to be stored: it was not before, and its number is a possible one."""
+        return seq < MOST_BLOCKS and (epoch not in run.epochs or seq not in run.epochs[epoch])
+
+    def accept(self, run: PlannedRun, epoch: int, seq: int) -> None:
+        """Note a block that was stored."""
+        run.epochs.setdefault(epoch, Continuity()).accept(seq)
+
+    def of_recording(self, recording: str) -> dict[tuple[str, str], PlannedRun]:
+        """Return the playbacks of a recording, by rig and run."""
+        return {key: run for key, run in self._runs.items() if run.recording == recording}
+
+    def recordings_of_rig(self, rig: str) -> set[str]:
+        """Return the recordings that announced a playback on a rig."""
+        return {run.recording for (of, _), run in self._runs.items() if of == rig}
+
+    def restore(self, runs: Mapping[tuple[str, str], PlannedRun]) -> None:
+        """Take over the playbacks of a recording as its files hold them."""
+        self._runs.update(runs)
+
+    def forget(self, recording: str) -> None:
+        """Drop the playbacks of a recording that is closed or read again."""
+        for key in self.of_recording(recording):
+            del self._runs[key]
+
 
 STOPPED: Final = "the recorder was stopped"
 SPLIT_BYTES: Final = 512 * MEBIBYTE
@@ -116,10 +191,9 @@ class Archive:
     def commit(self, name: str, step: Step, *, samples_hash: str = "") -> Placement:
         """Store a step and return when it is on the disk, or find that it is there already.
 
-        `name`: Id of the recording, checked; its first step makes it. `step`: Decoded and checked. `samples_hash`: Of
-        the samples on disk of the run that the step leaves its samples to; empty where they are not whole.
-        Raises `RefusedError`: The step does not follow, or leaves out samples that are not here: FAILED_PRECONDITION;
-        or the disk refuses it: RESOURCE_EXHAUSTED, and it may be sent again.
+        `samples_hash`: Of the samples on disk of the run that the step leaves its samples to; empty where they are not
+        whole. FAILED_PRECONDITION where the step does not follow or its samples are not here; RESOURCE_EXHAUSTED where
+        the disk refuses it: it may be sent again.
         """
         self.go_on(name)
         recording = self._open.get(name)
@@ -236,11 +310,7 @@ class Archive:
         return self._runs.rig_of(name, run)
 
     def places(self, name: str, topic: str, *, epoch: int) -> list[BlockPlace]:
-        """Return where the signal blocks of a run are on the disk; none where its recording is not written now.
-
-        Raises `DiskError`: The disk refuses what is not yet on it. `RecordingError`: A finished file is damaged or
-        cannot be read.
-        """
+        """Return where the signal blocks of a run are on the disk; none where its recording is not written now."""
         recording = self._open.get(name)
         if recording is None:
             return []

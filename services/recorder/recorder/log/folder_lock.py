@@ -20,10 +20,6 @@ def exclusive_folder(folder: Path) -> Iterator[None]:
     """Make the folder, prove that files can be made in it, and keep every other recorder out of it.
 
     A second one would take the files that the first writes for those of a dead one, and cut them off.
-
-    `folder`: Of the recordings.
-    Yields: The folder belongs to this process until the context ends.
-    Raises `ConfigError`: It cannot be written, or another recorder has it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -37,9 +37,8 @@ from recorder.format import (
     read_summary,
     recording_path,
 )
-from recorder.log.recording import DiskError, Recording, Stored, as_disk_error
-from recorder.log.step_order import StepOrder
-from recorder.mcap import finish, sync_folder
+from recorder.log.recording import DiskError, Recording, StepOrder, Stored, as_disk_error
+from recorder.mcap_log import finish, sync_folder
 from recorder.refused import RefusedError
 
 KILLED: Final = "Its recorder was killed."

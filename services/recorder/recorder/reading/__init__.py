@@ -2,8 +2,7 @@
 
 from recorder.reading.catalogue import describe, fits, read_part, verify
 from recorder.reading.file_audit import audit
-from recorder.reading.signal_windows import read_window
-from recorder.reading.step_reading import read_steps
+from recorder.reading.signal_windows import read_steps, read_window
 
 __all__ = [
     "audit",

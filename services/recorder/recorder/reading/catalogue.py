@@ -26,26 +26,11 @@ def describe(
     waiting: str = "",
     hashed: bool = True,
 ) -> recorder_pb2.RecordingInfo:
-    """Describe a recording by its files.
+    """Describe a recording by its files, closed ones with their SHA-256 where `hashed`.
 
-    Parameters
-    ----------
-    folder : Path
-        Where they are.
-    name : str
-        Its id; its first file is there.
-    written : RecordingInfo, optional
-        What is known of it by who writes it now; its last file is then not closed.
-    waiting : str
-        Why nothing can be written to it now; empty where it can, and where nobody writes it.
-    hashed : bool
-        Whether closed files are read for their SHA-256; else it stays empty.
-
-    Returns
-    -------
-    recorder_pb2.RecordingInfo
-        `closed` is false while it is written, and where its file waits for an end. A file without an end that nobody
-        writes is closed, for nothing comes any more; `ended` tells whether its last step is there.
+    `written`: What its writer knows; its last file is then not closed. `waiting`: Why nothing can be written to it now.
+    `closed` is false while it is written, and where its file waits for an end; a file without an end that nobody writes
+    is closed, for nothing comes any more, and `ended` tells whether its last step is there.
     """
     files = files_of(folder, name)
     information = recorder_pb2.RecordingInfo(recording=name)
@@ -114,11 +99,7 @@ def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.Recordi
 
 
 def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:
-    """Tell whether a recording is one of those that are looked for.
-
-    `information`: The description of the recording. `request`: What is looked for; an empty field allows everything.
-    Returns: Whether every condition holds.
-    """
+    """Tell whether a recording is one of those that are looked for."""
     return (
         (not request.rig or information.rig == request.rig)
         and request.target.casefold() in information.target.casefold()
@@ -130,12 +111,7 @@ def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListReco
 
 
 def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingRequest) -> recorder_pb2.RecordingPart:
-    """Read a piece of a recording's file.
-
-    `folder`: The recorder's. `name`: Id of the recording. `request`: Which file, from which byte, and how many bytes.
-    Returns: The bytes, fewer at the end of the file, and the file's size.
-    Raises `RefusedError`: No such file, or a piece that is not in it.
-    """
+    """Read a piece of a recording's file, shorter at the end of the file."""
     try:
         part = Part(request.part)
     except ValueError as error:
@@ -154,25 +130,7 @@ def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingReques
 
 
 def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
-    """Read a whole recording and say what is wrong with it.
-
-    Parameters
-    ----------
-    folder : Path
-        The recorder's.
-    name : str
-        Id of the recording.
-
-    Returns
-    -------
-    recorder_pb2.VerifyResult
-        What was read, and what is wrong with it.
-
-    Raises
-    ------
-    RefusedError
-        There is no such recording.
-    """
+    """Read a whole recording and say what is wrong with it."""
     existing_file(folder, name)
     findings = audit(files_of(folder, name), name=name).findings
     return recorder_pb2.VerifyResult(recording=name, whole=not findings, findings=findings)

@@ -95,12 +95,7 @@ class Audit:
 
 
 def audit(files: Sequence[Path], *, name: str = "") -> Audit:
-    """Read a recording from its first byte to its last, with all checksums, in bounded memory.
-
-    `files`: The recorder's MCAP files of one recording in their order, whole or not. `name`: Which recording they have
-    to be; any where it is empty.
-    Returns: Without findings where the recording is whole.
-    """
+    """Read a recording from its first byte to its last, with all checksums, in bounded memory."""
     found = Audit()
     before: Path | None = None
     for number, path in enumerate(files, start=1):

@@ -1,4 +1,4 @@
-"""One MCAP file: messages with their schemas, durable when asked.
+"""MCAP files written: messages with their schemas, durable when asked, and the ending of a file after a kill.
 
 Chunks of 1 MiB are packed with LZ4: measured signals shrink by nothing (they are noise in float64) and it costs them
 no time, while pauses, constant drives and texts shrink well. zstd gains 4 % on such signals for a third of the speed.
@@ -9,18 +9,25 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import struct
 import time
+import zlib
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Final, cast
+from typing import IO, Any, Final, cast
 
+from google.protobuf.descriptor import FieldDescriptor
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 from google.protobuf.message import Message
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from duralab_recordings import BlockPlace
-from recorder.mcap.schemas import describe_schema
+from duralab_proto.v1 import array_pb2
+from duralab_recordings import FOOTER_BYTES, MAGIC, BlockPlace, Unfinished
 
 CHUNK_BYTES: Final = 1024 * 1024
 PROFILE: Final = "duralab"
@@ -28,10 +35,7 @@ _LARGEST_SEQUENCE: Final = 2**32
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names within a folder durable: fsync of a file alone does not keep its name through a power cut.
-
-    `folder`: Of the files.
-    """
+    """Make the names within a folder durable: fsync of a file alone does not keep its name through a power cut."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
@@ -77,20 +81,7 @@ class _HashedStream:
 
 
 class McapLog:
-    """A new MCAP file, open for writing.
-
-    Parameters
-    ----------
-    path : Path
-        Where it goes; nothing may be there yet.
-
-    Raises
-    ------
-    FileExistsError
-        Something is there already; it stays as it is.
-    OSError
-        It cannot be created; nothing is left behind.
-    """
+    """A new MCAP file, open for writing; where something is there already, that stays as it is (FileExistsError)."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -151,24 +142,11 @@ class McapLog:
         doubles: bool = False,
         publish_time: int | None = None,
     ) -> None:
-        """Add a serialised message.
+        """Add a serialised message; its schema is written once, and a channel for each topic with its metadata.
 
-        Parameters
-        ----------
-        topic : str
-            Its topic.
-        data : bytes
-            The message.
-        kind : type
-            Of the message; its schema is written once.
-        sequence : int
-            Its number within the topic, 0 or more; MCAP keeps the lower 32 bits.
-        metadata : mapping of str to str, optional
-            Of the channel; messages of one topic with other metadata go to a channel of their own.
-        doubles : bool
-            Whether its arrays hold doubles only; see `describe_schema`.
-        publish_time : int, optional
-            Time of its first sample, in nanoseconds since 1970 UTC; now where not given, as always for the log time.
+        `sequence`: Number within the topic, of which MCAP keeps the lower 32 bits. `doubles`: Whether its arrays hold
+        doubles only; see `describe_schema`. `publish_time`: Time of its first sample, in nanoseconds since 1970 UTC;
+        now where not given, as always for the log time.
         """
         now = time.time_ns()
         channel = self._channel(topic, kind, metadata or {}, doubles=doubles)
@@ -193,15 +171,7 @@ class McapLog:
         self._filling.clear()
 
     def places(self, topic: str, *, metadata: Mapping[str, str]) -> list[BlockPlace]:
-        """Return the chunks that hold the messages of a topic, in order; those that are not synced are left out.
-
-        Parameters
-        ----------
-        topic : str
-            Of the messages.
-        metadata : mapping of str to str
-            Of their channel.
-        """
+        """Return the chunks that hold the messages of a topic, in order; those that are not synced are left out."""
         channels = [self._channels.get(_channel_key(topic, metadata, doubles=doubles)) for doubles in (False, True)]
         return [place for channel in channels if channel is not None for place in self._chunks.get(channel, [])]
 
@@ -264,3 +234,115 @@ class McapLog:
 
 def _channel_key(topic: str, metadata: Mapping[str, str], *, doubles: bool) -> tuple[str, bool, str]:
     return topic, doubles, repr(sorted(metadata.items()))
+
+
+_ARRAY: Final = array_pb2.Array.DESCRIPTOR
+_DATA: Final = "data"
+# A pair of doubles for each complex number.
+_DOUBLES: Final = frozenset({array_pb2.ELEMENT_TYPE_FLOAT64, array_pb2.ELEMENT_TYPE_COMPLEX128})
+
+
+def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
+    """Return the serialised FileDescriptorSet of a message: its file and all that it imports, dependencies first."""
+    # Of either implementation of the protobuf package, which share no type.
+    files: dict[str, Any] = {}
+
+    def visit(file: Any) -> None:
+        for dependency in file.dependencies:
+            visit(dependency)
+        files.setdefault(file.name, file)
+
+    visit(kind.DESCRIPTOR.file)
+    described = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(described.file.add())
+    if doubles:
+        for file in described.file:
+            for message in file.message_type:
+                if file.name == _ARRAY.file.name and message.name == _ARRAY.name:
+                    data = next(field for field in message.field if field.name == _DATA)
+                    data.type = FieldDescriptorProto.TYPE_DOUBLE
+                    data.label = FieldDescriptorProto.LABEL_REPEATED
+    return described.SerializeToString(deterministic=True)
+
+
+def holds_doubles_only(message: Message) -> bool:
+    """Tell whether every array within a message is of float64 or complex128, so that its elements read as doubles."""
+    if isinstance(message, array_pb2.Array):
+        return not message.data or message.element_type in _DOUBLES
+    for field, value in message.ListFields():
+        if field.type != FieldDescriptor.TYPE_MESSAGE:
+            continue
+        inner = value if field.is_repeated else (value,)
+        if not all(holds_doubles_only(each) for each in inner):
+            return False
+    return True
+
+
+_FOOTER_START: Final = struct.Struct("<BQQQ")
+
+
+def finish(path: Path, found: Unfinished, *, metadata: Mapping[str, Mapping[str, str]]) -> None:
+    """Cut off what is not whole, write an ending in its place, and return when it is on the disk.
+
+    Where the disk refuses that, the file is left as it was found, without what was not whole.
+    """
+    with path.open("r+b") as stream:
+        stream.truncate(found.end)
+        stream.seek(found.end)
+        try:
+            stream.write(_ending(found, metadata))
+            stream.flush()
+            os.fsync(stream.fileno())
+        except OSError:
+            stream.truncate(found.end)
+            raise
+
+
+def _ending(found: Unfinished, metadata: Mapping[str, Mapping[str, str]]) -> bytes:
+    builder = RecordBuilder()
+    indexes = list(found.metadata)
+    for name, entries in metadata.items():
+        offset = builder.count
+        Metadata(name=name, metadata=dict(entries)).write(builder)
+        indexes.append(MetadataIndex(offset=found.end + offset, length=builder.count - offset, name=name))
+    added = builder.end()
+    DataEnd(zlib.crc32(added, found.crc)).write(builder)
+    data = added + builder.end()
+    start = found.end + len(data)
+    summary = RecordBuilder()
+    groups: list[SummaryOffset] = []
+    for opcode, records in (
+        (Opcode.SCHEMA, list(found.schemas.values())),
+        (Opcode.CHANNEL, list(found.channels.values())),
+        (Opcode.STATISTICS, [_statistics(found, metadata_count=len(indexes))]),
+        (Opcode.CHUNK_INDEX, found.chunks),
+        (Opcode.ATTACHMENT_INDEX, found.attachments),
+        (Opcode.METADATA_INDEX, indexes),
+    ):
+        first = summary.count
+        for record in records:
+            record.write(summary)
+        if records:
+            groups.append(SummaryOffset(opcode, start + first, summary.count - first))
+    offsets_start = start + summary.count
+    for group in groups:
+        group.write(summary)
+    index = summary.end()
+    covered = index + _FOOTER_START.pack(Opcode.FOOTER, FOOTER_BYTES, start, offsets_start)
+    Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=zlib.crc32(covered)).write(builder)
+    return data + index + builder.end() + MAGIC
+
+
+def _statistics(found: Unfinished, *, metadata_count: int) -> Statistics:
+    return Statistics(
+        attachment_count=len(found.attachments),
+        channel_count=len(found.channels),
+        channel_message_counts=found.message_counts,
+        chunk_count=len(found.chunks),
+        message_count=sum(found.message_counts.values()),
+        message_start_time=min((chunk.message_start_time for chunk in found.chunks), default=0),
+        message_end_time=max((chunk.message_end_time for chunk in found.chunks), default=0),
+        metadata_count=metadata_count,
+        schema_count=len(found.schemas),
+    )

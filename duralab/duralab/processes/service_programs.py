@@ -1,11 +1,11 @@
-"""The live view of a recording whose .rrd is lost, made again from its log by the recorder's own code."""
+"""Answers of the services as programs: shipped rigs, a recording's live view, whether it is whole."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -15,17 +15,39 @@ from duralab.processes.supervisor import last_lines
 from duralab.recording import RecordingFiles
 from duralab_settings import open_regular
 
+_SECONDS: Final = 30.0
+
+
+def shipped_rigs() -> dict[str, str]:
+    """Return what is mounted on each shipped rig, in words, by its name; nothing where no simulator is installed."""
+    asked = [sys.executable, "-m", "rig_sim", "--list"]
+    try:
+        answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout
+        return dict(json.loads(answer))
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return {}
+
+
+def require_shipped(rigs: Sequence[str], *, usual: Sequence[str]) -> None:
+    """Check the rigs of a lab that is about to be started, without asking for those that every lab has (`usual`)."""
+    if set(rigs) <= set(usual):
+        return
+    shipped = shipped_rigs()
+    unknown = [name for name in rigs if name not in shipped]
+    # Without a simulator there is no list; what is wrong then, the start of the lab says.
+    if shipped and unknown:
+        raise InputError(
+            f"There is no rig {', '.join(map(repr, unknown))} to start a lab with; there are {', '.join(shipped)}.",
+            field="rig",
+        )
+
+
 _RECORDING: Final = b"\x89MCAP"
 _LIVE_VIEW: Final = b"RRF"
 
 
 def is_recording(file: Path) -> bool:
-    """Return whether a file is a recording, and not a live view, by its first bytes: a name may say anything.
-
-    `file`: The file.
-    Returns: True for a recording, False for a live view.
-    Raises `InputError`: There is no such file, it is a folder, it cannot be read, or it is neither.
-    """
+    """Return whether a file is a recording, and not a live view, by its first bytes: a name may say anything."""
     try:
         with open_regular(file) as stream:
             start = stream.read(len(_RECORDING))
@@ -47,14 +69,7 @@ def is_recording(file: Path) -> bool:
 
 
 def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
-    """Write the live view of a recording and return its path.
-
-    `recording`: The first .mcap file; those that follow lie beside it. `target`: The .rrd to write. `tell`: Told in a
-    sentence where it ends before the recording's end.
-    Returns: Path of the live view.
-    Raises `InputError`: There is no such file, it is no recording, or it holds nothing that can be shown. `LabError`:
-    The recorder's code failed; with the last lines that it said.
-    """
+    """Write the live view of a recording; `tell` gets a sentence where the view ends before the recording's end."""
     file = RecordingFiles(recording)
     if not file.whole:
         tell(f"{recording} was never finished; it is shown as far as it is whole.")
@@ -77,13 +92,7 @@ def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) 
 
 
 def findings_of(recording: Path) -> list[str]:
-    """Read a recording from end to end and return what is wrong with it.
-
-    `recording`: Its first .mcap file; those that follow lie beside it.
-    Returns: A sentence for each; empty where it is whole.
-    Raises `InputError`: There is no such file, or it is no recording. `LabError`: The recorder's code failed; with what
-    it said.
-    """
+    """Read a recording from end to end and return what is wrong with it, a sentence each."""
     if not is_recording(recording):
         raise InputError(f"{recording} is a live view; give the recording.mcap beside it.")
     # A process of its own: the SDK imports no service.

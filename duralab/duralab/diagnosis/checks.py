@@ -1,0 +1,390 @@
+"""What would keep a lab from working: Python, packages, disk, locale, loopback, ports, viewer."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import re
+import socket
+import tempfile
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from duralab.lab import SERVICES
+from duralab.processes import GRPC_PORT, WEB_PORT
+from duralab.python_version import python_fault
+from duralab_bus import BusConfig, BusError, open_bus
+
+
+class Severity(StrEnum):
+    """What a finding means for a lab."""
+
+    FINE = "fine"
+    WARNING = "warning"
+    """A lab works, a part of it does not, or not for long."""
+    PROBLEM = "problem"
+    """No lab works before this is mended."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found.
+
+    `check`: What was looked at. `severity`: What it means. `sentence`: What was found. `remedy`: What to do; empty
+    where nothing is to be done.
+    """
+
+    check: str
+    severity: Severity
+    sentence: str
+    remedy: str = ""
+
+
+def fine(check: str, sentence: str) -> Finding:
+    """Return that all is well."""
+    return Finding(check, Severity.FINE, sentence)
+
+
+def warning(check: str, sentence: str, remedy: str) -> Finding:
+    """Return what does not work, or not for long, and what to do."""
+    return Finding(check, Severity.WARNING, sentence, remedy)
+
+
+def problem(check: str, sentence: str, remedy: str) -> Finding:
+    """Return what keeps a lab from working, and what to do."""
+    return Finding(check, Severity.PROBLEM, sentence, remedy)
+
+
+_POINTER_BITS: Final = 64
+
+
+def check_python(version: tuple[int, ...], *, pointer_bits: int, executable: str) -> Finding:
+    """Judge the Python that runs this and will run the services."""
+    if (fault := python_fault(version)) is not None:
+        return problem("Python", f"{executable}: {fault}", "Install one, and make the environment with it.")
+    if pointer_bits != _POINTER_BITS:
+        return problem(
+            "Python",
+            f"{executable} is a Python of {pointer_bits} bits; the rigs need one of {_POINTER_BITS}.",
+            "Install a 64-bit Python and make the environment with it.",
+        )
+    return fine("Python", f"{'.'.join(str(part) for part in version)} at {executable}")
+
+
+def check_services(is_installed: Callable[[str], bool], *, executable: str) -> Finding:
+    """Judge whether this Python can start every service; `is_installed` tells it of a module."""
+    missing = [name for name in SERVICES if not is_installed(name)]
+    if missing:
+        return problem(
+            "services",
+            f"{executable} has no {', '.join(missing)}: `duralab up` starts its services with this Python.",
+            "Use the Python of the environment that has the whole lab (`make setup` makes .venv), or install it there.",
+        )
+    return fine("services", f"{', '.join(SERVICES)} are installed")
+
+
+def check_shadows(folder: Path, *, paths: Sequence[str]) -> Finding:
+    """Judge whether a file here, or on PYTHONPATH, would be taken for a service of the same name."""
+    places = [folder, *(Path(path) for path in paths if path)]
+    found = [
+        shadow
+        for place in places
+        for name in SERVICES
+        for shadow in (place / f"{name}.py", place / name / "__init__.py")
+        if shadow.is_file()
+    ]
+    if found:
+        return problem(
+            "names",
+            f"{', '.join(str(path) for path in found)} would be started instead of the service of that name.",
+            "Rename it, or run duralab in another folder and with PYTHONPATH unset.",
+        )
+    return fine("names", "nothing here hides a service")
+
+
+def check_command(found: str | None, *, prefix: Path) -> Finding:
+    """Judge whether the command `duralab` that a shell finds belongs to the Python at `prefix`."""
+    if found is None:
+        return warning(
+            "command",
+            "A shell does not find `duralab`.",
+            f"Activate the environment, or type {prefix / 'bin' / 'duralab'}.",
+        )
+    if not Path(found).absolute().is_relative_to(prefix.absolute()):
+        return warning(
+            "command",
+            f"A shell finds {found}, which belongs to another Python than {prefix}.",
+            "Activate the environment that is meant, so that both are the same.",
+        )
+    return fine("command", found)
+
+
+OWN: Final = (
+    "duralab",
+    "duralab-proto",
+    "duralab-bus",
+    "duralab-gateway",
+    "duralab-spectra",
+    "duralab-roads",
+    "duralab-drive-map",
+    "duralab-loads",
+    "duralab-settings",
+    "duralab-rig-sim",
+    "duralab-identifier",
+    "duralab-iterator",
+    "duralab-recorder",
+)
+"""Distributions of the lab itself."""
+
+ON_THE_WIRE: Final = ("eclipse-zenoh", "protobuf")
+"""Packages whose versions decide whether two machines understand each other."""
+
+_MOST_SHOWN: Final = 5
+
+
+def check_own_versions(installed: Mapping[str, str]) -> Finding:
+    """Judge whether the lab's own distributions are of one version; `installed` has versions by names."""
+    found = {name: installed[name] for name in OWN if name in installed}
+    if len(set(found.values())) > 1:
+        listed = ", ".join(f"{name} {version}" for name, version in found.items())
+        return problem("versions", f"Parts of the lab are of different versions: {listed}.", "Install all of one.")
+    return fine("versions", f"duralab {found.get('duralab', 'of no version')}, all parts alike")
+
+
+def check_requirements(required: Iterable[str], installed: Mapping[str, str]) -> Finding:
+    """Judge whether everything that the lab needs is there."""
+    names = {_name(requirement) for requirement in required if "extra ==" not in requirement}
+    missing = sorted(name for name in names if name not in installed)
+    if missing:
+        return problem(
+            "packages",
+            f"Not installed: {', '.join(missing)}.",
+            "Run `make setup`, or install them into this Python.",
+        )
+    return fine("packages", f"all {len(names)} that the lab asks for are installed")
+
+
+def check_lock(locked: Mapping[str, set[str]], installed: Mapping[str, str]) -> Finding:
+    """Judge whether the packages are those that were tested."""
+    if not locked:
+        return fine("lock", "no requirements.lock beside this installation to compare with")
+    others = {name: version for name, version in installed.items() if name in locked and version not in locked[name]}
+    if not others:
+        return fine("lock", f"{len(locked.keys() & installed.keys())} packages, all of the versions that were tested")
+    wire = [name for name in ON_THE_WIRE if name in others]
+    shown = [*wire, *(name for name in sorted(others) if name not in wire)][:_MOST_SHOWN]
+    listed = ", ".join(f"{name} {others[name]} (tested: {', '.join(sorted(locked[name]))})" for name in shown)
+    more = f" and {len(others) - len(shown)} more" if len(others) > len(shown) else ""
+    judged = problem if wire else warning
+    return judged("lock", f"Of other versions than tested: {listed}{more}.", "Run `make setup`.")
+
+
+def locked_versions(text: str) -> dict[str, set[str]]:
+    """Return the versions that the text of a requirements.lock allows, by names; one may have two, by Python."""
+    found: dict[str, set[str]] = {}
+    for name, version in re.findall(r"(?m)^([A-Za-z0-9._-]+)==([^\s;\\]+)", text):
+        found.setdefault(_name(name), set()).add(version)
+    return found
+
+
+def _name(requirement: str) -> str:
+    """Return the name in a requirement, as names are compared."""
+    match = re.match(r"[A-Za-z0-9._-]+", requirement)
+    return re.sub(r"[-_.]+", "-", match[0] if match else requirement).lower()
+
+
+def named(versions: Iterable[tuple[str | None, str]]) -> dict[str, str]:
+    """Return versions by names, as names are compared."""
+    return {_name(name): version for name, version in versions if name}
+
+
+MEBIBYTE: Final = 1024 * 1024
+
+RECORDER_KEEPS_FREE: Final = 256 * MEBIBYTE
+"""The recorder waits below this, so that the system still has room."""
+
+COMFORTABLE: Final = 2048 * MEBIBYTE
+"""Seventeen times what the shipped demo leaves, 118 MiB."""
+
+TEMPORARY_NEEDS: Final = 64 * MEBIBYTE
+"""The services' settings, and the live view that is made again from a log."""
+
+
+def check_disk(folder: Path, *, free: int) -> Finding:
+    """Judge the room on a disk."""
+    sentence = f"{free / MEBIBYTE:,.0f} MiB are free for recordings in {folder}"
+    if free < RECORDER_KEEPS_FREE:
+        return problem(
+            "disk",
+            f"Only {sentence}; the recorder keeps {RECORDER_KEEPS_FREE // MEBIBYTE} MiB free and waits below that.",
+            "Make room, or give another disk with `duralab up --recordings DIR`.",
+        )
+    if free < COMFORTABLE:
+        return warning("disk", f"Only {sentence}.", "Make room before a long campaign, or give --recordings.")
+    return fine("disk", sentence)
+
+
+def check_writable(check: str, folder: Path, *, remedy: str) -> Finding:
+    """Judge whether a file can be made in a folder, or in the nearest one above it that is there."""
+    place = nearest_folder(folder)
+    try:
+        with tempfile.TemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        return problem(check, f"Nothing can be written in {place}: {error.strerror}.", remedy)
+    return fine(check, f"{folder} can be written")
+
+
+def check_temporary(folder: Path, *, free: int) -> Finding:
+    """Judge the folder for temporary files, with the bytes free there."""
+    written = check_writable("temporary", folder, remedy="Set TMPDIR to a folder that you may write.")
+    if written.remedy:
+        return written
+    if free < TEMPORARY_NEEDS:
+        return problem(
+            "temporary",
+            f"Only {free / MEBIBYTE:,.0f} MiB are free in {folder}; {TEMPORARY_NEEDS // MEBIBYTE} MiB are needed.",
+            "Make room there, or set TMPDIR to a folder on another disk.",
+        )
+    return fine("temporary", f"{folder}, {free / MEBIBYTE:,.0f} MiB free")
+
+
+def check_locale(encoding: str, *, file_names: str) -> Finding:
+    """Judge how text is written."""
+    wrong = [name for name in (encoding, file_names) if not _is_utf_8(name)]
+    if wrong:
+        return warning(
+            "locale",
+            f"Text is written as {', '.join(dict.fromkeys(wrong))}; some characters will be shown as question marks.",
+            "Set LC_ALL to a locale of UTF-8, e.g. C.UTF-8, or set PYTHONUTF8=1.",
+        )
+    return fine("locale", "UTF-8")
+
+
+def _is_utf_8(name: str) -> bool:
+    try:
+        return codecs.lookup(name).name == "utf-8"
+    except LookupError:
+        return False
+
+
+def nearest_folder(folder: Path) -> Path:
+    """Return a folder, or the nearest one above it that is there."""
+    place = folder.absolute()
+    while not place.is_dir() and place != place.parent:
+        place = place.parent
+    return place
+
+
+def free_bytes(folder: Path) -> int:
+    """Return the bytes free for this user on the disk of a folder that need not be there yet."""
+    import shutil
+
+    return shutil.disk_usage(os.fspath(nearest_folder(folder))).free
+
+
+LAB_PORT: Final = 7474
+LOOPBACK: Final = "127.0.0.1"
+
+
+def check_bus() -> Finding:
+    """Judge whether two sessions on loopback find each other."""
+    try:
+        with (
+            open_bus(BusConfig(), service="duralab") as first,
+            open_bus(BusConfig(connect=first.listening[:1]), service="duralab"),
+        ):
+            return fine("bus", f"two sessions met at {first.listening[0]}")
+    except BusError as error:
+        return problem("bus", str(error), f"Let programs on this machine connect to {LOOPBACK} (firewall, container).")
+
+
+def check_ports(labs: Collection[str], *, is_free: dict[int, bool]) -> list[Finding]:
+    """Judge the ports that `duralab up` and the viewer take where nothing else is said."""
+    findings = []
+    if is_free[LAB_PORT]:
+        findings.append(fine("lab's port", f"{LAB_PORT} is free"))
+    elif any(endpoint.endswith(f":{LAB_PORT}") for endpoint in labs):
+        findings.append(fine("lab's port", f"{LAB_PORT} is that of your lab, which runs"))
+    else:
+        findings.append(
+            problem(
+                "lab's port",
+                f"The port {LAB_PORT} is in use by another program, or by another user's lab.",
+                f"End that one, or choose another: `duralab up --listen tcp/{LOOPBACK}:7475`.",
+            )
+        )
+    taken = [port for port in (GRPC_PORT, WEB_PORT) if not is_free[port]]
+    if taken:
+        findings.append(
+            warning(
+                "viewer's ports",
+                f"In use: {', '.join(str(port) for port in taken)}; another viewer may be open.",
+                "Close it, or choose others: `duralab view --port 0 --web-port 0` (--view does so by itself).",
+            )
+        )
+    else:
+        findings.append(fine("viewer's ports", f"{GRPC_PORT} and {WEB_PORT} are free"))
+    return findings
+
+
+def ports_free() -> dict[int, bool]:
+    """Return for each of the usual ports whether it can be listened on."""
+    return {port: _is_free(port) for port in (LAB_PORT, GRPC_PORT, WEB_PORT)}
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        # As the programs do: what a connection left behind some seconds ago is in nobody's way.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError:
+            return False
+    return True
+
+
+_SOFTWARE: Final = ("lvp", "swrast", "swiftshader", "vk_swiftshader")
+"""Begin of the names of drivers that draw with the processor."""
+
+_DRIVER_FOLDERS: Final = ("/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+
+
+def check_viewer(program: Path | None) -> Finding:
+    """Judge whether the viewer is installed; `program` is where, None where it is not."""
+    if program is None:
+        return warning("viewer", "The Rerun viewer is not installed.", "Install the package rerun-sdk to use --view.")
+    return fine("viewer", str(program))
+
+
+def check_graphics(*, system: str, display: bool, library: str | None, drivers: list[Path]) -> Finding:
+    """Judge whether the viewer can draw in a window of its own."""
+    if system in ("darwin", "win32"):
+        return fine("graphics", "the system's own driver")
+    if not display:
+        return fine("graphics", "no display here: the viewer is a page, and the browser that opens it draws")
+    remedy = "Install the graphics driver (on Debian: mesa-vulkan-drivers), or use a browser: `duralab view --web`."
+    if library is None:
+        return warning("graphics", "There is a display but no Vulkan library (libvulkan.so.1).", remedy)
+    if not drivers:
+        return warning("graphics", "There is a display but no Vulkan driver is installed.", remedy)
+    if all(path.name.startswith(_SOFTWARE) for path in drivers):
+        return warning(
+            "graphics",
+            f"Only a driver that draws with the processor is installed ({', '.join(path.name for path in drivers)}): "
+            "the viewer works, slowly, and takes the processor from the rigs.",
+            "Install the driver of the graphics card where there is one.",
+        )
+    return fine("graphics", ", ".join(path.name for path in drivers))
+
+
+def vulkan_drivers(environment: Mapping[str, str], *, home: Path) -> list[Path]:
+    """Return the descriptions of Vulkan drivers, as its loader looks for them."""
+    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        if given := environment.get(variable):
+            return [path for path in map(Path, given.split(":")) if path.is_file()]
+    folders = [*map(Path, _DRIVER_FOLDERS), home / ".local/share/vulkan/icd.d"]
+    return sorted(path for folder in folders for path in folder.glob("*.json"))
