@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ class Answers:
 
 
 def identifier(answers):
-    return Identifier(query=answers, describe=lambda _: RIG, keys=KEYS, halting=lambda rig, deadline: nullcontext())
+    return Identifier(SimpleNamespace(query=answers, bus=SimpleNamespace(keys=KEYS)), lambda _: RIG)
 
 
 def message(factor):

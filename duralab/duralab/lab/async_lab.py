@@ -5,44 +5,78 @@ from __future__ import annotations
 import asyncio
 import contextvars
 import threading
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, asynccontextmanager, suppress
+from functools import partial, wraps
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
-import numpy as np
-
-from duralab.campaign import Campaign
-from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
-from duralab.errors import LabError
-from duralab.lab.campaigns import CampaignResult
+from duralab.errors import InputError, LabError
 from duralab.lab.catalogue import Catalogue
 from duralab.lab.identifier import Identifier
 from duralab.lab.lab import Lab
 from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, FREE_ENDPOINT, connect, start
-from duralab.lab.progress import OnProgress, RunProgress
 from duralab.lab.watching import LabEvent, Watch, Watched
 from duralab_bus import BusError
 from duralab_proto.keys import ANY
-from duralab_settings import EstimatorSettings, ExcitationSettings
 
-if TYPE_CHECKING:
-    import xarray
-
+P = ParamSpec("P")
 T = TypeVar("T")
 
 _MOST_AT_ONCE: Final = 64
 """Calls that wait for the lab at the same time; more wait for one of them."""
 
 
+def _awaited(
+    method: Callable[Concatenate[Lab, P], T],
+) -> Callable[Concatenate[AsyncLab, P], Coroutine[Any, Any, T]]:
+    """Return a method of `Lab` as one of `AsyncLab` that is awaited, in a thread."""
+
+    @wraps(method)
+    async def call(self: AsyncLab, *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self._in_thread(lambda: method(self.lab, *args, **kwargs))
+
+    return call
+
+
+def _stoppable(
+    method: Callable[Concatenate[Lab, P], T],
+) -> Callable[Concatenate[AsyncLab, P], Coroutine[Any, Any, T]]:
+    """Return a method of `Lab` that moves a rig as one that is awaited, and stopped where its task is cancelled."""
+
+    @wraps(method)
+    async def call(self: AsyncLab, *args: P.args, **kwargs: P.kwargs) -> T:
+        if kwargs.get("cancel") is not None:
+            raise InputError("cancel is given; leave it out, and cancel the task that awaits.", field="cancel")
+        cancel, context = threading.Event(), contextvars.copy_context()
+        given: dict[str, Any] = {**kwargs, "cancel": cancel}
+        if (on_progress := given.get("on_progress")) is not None:
+            given["on_progress"] = partial(asyncio.get_running_loop().call_soon_threadsafe, on_progress)
+        done = asyncio.get_running_loop().run_in_executor(
+            self._threads, lambda: context.run(partial(method, self.lab, *args, **given))
+        )
+        try:
+            return await asyncio.shield(done)
+        except asyncio.CancelledError as cancelled:
+            cancel.set()
+            # What was asked for is stopped when this returns: nothing moves behind the back of who cancelled it.
+            try:
+                await asyncio.shield(done)
+            except (LabError, BusError) as error:
+                cancelled.add_note(str(error))
+            raise
+
+    return call
+
+
 class AsyncLab:
     """A lab on the bus for `async` code; made by `async_start` and `async_connect`.
 
-    Every method is that of `Lab`, awaited. Cancelling the task that awaits a playback, an identification or a campaign
-    stops it: the rig ramps down and is latched, and only then the cancellation goes on. `on_progress` is called in the
-    event loop.
+    Every method is that of `Lab`, awaited and without `cancel`: cancelling the task that awaits a playback, an
+    identification or a campaign stops it. The rig ramps down and is latched, and only then the cancellation continues.
+    `on_progress` is called in the event loop.
 
     Parameters
     ----------
@@ -72,121 +106,26 @@ class AsyncLab:
         """`Lab.identifier`; its calls are not `async`, but `identify` here is."""
         return self.lab.identifier
 
-    async def rigs(self) -> Rigs:
-        """Return all rigs that are there; see `Lab.rigs`."""
-        return await self._call(self.lab.rigs)
-
-    async def describe(self, rig: str) -> Rig:
-        """Return what a rig is; see `Lab.describe`."""
-        return await self._call(lambda: self.lab.describe(rig))
-
-    async def state(self, rig: str) -> RigState:
-        """Return what a rig does now; see `Lab.state`."""
-        return await self._call(lambda: self.lab.state(rig))
-
-    async def reset(self, rig: str) -> RigState:
-        """Clear the latch of a rig; see `Lab.reset`."""
-        return await self._call(lambda: self.lab.reset(rig))
-
-    async def stop_rig(self, rig: str, *, reason: str = "") -> RigState:
-        """Ramp a rig down and latch it; see `Lab.stop_rig`."""
-        return await self._call(lambda: self.lab.stop_rig(rig, reason=reason))
-
-    async def play(
-        self,
-        rig: str,
-        drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals,
-        *,
-        run: str | None = None,
-        seed: int = 0,
-        real_time: bool = False,
-        on_progress: OnProgress | None = None,
-        timeout_seconds: float | None = None,
-    ) -> Played:
-        """Play a drive of shape (drives, samples) and wait for the response; see `Lab.play`."""
-        tell = _in_loop(on_progress)
-        return await self._stoppable(
-            lambda cancel: self.lab.play(
-                rig,
-                drive,
-                run=run,
-                seed=seed,
-                real_time=real_time,
-                on_progress=tell,
-                timeout_seconds=timeout_seconds,
-                cancel=cancel,
-            )
-        )
-
-    async def identify(
-        self,
-        rig: str,
-        excitation: ExcitationSettings,
-        estimator: EstimatorSettings,
-        *,
-        seed: int = 0,
-        on_progress: OnProgress | None = None,
-        timeout_seconds: float | None = None,
-    ) -> Model:
-        """Run an experiment on a rig and return the model; see `Lab.identify`."""
-        tell = _in_loop(on_progress)
-        return await self._stoppable(
-            lambda cancel: self.lab.identify(
-                rig,
-                excitation,
-                estimator,
-                seed=seed,
-                on_progress=tell,
-                timeout_seconds=timeout_seconds,
-                cancel=cancel,
-            )
-        )
-
-    async def run(
-        self,
-        campaign: Campaign | str | Path,
-        *,
-        out: str | Path | None = None,
-        on_progress: OnProgress | None = None,
-        timeout_seconds: float | None = None,
-    ) -> CampaignResult:
-        """Run a campaign to its end; see `Lab.run`."""
-        tell = _in_loop(on_progress)
-        return await self._stoppable(
-            lambda cancel: self.lab.run(
-                campaign, out=out, on_progress=tell, timeout_seconds=timeout_seconds, cancel=cancel
-            )
-        )
-
-    async def resume(
-        self,
-        id: str | Path,
-        *,
-        settings: Campaign | str | Path | None = None,
-        from_iteration: int = 0,
-        out: str | Path | None = None,
-        replace: bool = True,
-        on_progress: OnProgress | None = None,
-        timeout_seconds: float | None = None,
-    ) -> CampaignResult:
-        """Go on with a campaign; see `Lab.resume`."""
-        tell = _in_loop(on_progress)
-        return await self._stoppable(
-            lambda cancel: self.lab.resume(
-                id,
-                settings=settings,
-                from_iteration=from_iteration,
-                out=out,
-                replace=replace,
-                on_progress=tell,
-                timeout_seconds=timeout_seconds,
-                cancel=cancel,
-            )
-        )
-
-    async def stop(self, id: str, *, reason: str = "") -> RunProgress:
-        """Stop a campaign; see `Lab.stop`."""
-        return await self._call(lambda: self.lab.stop(id, reason=reason))
+    rigs = _awaited(Lab.rigs)
+    """Return all rigs that are there; see `Lab.rigs`."""
+    describe = _awaited(Lab.describe)
+    """Return what a rig is; see `Lab.describe`."""
+    state = _awaited(Lab.state)
+    """Return what a rig does now; see `Lab.state`."""
+    reset = _awaited(Lab.reset)
+    """Clear the latch of a rig; see `Lab.reset`."""
+    stop_rig = _awaited(Lab.stop_rig)
+    """Ramp a rig down and latch it; see `Lab.stop_rig`."""
+    play = _stoppable(Lab.play)
+    """Play a drive of shape (drives, samples) and wait for the response; see `Lab.play`."""
+    identify = _stoppable(Lab.identify)
+    """Run an experiment on a rig and return the model; see `Lab.identify`."""
+    run = _stoppable(Lab.run)
+    """Run a campaign to its end; see `Lab.run`."""
+    resume = _stoppable(Lab.resume)
+    """Continue a campaign; see `Lab.resume`."""
+    stop = _awaited(Lab.stop)
+    """Stop a campaign; see `Lab.stop`."""
 
     async def watch(
         self,
@@ -201,24 +140,10 @@ class AsyncLab:
         def begin() -> Watch:
             return self.lab.watch(rig=rig, campaign=campaign, kinds=kinds, timeout_seconds=timeout_seconds)
 
-        return AsyncWatch(await self._call(begin), self._threads)
+        return AsyncWatch(await self._in_thread(begin), self._threads)
 
-    async def _call(self, work: Callable[[], T]) -> T:
+    async def _in_thread(self, work: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._threads, work)
-
-    async def _stoppable(self, work: Callable[[threading.Event], T]) -> T:
-        cancel, context = threading.Event(), contextvars.copy_context()
-        done = asyncio.get_running_loop().run_in_executor(self._threads, lambda: context.run(work, cancel))
-        try:
-            return await asyncio.shield(done)
-        except asyncio.CancelledError as cancelled:
-            cancel.set()
-            # What was asked for is stopped when this returns: nothing moves behind the back of who cancelled it.
-            try:
-                await asyncio.shield(done)
-            except (LabError, BusError) as error:
-                cancelled.add_note(str(error))
-            raise
 
 
 class AsyncWatch(AsyncIterator[LabEvent]):
@@ -338,11 +263,3 @@ async def _opened(lab: AbstractContextManager[Lab]) -> AsyncIterator[AsyncLab]:
             yield AsyncLab(opened, threads)
         finally:
             await loop.run_in_executor(threads, lab.__exit__, None, None, None)
-
-
-def _in_loop(on_progress: OnProgress | None) -> OnProgress | None:
-    """Return a callback for another thread that calls this one in the running loop."""
-    if on_progress is None:
-        return None
-    loop, told = asyncio.get_running_loop(), on_progress
-    return lambda progress: loop.call_soon_threadsafe(told, progress) and None

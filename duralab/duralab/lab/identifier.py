@@ -5,20 +5,21 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from typing import Any
+from dataclasses import fields
+from typing import Any, TypeVar, cast
 
 import numpy as np
+from google.protobuf.message import Message
 
 from duralab.arguments import progress_callback, real_numbers, require_seed
 from duralab.campaign import estimator_message, excitation_message
 from duralab.data import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, Model, ModelDifference, Rig, Signals
 from duralab.errors import InputError
-from duralab.lab.client import Deadline, deadline_of
+from duralab.lab.client import LabClient, deadline_of
+from duralab.lab.playing import halting
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.keys import Keys
-from duralab_proto.v1 import identifier_pb2, query_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, query_pb2
 from duralab_settings import EstimatorSettings, ExcitationSettings
 
 
@@ -27,25 +28,14 @@ class Identifier:
 
     Parameters
     ----------
-    query : callable
-        Asks the bus.
+    ask : LabClient
+        The lab.
     describe : callable
         Describes a rig.
-    keys : Keys
-        Of the lab.
-    halting : callable
-        Makes the context in which the end of the deadline stops a rig.
     """
 
-    def __init__(
-        self,
-        *,
-        query: Callable[..., Any],
-        describe: Callable[[str], Rig],
-        keys: Keys,
-        halting: Callable[[str, Deadline], AbstractContextManager[None]],
-    ) -> None:
-        self._query, self._describe, self._keys, self._halting = query, describe, keys, halting
+    def __init__(self, ask: LabClient, describe: Callable[[str], Rig]) -> None:
+        self._ask, self._describe, self._keys = ask, describe, ask.bus.keys
 
     def plan(
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
@@ -72,18 +62,8 @@ class Identifier:
             The rig could not play it, or it would not identify it.
         """
         request = identifier_pb2.PlanRequest(identify=self._request(rig, excitation, estimator, seed=seed))
-        plan = self._query(self._keys.experiment_plan(), request, identifier_pb2.ExperimentPlan)
-        return ExperimentPlan(
-            duration_seconds=plan.duration_seconds,
-            realisations=plan.realisations,
-            experiments_per_realisation=plan.experiments_per_realisation,
-            periods=plan.periods,
-            delay_share=plan.delay_share,
-            independent_averages=plan.independent_averages,
-            frequency_resolution=plan.frequency_resolution,
-            lines=plan.lines,
-            band=(plan.lowest_frequency, plan.highest_frequency),
-        )
+        plan = self._ask.query(self._keys.experiment_plan(), request, identifier_pb2.ExperimentPlan)
+        return _decoded(ExperimentPlan, plan, band=(plan.lowest_frequency, plan.highest_frequency))
 
     def identify(
         self,
@@ -125,8 +105,8 @@ class Identifier:
         """
         request = self._request(rig, excitation, estimator, seed=seed)
         end = deadline_of(timeout_seconds, cancel)
-        with self._halting(rig, end):
-            message = self._query(
+        with halting(self._ask, rig, end):
+            message = self._ask.query(
                 self._keys.identify(),
                 request,
                 identifier_pb2.Model,
@@ -175,19 +155,12 @@ class Identifier:
             identify=self._request(rig, excitation, estimator, seed=seed),
             factors=to_array(real_numbers(factors, what="factors", field="factors")),
         )
-        answer = self._query(
+        answer = self._ask.query(
             self._keys.identify_levels(), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
         )
         return LevelSeries(
             models=tuple(Model.from_message(message) for message in answer.models),
-            differences=tuple(
-                ModelDifference(
-                    relative_difference=from_array(message.relative_difference),
-                    expected_by_noise=from_array(message.expected_by_noise),
-                    sentences=tuple(message.sentences),
-                )
-                for message in answer.differences
-            ),
+            differences=tuple(_decoded(ModelDifference, message) for message in answer.differences),
         )
 
     def predict(self, model: Model, drive: Signals) -> Signals:
@@ -206,7 +179,7 @@ class Identifier:
             Of the model's responses, as long as the drive.
         """
         request = identifier_pb2.PredictRequest(drive=drive.to_message())
-        answer = self._query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
+        answer = self._ask.query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
         return Signals.from_message(answer.response, field="response")
 
     def convergence(
@@ -238,15 +211,8 @@ class Identifier:
             highest_frequency=band[1],
             rig_model_id="" if rig_model is None else rig_model.id,
         )
-        answer = self._query(self._keys.convergence(model.id), request, identifier_pb2.Convergence)
-        return Convergence(
-            frequency=from_array(answer.frequency),
-            spectral_radius=from_array(answer.spectral_radius),
-            spectral_radius_95=from_array(answer.spectral_radius_95),
-            largest_singular_value=from_array(answer.largest_singular_value),
-            converging_share=answer.converging_share,
-            sentence=answer.sentence,
-        )
+        answer = self._ask.query(self._keys.convergence(model.id), request, identifier_pb2.Convergence)
+        return _decoded(Convergence, answer)
 
     def advise(self, model: Model, target: Signals, *, band: tuple[float, float]) -> LevelAdvice:
         """Return the drive levels that give responses like a target's in a band, in hertz.
@@ -268,13 +234,8 @@ class Identifier:
         request = identifier_pb2.AdviceRequest(
             model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
         )
-        answer = self._query(self._keys.level_advice(), request, identifier_pb2.LevelAdvice)
-        return LevelAdvice(
-            rms=from_array(answer.rms),
-            wanted_rms=from_array(answer.wanted_rms),
-            largest_rms=from_array(answer.largest_rms),
-            sentences=tuple(answer.sentences),
-        )
+        answer = self._ask.query(self._keys.level_advice(), request, identifier_pb2.LevelAdvice)
+        return _decoded(LevelAdvice, answer)
 
     def _request(
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int
@@ -294,6 +255,22 @@ class Identifier:
             run=f"identify-{uuid.uuid4().hex[:12]}",
             rig_seed=seed,
         )
+
+
+ValueT = TypeVar("ValueT")
+
+
+def _decoded(kind: type[ValueT], message: Message, **given: object) -> ValueT:
+    """Return the dataclass whose fields are those of a message, by name, beside those given."""
+    values = {
+        field.name: getattr(message, field.name) for field in fields(cast("Any", kind)) if field.name not in given
+    }
+    for name, value in values.items():
+        if isinstance(value, array_pb2.Array):
+            values[name] = from_array(value)
+        elif not isinstance(value, str | int | float):
+            values[name] = tuple(value)
+    return kind(**values, **given)
 
 
 def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
