@@ -22,10 +22,4 @@ __all__ = [
     "summarize",
 ]
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "comparison": ("ChannelComparison", "ComparedRecording", "Comparison", "Recorded", "compare"),
-        "signal_summary": ("ENERGY_SHARE", "ChannelSummary", "SignalSummary", "summarize"),
-    },
-)
+__getattr__ = lazy_face(__name__)

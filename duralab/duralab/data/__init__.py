@@ -60,20 +60,4 @@ __all__ = [
     "target_note",
 ]
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "band": ("BandNote", "response_note", "target_note"),
-        "band_index": ("marked",),
-        "identification": ("Convergence", "ExperimentPlan", "LevelAdvice", "LevelSeries", "ModelDifference"),
-        "iterations": ("DAMAGE_SLOPES", "IterationTable", "counted_slope", "iterations_html", "passes"),
-        "model": ("Distortion", "Model", "excited_lines"),
-        "playback": ("ActuatorUse", "Playback", "actuator_use", "level_of", "playback_of"),
-        "played": ("Played",),
-        "recorded_signals": ("RecordedTarget",),
-        "rig": ("Rig", "Rigs"),
-        "rig_state": ("RigMode", "RigState"),
-        "signals": ("LARGEST_RATE_ERROR", "Channel", "Signals", "channels_of"),
-        "target_steps": ("READ_FILE", "ChannelRecord", "SourceRecord", "StepRecord", "step_record"),
-    },
-)
+__getattr__ = lazy_face(__name__)

@@ -54,19 +54,4 @@ __all__ = [
     "start",
 ]
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "async_lab": ("AsyncLab", "AsyncWatch", "async_connect", "async_start"),
-        "campaigns": ("CampaignResult", "RecordingsPlace", "expected_id", "recording_file"),
-        "catalogue": ("Catalogue", "CatalogueEntries", "CatalogueEntry"),
-        "identifier": ("Identifier",),
-        "lab": ("Lab",),
-        "opening": ("DEFAULT_RIGS", "FIND_SECONDS", "connect", "join_bus", "start"),
-        "playing": ("read_drive_file",),
-        "progress": ("RunProgress", "Stage"),
-        "recorded_result": ("Result",),
-        "status": ("SERVICES", "LabStatus", "ServiceHealth", "lab_status"),
-        "watching": ("CampaignEvent", "LabEvent", "RigEvent", "SignalsEvent", "Watch", "Watched"),
-    },
-)
+__getattr__ = lazy_face(__name__)

@@ -49,20 +49,4 @@ __all__ = [
     "viewer_program",
 ]
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "lab_notes": (
-            "RunningLab",
-            "end_lab",
-            "noted",
-            "notes_folder",
-            "require_no_lab",
-            "running_labs",
-            "the_running_lab",
-        ),
-        "service_programs": ("findings_of", "is_recording", "rebuilt_view", "require_shipped", "shipped_rigs"),
-        "supervisor": ("ServicePlan", "Supervisor", "lab_services"),
-        "viewer": ("GRPC_PORT", "WEB_PORT", "Viewer", "has_display", "viewer_program"),
-    },
-)
+__getattr__ = lazy_face(__name__)

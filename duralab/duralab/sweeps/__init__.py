@@ -29,12 +29,4 @@ __all__ = [
     "write_report",
 ]
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "report": ("write_report",),
-        "results": ("PLAYBACKS", "RESULTS", "SweepResults", "read_results"),
-        "sweep_file": ("CellKind", "Kept", "Objective", "Sweep", "load_sweep", "shipped_sweeps"),
-        "sweeping": ("SweepProgress", "default_folder", "run_sweep"),
-    },
-)
+__getattr__ = lazy_face(__name__)
