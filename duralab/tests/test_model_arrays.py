@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from duralab.cli.commands.export import write_frf
-from duralab.cli.commands.play import _document
+from duralab.cli.commands.play import _model_document
 from duralab.data import Model
 from duralab.formats import read_frequency_response
 from duralab.report.model_figures import contributions
@@ -47,7 +47,7 @@ def test_a_file_and_a_document_hold_the_lines_that_were_estimated(message, tmp_p
     write_frf(model, path, replace=False)
     written = read_frequency_response(path)
     np.testing.assert_allclose(written.frequency, model.frequency[FIRST : LAST + 1], rtol=1e-6)
-    document = _document("front_axle", model, path)
+    document = _model_document("front_axle", model, path)
     limits = (document["lines"], document["lowest_frequency"], document["highest_frequency"])
     assert limits == (LAST + 1 - FIRST, model.frequency[FIRST], model.frequency[LAST])
 

@@ -10,14 +10,12 @@ from duralab_recordings.damage import (
     within_contract,
 )
 from duralab_recordings.index import (
-    chunks_of,
     count_messages,
-    expect_chunk,
     forget_indexes,
     index_of,
-    index_reader,
     last_metadata,
     messages_of,
+    messages_on,
 )
 from duralab_recordings.mcap_file import EPOCH, McapFile
 from duralab_recordings.parts import (
@@ -75,16 +73,14 @@ __all__ = [
     "block_places",
     "check_begin",
     "check_samples",
-    "chunks_of",
     "count_messages",
-    "expect_chunk",
     "forget_indexes",
     "hash_of_blocks",
     "index_of",
-    "index_reader",
     "is_finished",
     "last_metadata",
     "messages_of",
+    "messages_on",
     "newer_format",
     "part_metadata",
     "part_path",

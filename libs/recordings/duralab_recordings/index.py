@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Final
@@ -134,26 +134,6 @@ def index_reader(stream: IO[bytes]) -> SeekingReader:
     return reader
 
 
-def chunks_of(reader: SeekingReader, topic: str) -> list[ChunkIndex]:
-    """Return where the chunks are that hold messages of a topic.
-
-    Parameters
-    ----------
-    reader : SeekingReader
-        Of a finished file.
-    topic : str
-        Of the messages.
-
-    Returns
-    -------
-    list of ChunkIndex
-        In the order of the file's index.
-    """
-    summary = reader.get_summary() or Summary()
-    wanted = {channel.id for channel in summary.channels.values() if channel.topic == topic}
-    return [chunk for chunk in summary.chunk_indexes if chunk.message_index_offsets.keys() & wanted]
-
-
 def expect_chunk(stream: IO[bytes], chunk: ChunkIndex) -> None:
     """Check that a chunk begins where its file's index says, and as it says.
 
@@ -261,6 +241,33 @@ def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> lis
     with path.open("rb") as stream:
         expect_chunk(stream, chunk)
         return messages_at(stream, chunk.chunk_start_offset, channels)
+
+
+def messages_on(path: Path, topic: str) -> Iterator[Message]:
+    """Yield the messages of a topic from a finished file, in the order they were written.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    topic : str
+        Of the messages.
+
+    Yields
+    ------
+    Message
+        As the file holds it.
+
+    Raises
+    ------
+    McapError
+        As for `messages_of`.
+    """
+    summary = index_of(path)
+    wanted = {number for number, channel in summary.channels.items() if channel.topic == topic}
+    for chunk in summary.chunk_indexes:
+        if chunk.message_index_offsets.keys() & wanted:
+            yield from messages_of(path, chunk, wanted)
 
 
 def last_metadata(path: Path, name: str) -> dict[str, str] | None:

@@ -70,23 +70,7 @@ class McapFile:
         return all(file.whole for file in self._files)
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield the messages of one type in the order they were written, one in memory at a time.
-
-        Parameters
-        ----------
-        kind : type
-            Of the contract.
-
-        Yields
-        ------
-        Message
-            Of that type.
-
-        Raises
-        ------
-        RecordingError
-            A file is damaged at a message that is read.
-        """
+        """Yield the messages of one type in the order they were written, one in memory at a time."""
         for file in self._files:
             yield from file.messages(kind)
 

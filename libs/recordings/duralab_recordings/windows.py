@@ -119,18 +119,7 @@ class WindowCache:
         self._lock = Lock()
 
     def find(self, key: tuple[str, int, int]) -> Window | None:
-        """Return a window that is kept.
-
-        Parameters
-        ----------
-        key : tuple
-            Run, first sample, and the sample after the last.
-
-        Returns
-        -------
-        Window or None
-            None where it is not kept.
-        """
+        """Return the window of a run, its first sample and the sample after its last; None where it is not kept."""
         with self._lock:
             if key not in self._kept:
                 return None
@@ -138,15 +127,7 @@ class WindowCache:
             return self._kept[key]
 
     def keep(self, key: tuple[str, int, int], window: Window) -> None:
-        """Keep a window, in place of those that were not used for longest; its arrays become read-only.
-
-        Parameters
-        ----------
-        key : tuple
-            Run, first sample, and the sample after the last.
-        window : Window
-            Its arrays are its own: a view would hold all that it is a view of.
-        """
+        """Keep a window with arrays of its own, in place of those not used for longest; its arrays become read-only."""
         # Who changes a kept window in place changes what is read later; here it is an error instead.
         window.drive.setflags(write=False)
         window.response.setflags(write=False)
@@ -209,62 +190,19 @@ class RunSignals:
         return tuple(self._places)
 
     def end(self, run: str) -> tuple[int, float, bool]:
-        """Return the end of a run.
-
-        Parameters
-        ----------
-        run : str
-            Its name.
-
-        Returns
-        -------
-        int, float, bool
-            Number of samples that are here, sample rate in hertz, and whether its last block is here.
-
-        Raises
-        ------
-        RecordingError
-            There are no signals of such a run.
-        """
+        """Return the number of samples that are here, the sample rate in hertz, and whether the last block is here."""
         if run not in self._ends:
             end = _end(self._places_of(run))
             self._ends[run] = (end.first_sample + end.response.shape[-1], end.sample_rate, end.last)
         return self._ends[run]
 
     def size(self, run: str) -> tuple[int, float]:
-        """Return the size of a run; raises as `end`.
-
-        Parameters
-        ----------
-        run : str
-            Its name.
-
-        Returns
-        -------
-        int, float
-            Number of samples that are here, and sample rate in hertz.
-        """
+        """Return the number of samples that are here, and the sample rate in hertz."""
         samples, rate, _ = self.end(run)
         return samples, rate
 
     def bound(self, run: str) -> RunBound:
-        """Return how large a run is at most, from its first block and the number of its blocks.
-
-        Parameters
-        ----------
-        run : str
-            Its name.
-
-        Returns
-        -------
-        RunBound
-            Its samples at most.
-
-        Raises
-        ------
-        RecordingError
-            There are no signals of such a run.
-        """
+        """Return how large a run is at most, from its first block and the number of its blocks."""
         if run not in self._bounds:
             places = self._places_of(run)
             opening = _read(places[0])[0]
@@ -275,25 +213,7 @@ class RunSignals:
         return self._bounds[run]
 
     def read(self, run: str, first: int, last: int) -> Window:
-        """Read the samples from `first` to the one before `last` of a run.
-
-        Parameters
-        ----------
-        run : str
-            Its name.
-        first, last : int
-            From 0.
-
-        Returns
-        -------
-        Window
-            Its arrays are read-only and kept.
-
-        Raises
-        ------
-        RecordingError
-            There are no signals of such a run, samples are missing, or a file is damaged or not there any more.
-        """
+        """Read the samples from `first` to the one before `last` of a run; they are read-only and kept."""
         key = (run, first, last)
         window = self._cache.find(key)
         if window is None:
@@ -302,25 +222,7 @@ class RunSignals:
         return window
 
     def whole(self, run: str, *, finished: bool = True) -> tuple[Window, float]:
-        """Read a run from its first sample to its last, and its sample rate in hertz.
-
-        Parameters
-        ----------
-        run : str
-            Its name.
-        finished : bool
-            Whether all files are, for the sentence of an error.
-
-        Returns
-        -------
-        Window, float
-            All samples, and the sample rate in hertz.
-
-        Raises
-        ------
-        RecordingError
-            There are no signals of such a run, or samples are missing: the last ones too, where it was broken off.
-        """
+        """Read all samples of a run, and its sample rate in hertz; `finished` is for the sentence of an error."""
         reached, rate, ended = self.end(run)
         window = self.read(run, 0, reached)
         if not ended:

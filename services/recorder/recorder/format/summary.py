@@ -13,7 +13,7 @@ from typing import Final
 
 from duralab_bus import Continuity
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
-from duralab_recordings import DAMAGE, SUMMARY_METADATA, index_reader, is_finished
+from duralab_recordings import DAMAGE, SUMMARY_METADATA, is_finished, last_metadata
 
 MOST_BLOCKS: Final = 2**32
 """Of one playback: the log keeps 32 bits of a sequence number."""
@@ -208,12 +208,9 @@ def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) ->
 
 def read_summary(path: Path) -> Summary | None:
     """Read what a file says about its recording, through its index; None where it says nothing."""
-    if not is_finished(path):
-        return None
     try:
-        with path.open("rb") as stream:
-            # The last one: a file that was repaired may hold one that its recorder did not live to end with.
-            found = [entry for entry in index_reader(stream).iter_metadata() if entry.name == SUMMARY_METADATA]
-            return Summary.from_metadata(found[-1].metadata) if found else None
+        # The last one: a file that was repaired may hold one that its recorder did not live to end with.
+        entries = last_metadata(path, SUMMARY_METADATA) if is_finished(path) else None
+        return None if entries is None else Summary.from_metadata(entries)
     except DAMAGE:
         return None

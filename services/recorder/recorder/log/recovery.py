@@ -17,10 +17,9 @@ from duralab_recordings import (
     DAMAGE,
     SUMMARY_METADATA,
     check_begin,
-    chunks_of,
-    expect_chunk,
-    index_reader,
     is_finished,
+    last_metadata,
+    messages_on,
     newer_format,
     reason_of,
     scan,
@@ -154,17 +153,10 @@ def _seed(content: Content, files: Sequence[Path], name: str) -> int:
         _expect_own({"recording": summary.recording}, name, files[number - 1])
         _take_over(content, summary)
         for path in files[:number]:
-            with path.open("rb") as stream:
-                reader = index_reader(stream)
-                for metadata in reader.iter_metadata():
-                    if metadata.name == SCENARIO_METADATA:
-                        content.scenario = dict(metadata.metadata)
-                topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
-                for chunk in chunks_of(reader, topic):
-                    expect_chunk(stream, chunk)
-                for _, _, message in reader.iter_messages(topics=[topic]):
-                    description = rig_pb2.RigDescription.FromString(message.data)
-                    content.descriptions[description.rig] = description
+            content.scenario = last_metadata(path, SCENARIO_METADATA) or content.scenario
+            for message in messages_on(path, STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name):
+                description = rig_pb2.RigDescription.FromString(message.data)
+                content.descriptions[description.rig] = description
         return number
     return 0
 

@@ -25,6 +25,7 @@ from duralab_recordings import (
     is_finished,
     last_metadata,
     messages_of,
+    messages_on,
     reason_of,
 )
 from recorder.format import STEP_TOPIC, STEP_TYPES, Summary, files_of, leaves_samples_out
@@ -135,14 +136,10 @@ def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
 def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription:
     topic = STEP_TOPIC + rig_pb2.RigDescription.DESCRIPTOR.name
     for path in _finished_files(folder, name):
-        summary = index_of(path)
-        wanted = {id for id, channel in summary.channels.items() if channel.topic == topic}
-        for chunk in summary.chunk_indexes:
-            for id in wanted & chunk.message_index_offsets.keys():
-                for message in messages_of(path, chunk, {id}):
-                    description = rig_pb2.RigDescription.FromString(message.data)
-                    if rig in ("", description.rig):
-                        return description
+        for message in messages_on(path, topic):
+            description = rig_pb2.RigDescription.FromString(message.data)
+            if rig in ("", description.rig):
+                return description
     _refuse_unfinished(folder, name)
     raise RefusedError(
         query_pb2.FAULT_CODE_NOT_FOUND, f"Recording {name!r} holds no description of its rig.", field="recording"
