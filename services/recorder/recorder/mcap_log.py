@@ -84,7 +84,7 @@ class McapLog:
     """A new MCAP file, open for writing; where something is there already, that stays as it is (FileExistsError)."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         self._stream = _HashedStream(path)
         try:
             self._writer = Writer(
@@ -109,22 +109,13 @@ class McapLog:
         self._filling: Counter[int] = Counter()
         self._chunks: dict[int, list[BlockPlace]] = {}
         self._unsynced = False
-        self._synced_bytes = self._stream.tell()
-
-    @property
-    def path(self) -> Path:
-        """Where the file is."""
-        return self._path
+        self.synced_bytes = self._stream.tell()
+        """How much from the file's start on is known to be on the disk."""
 
     @property
     def bytes_written(self) -> int:
         """Size of the file so far, without the chunk being filled."""
         return self._stream.tell()
-
-    @property
-    def synced_bytes(self) -> int:
-        """How much from its start on is known to be on the disk."""
-        return self._synced_bytes
 
     @property
     def sha256(self) -> str:
@@ -167,7 +158,7 @@ class McapLog:
         if self._stream.tell() == before or not self._filling:
             return
         for channel, count in self._filling.items():
-            self._chunks.setdefault(channel, []).append(BlockPlace(self._path, before, channel, count))
+            self._chunks.setdefault(channel, []).append(BlockPlace(self.path, before, channel, count))
         self._filling.clear()
 
     def places(self, topic: str, *, metadata: Mapping[str, str]) -> list[BlockPlace]:
@@ -206,7 +197,7 @@ class McapLog:
         self._writer.flush()
         self._note_chunk(before)
         self._stream.sync()
-        self._synced_bytes = self._stream.tell()
+        self.synced_bytes = self._stream.tell()
         self._unsynced = False
 
     def close(self) -> None:
@@ -216,7 +207,7 @@ class McapLog:
         try:
             self._writer.finish()
             self._stream.sync()
-            self._synced_bytes = self._stream.tell()
+            self.synced_bytes = self._stream.tell()
         finally:
             self._stream.close()
 
@@ -229,7 +220,7 @@ class McapLog:
     def abandon(self) -> None:
         """Let go of the file and remove it."""
         self.release()
-        self._path.unlink(missing_ok=True)
+        self.path.unlink(missing_ok=True)
 
 
 def _channel_key(topic: str, metadata: Mapping[str, str], *, doubles: bool) -> tuple[str, bool, str]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
+from google.protobuf.message import Message as ProtoMessage
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
 from duralab_bus import Continuity
@@ -60,9 +61,16 @@ STORED_ONCE: Final = (rig_pb2.RigState, iterator_pb2.CampaignEvent)
 SCENARIO_METADATA: Final = "scenario"
 SOFTWARE_METADATA: Final = "software"
 
-_PLAYBACK_TYPES: Final = {
-    type_name_of(kind): kind for kind in (iterator_pb2.IterationStep, iterator_pb2.ConfirmationStep)
+_STEPS_READ: Final[dict[str, type[ProtoMessage]]] = {
+    type_name_of(kind): kind
+    for kind in (
+        *(recorder_pb2.RunPlanned, recorder_pb2.RunPlayed, rig_pb2.RigDescription),
+        *(iterator_pb2.IterationStep, iterator_pb2.ConfirmationStep),
+        *(iterator_pb2.CampaignSpec, iterator_pb2.CampaignStatus),
+    )
 }
+"""Steps of which more counts than their hash."""
+
 _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 
 
@@ -151,23 +159,19 @@ class Content:
         self.last_step_type = schema
         if message.sequence == 0:
             self.story = Story(begun=message.log_time)
-        if schema == type_name_of(recorder_pb2.RunPlanned):
-            self.planned.append(recorder_pb2.RunPlanned.FromString(message.data))
-        elif schema == type_name_of(recorder_pb2.RunPlayed):
-            self.played.append(recorder_pb2.RunPlayed.FromString(message.data))
-        elif schema in _PLAYBACK_TYPES:
-            playback = _PLAYBACK_TYPES[schema].FromString(message.data)
-            if not playback.HasField("response"):
-                self.named.append((playback.run, playback.signal_epoch, playback.samples_hash))
-        elif schema == type_name_of(rig_pb2.RigDescription):
-            description = rig_pb2.RigDescription.FromString(message.data)
-            self.descriptions[description.rig] = description
-        elif schema == type_name_of(iterator_pb2.CampaignSpec):
-            spec = iterator_pb2.CampaignSpec.FromString(message.data)
-            self.story = replace(self.story, rig=spec.rig, target=spec.target_source)
-        elif schema == type_name_of(iterator_pb2.CampaignStatus):
-            status = iterator_pb2.CampaignStatus.FromString(message.data)
-            self.story = replace(self.story, phase=status.phase, outcome=status.outcome)
+        kind = _STEPS_READ.get(schema)
+        match step := kind and kind.FromString(message.data):
+            case None:
+                return
+            case recorder_pb2.RunPlanned():
+                self.planned.append(step)
+            case recorder_pb2.RunPlayed():
+                self.played.append(step)
+            case rig_pb2.RigDescription():
+                self.descriptions[step.rig] = step
+            case iterator_pb2.IterationStep() | iterator_pb2.ConfirmationStep() if not step.HasField("response"):
+                self.named.append((step.run, step.signal_epoch, step.samples_hash))
+        self.story = self.story.after(step)
 
     @property
     def step_numbers(self) -> list[int]:

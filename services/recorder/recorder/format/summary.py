@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
+
+from google.protobuf.message import Message
 
 from duralab_bus import Continuity
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
@@ -90,6 +92,15 @@ class Story:
     begun: int = 0
     phase: iterator_pb2.CampaignPhase = iterator_pb2.CAMPAIGN_PHASE_UNSPECIFIED
     outcome: iterator_pb2.Outcome = iterator_pb2.OUTCOME_UNSPECIFIED
+
+    def after(self, step: Message) -> Story:
+        """Return the story with what a step adds to it."""
+        match step:
+            case iterator_pb2.CampaignSpec():
+                return replace(self, rig=step.rig, target=step.target_source)
+            case iterator_pb2.CampaignStatus():
+                return replace(self, phase=step.phase, outcome=step.outcome)
+        return self
 
 
 @dataclass(frozen=True)

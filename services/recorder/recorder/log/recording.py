@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from importlib.metadata import version
 from pathlib import Path
@@ -42,12 +42,6 @@ class Placement(Enum):
     """It is stored already: acknowledge it."""
 
 
-@dataclass(frozen=True)
-class _Stored:
-    type_name: str
-    payload_hash: str
-
-
 class StepOrder:
     """The steps stored so far.
 
@@ -56,7 +50,8 @@ class StepOrder:
 
     def __init__(self, recording: str) -> None:
         self._recording = recording
-        self._steps: list[_Stored] = []
+        # Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
+        self._steps: list[tuple[str, str]] = []
 
     @property
     def count(self) -> int:
@@ -66,26 +61,26 @@ class StepOrder:
     @property
     def hashes(self) -> tuple[str, ...]:
         """SHA-256 (hexadecimal) of each step's payload."""
-        return tuple(step.payload_hash for step in self._steps)
+        return tuple(payload_hash for _, payload_hash in self._steps)
 
     @property
     def types(self) -> tuple[str, ...]:
         """Full name of each step's message."""
-        return tuple(step.type_name for step in self._steps)
+        return tuple(type_name for type_name, _ in self._steps)
 
     def restore(self, types: Sequence[str], hashes: Sequence[str]) -> None:
         """Take over the steps that the recording's files hold, in order."""
-        self._steps = [_Stored(*step) for step in zip(types, hashes, strict=True)]
+        self._steps = list(zip(types, hashes, strict=True))
 
     @property
     def ended(self) -> bool:
         """Whether the last step, RecordingClosed, is stored."""
-        return bool(self._steps) and self._steps[-1].type_name == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
+        return bool(self._steps) and self._steps[-1][0] == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
 
     def place(self, step: Step) -> Placement:
         """Decide what is to be done with a step; nothing is changed."""
         if step.number < self.count:
-            if self._steps[step.number] == _Stored(step.type_name, step.payload_hash):
+            if self._steps[step.number] == (step.type_name, step.payload_hash):
                 return Placement.STORED
             raise RefusedError(
                 query_pb2.FAULT_CODE_ALREADY_EXISTS,
@@ -109,7 +104,7 @@ class StepOrder:
 
     def store(self, step: Step) -> None:
         """Note that a step that `place` found NEW is on disk."""
-        self._steps.append(_Stored(step.type_name, step.payload_hash))
+        self._steps.append((step.type_name, step.payload_hash))
 
 
 _NANOSECONDS: Final = 1e9
@@ -197,8 +192,7 @@ class Recording:
 
     def store(self, step: Step) -> None:
         """Write a step that was found new, and return when it is on the disk."""
-
-        def write() -> None:
+        with as_disk_error(self.name):
             log = self._writing()
             if isinstance(step.message, iterator_pb2.CampaignSpec):
                 self._stored.scenario = {"campaign": step.message.id, "yaml": step.message.scenario}
@@ -212,19 +206,9 @@ class Recording:
                 doubles=holds_doubles_only(step.message),
             )
             log.sync()
-
-        self._write(write)
         self.order.store(step)
-        self._tell(step)
-
-    def _tell(self, step: Step) -> None:
-        if step.number == 0:
-            self._stored.story = Story(begun=time.time_ns())
-        match step.message:
-            case iterator_pb2.CampaignSpec() as spec:
-                self._stored.story = replace(self._stored.story, rig=spec.rig, target=spec.target_source)
-            case iterator_pb2.CampaignStatus() as status:
-                self._stored.story = replace(self._stored.story, phase=status.phase, outcome=status.outcome)
+        story = self._stored.story if step.number else Story(begun=time.time_ns())
+        self._stored.story = story.after(step.message)
 
     def add_stream(self, item: StreamItem[Any]) -> None:
         """Write a message of a stream under its key; it is on the disk after the next `sync`.
@@ -236,8 +220,8 @@ class Recording:
             stored = self._stored.streams.setdefault((item.key, item.epoch), Continuity())
             if item.seq in stored:
                 return
-        self._write(
-            lambda: self._writing().add_message(
+        with as_disk_error(self.name):
+            self._writing().add_message(
                 item.key,
                 item.payload or item.message.SerializeToString(),
                 kind=type(item.message),
@@ -247,7 +231,6 @@ class Recording:
                 doubles=isinstance(item.message, rig_pb2.SignalBlock | rig_pb2.PoseBlock),
                 publish_time=self._sample_time(item),
             )
-        )
         if stored is not None:
             stored.accept(item.seq)
 
@@ -281,9 +264,9 @@ class Recording:
 
     def sync(self) -> None:
         """Return when all that was added is on the disk."""
-        log = self._log
-        if log is not None:
-            self._write(log.sync)
+        if self._log is not None:
+            with as_disk_error(self.name):
+                self._log.sync()
 
     def close(self, runs: Runs, *, reason: str, next_file: str = "") -> None:
         """Write what is known about the whole and finish the open file, if there is one."""
@@ -301,12 +284,9 @@ class Recording:
             streams=self._stored.streams,
             next_file=next_file,
         )
-
-        def write() -> None:
+        with as_disk_error(self.name):
             log.add_metadata(SUMMARY_METADATA, summary.to_metadata())
             log.close()
-
-        self._write(write)
         self._stored.previous_sha256 = log.sha256
         self._stored.files += 1
         self._log = None
@@ -315,11 +295,11 @@ class Recording:
         """Finish the open file; the recording goes on in the next without a gap."""
         following = recording_path(self._folder, self.name, number=self._stored.files + 2).name
         self.close(runs, reason=f"It goes on in {following}.", next_file=following)
-        self._write(lambda: self._writing().sync())
+        self._begin_file()
 
     def write_empty_file(self, runs: Runs, *, reason: str) -> None:
         """Write the next file with nothing in it but its place, where the one before names it and it is not there."""
-        self._write(lambda: self._writing().sync())
+        self._begin_file()
         self.close(runs, reason=reason)
 
     def let_go(self) -> tuple[Path, int] | None:
@@ -338,17 +318,12 @@ class Recording:
 
     def information(self, runs: Runs) -> recorder_pb2.RecordingInfo:
         """Return the contract's description of it as it stands."""
-        story = self._stored.story
         return recorder_pb2.RecordingInfo(
             recording=self.name,
             steps=self.order.count,
             signal_blocks=sum(run.stored for run in runs.values()),
             missing_blocks=sum(run.missing for run in runs.values()),
-            rig=story.rig,
-            target=story.target,
-            begun=story.begun,
-            phase=story.phase,
-            outcome=story.outcome,
+            **vars(self._stored.story),
         )
 
     def _writing(self) -> McapLog:
@@ -370,9 +345,9 @@ class Recording:
                 self._log.add_metadata(SCENARIO_METADATA, self._stored.scenario)
         return self._log
 
-    def _write(self, write: Callable[[], None]) -> None:
+    def _begin_file(self) -> None:
         with as_disk_error(self.name):
-            write()
+            self._writing().sync()
 
 
 def _begin_of(epoch: int) -> int:

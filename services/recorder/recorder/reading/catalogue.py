@@ -61,11 +61,7 @@ def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
         ended=summary.ended,
         signal_blocks=summary.signal_blocks,
         missing_blocks=summary.missing_blocks,
-        rig=summary.story.rig,
-        target=summary.story.target,
-        begun=summary.story.begun,
-        phase=summary.story.phase,
-        outcome=summary.story.outcome,
+        **vars(summary.story),
     )
 
 
