@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -68,8 +69,8 @@ def headings(signals: Signals) -> list[str]:
     return [TIME, *(f"{channel.name} [{channel.unit}]" for channel in signals.channels)]
 
 
-def channels_of_headings(path: Path, given: Sequence[str]) -> tuple[Channel, ...]:
-    """Return the channels that headings name, without the time."""
+def named_in_headings(path: Path, given: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the names and the units of the channels in headings, without the time."""
     if not given or given[0].strip() != TIME:
         there = given[0][:60] if given else ""
         raise FormatError(path, f"the first column is {there!r}; {TIME!r} was expected.", offset=0)
@@ -86,19 +87,42 @@ def channels_of_headings(path: Path, given: Sequence[str]) -> tuple[Channel, ...
             )
         names.append(name.strip())
         units.append(unit[:-1].strip())
-    return tuple(Channel(name, unit) for name, unit in zip(unique_names(names), units, strict=True))
+    return names, units
 
 
-def signals_of_columns(path: Path, channels: tuple[Channel, ...], values: np.ndarray) -> Signals:
-    """Return the signals of a table."""
-    require_finite(path, ("time", *(channel.name for channel in channels)), values)
-    return Signals(channels, rate_of_times(path, values[0]), np.ascontiguousarray(values[1:], dtype=np.float64))
-
-
-def require_finite(path: Path, names: Sequence[str], values: np.ndarray) -> None:
-    """Refuse values that are not finite."""
-    for name, row in zip(names, values, strict=True):
+def signals_read(
+    path: Path,
+    names: Iterable[str],
+    units: Sequence[str],
+    samples: np.ndarray,
+    *,
+    time: np.ndarray | None = None,
+    sample_rate: float = 0.0,
+    attributes: Mapping[str, str] = MappingProxyType({}),
+) -> Signals:
+    """Return what a file holds as signals, at a sample rate or at times; refuse values that are not finite."""
+    names = unique_names(names)
+    times = [] if time is None else [("time", time)]
+    for name, row in [*times, *zip(names, samples, strict=True)]:
         finite = np.isfinite(row)
         if not finite.all():
             sample = int(np.argmin(finite))
             raise FormatError(path, f"sample {sample} of {name} is {row[sample]}; a finite number was expected.")
+    channels = tuple(Channel(name, unit) for name, unit in zip(names, units, strict=True))
+    rate = sample_rate if time is None else rate_of_times(path, time)
+    return Signals(channels, rate, np.ascontiguousarray(samples, dtype=np.float64), attributes)
+
+
+def one_step(path: Path, what: str, found: Iterable[tuple[float, int]], *, step_name: str = "time step") -> float:
+    """Return the time step in seconds that channels have in common, of the step and the length of each."""
+    steps = set(found)
+    if len(steps) != 1:
+        raise FormatError(
+            path,
+            f"{what} have the steps and lengths {sorted(steps)[:4]}; one {step_name} in seconds and one length for all "
+            "were expected.",
+        )
+    ((step, length),) = steps
+    if not (0 < step < np.inf and np.isfinite(1 / step) and length):
+        raise FormatError(path, f"the {step_name} is {step} s with {length} samples; both must be greater than 0.")
+    return step

@@ -12,7 +12,7 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
+from duralab.formats.columns import headings, named_in_headings, signals_read
 from duralab.formats.errors import FormatError, opened, require_file
 from duralab.formats.written import Written
 
@@ -38,7 +38,7 @@ def read_csv(path: Path) -> Signals:
             separator = named[1] if named else max(",;\t", key=header.count)
             cells = next(csv.reader([header], delimiter=separator, strict=True), [])
             row = [_GUARDED.sub(r"\1", cell) for cell in cells]
-            channels = channels_of_headings(path, row)
+            names, units = named_in_headings(path, row)
             first = stream.readline(_LONGEST_LINE)
             if not first.strip():
                 raise FormatError(path, "no samples follow the header line; 2 or more were expected.")
@@ -56,7 +56,7 @@ def read_csv(path: Path) -> Signals:
         ) from error
     if values.shape[1] != len(row):
         raise FormatError(path, f"line 2: {len(row)} numbers were expected; {values.shape[1]} are there.", offset=0)
-    return signals_of_columns(path, channels, values.T)
+    return signals_read(path, names, units, values.T[1:], time=values.T[0])
 
 
 def _line(message: str) -> int:

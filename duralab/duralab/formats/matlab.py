@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from duralab.data import Channel, Signals
+from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats.columns import require_finite, unique_names
+from duralab.formats.columns import signals_read
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_room
 from duralab.formats.written import Written
@@ -53,9 +53,7 @@ def read_mat(path: Path) -> Signals:
         )
     if rate.size != 1 or not (0 < rate.item() < math.inf):
         raise FormatError(path, f"sample_rate is {rate.ravel()[:3]}; one number greater than 0 was expected.")
-    require_finite(path, names, stored)
-    channels = tuple(Channel(name, unit) for name, unit in zip(unique_names(names), units, strict=True))
-    return Signals(channels, float(rate.item()), np.ascontiguousarray(stored, dtype=np.float64))
+    return signals_read(path, names, units, stored, sample_rate=float(rate.item()))
 
 
 def write_mat(signals: Signals, path: Path) -> Written:

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from duralab.data import Channel, Signals
-from duralab.formats.columns import rate_of_times, require_finite, unique_names
+from duralab.data import Signals
+from duralab.formats.columns import signals_read
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
 from duralab.formats.written import Written
@@ -48,12 +48,9 @@ def read_mdf4(path: Path) -> Signals:
                 f"{found[0].name} has {time.size} and {signal.name} {signal.timestamps.size} samples, or at other "
                 "times; channels of one and the same time were expected, so export one group.",
             )
-    names = unique_names(signal.name for signal in found)
-    require_finite(path, ("time",), time[np.newaxis])
     samples = np.array([signal.samples for signal in found], dtype=np.float64)
-    require_finite(path, names, samples)
-    channels = tuple(Channel(name, signal.unit or "") for name, signal in zip(names, found, strict=True))
-    return Signals(channels, rate_of_times(path, time), samples)
+    names, units = [signal.name for signal in found], [signal.unit or "" for signal in found]
+    return signals_read(path, names, units, samples, time=time)
 
 
 def _values(group: Any) -> int:

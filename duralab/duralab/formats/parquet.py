@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from duralab.data import Signals
-from duralab.formats.columns import channels_of_headings, headings, signals_of_columns
+from duralab.formats.columns import headings, named_in_headings, signals_read
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
 from duralab.formats.written import Written
@@ -25,10 +25,10 @@ def read_parquet(path: Path) -> Signals:
     require_file(path)
     with parsing(path, _EXPECTED) as stream:
         file = parquet.ParquetFile(stream)
-        channels = channels_of_headings(path, file.schema_arrow.names)
+        names, units = named_in_headings(path, file.schema_arrow.names)
         rows = file.metadata.num_rows
-        require_room(path, rows * (len(channels) + 1))
-        values = np.empty((len(channels) + 1, rows))
+        require_room(path, rows * (len(names) + 1))
+        values = np.empty((len(names) + 1, rows))
         filled = 0
         for batch in file.iter_batches():
             for row, column in enumerate(batch.columns):
@@ -42,8 +42,7 @@ def read_parquet(path: Path) -> Signals:
         attributes = {
             key.removeprefix(_OWN).decode(): text.decode() for key, text in metadata.items() if key.startswith(_OWN)
         }
-    signals = signals_of_columns(path, channels, values)
-    return Signals(signals.channels, signals.sample_rate, signals.samples, attributes)
+    return signals_read(path, names, units, values[1:], time=values[0], attributes=attributes)
 
 
 def write_parquet(signals: Signals, path: Path) -> Written:

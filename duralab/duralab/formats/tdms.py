@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from duralab.data import Channel, Signals
-from duralab.formats.columns import rate_of_step, require_finite, unique_names
+from duralab.data import Signals
+from duralab.formats.columns import one_step, rate_of_step, signals_read
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library
 from duralab.formats.written import Written
@@ -30,28 +30,19 @@ def read_tdms(path: Path) -> Signals:
             for channel in group.channels()
             if channel.data_type is not None and np.dtype(channel.dtype).kind in "iuf"
         ]
-        steps = {(float(channel.properties.get(STEP, np.nan)), len(channel)) for channel in found}
-        if len(steps) != 1:
-            raise FormatError(
-                path,
-                f"{len(found)} channels of numbers have the steps and lengths {sorted(steps)[:4]}; one {STEP} in "
-                "seconds and one length for all were expected.",
-            )
-        ((step, length),) = steps
-        if not (0 < step < np.inf and np.isfinite(1 / step) and length):
-            raise FormatError(path, f"{STEP} is {step} s with {length} samples; both must be greater than 0.")
-        announced = sum(length * np.dtype(channel.dtype).itemsize for channel in found)
+        steps = [(float(channel.properties.get(STEP, np.nan)), len(channel)) for channel in found]
+        step = one_step(path, f"{len(found)} channels of numbers", steps, step_name=STEP)
+        announced = sum(len(channel) * np.dtype(channel.dtype).itemsize for channel in found)
         if announced > size:
             raise FormatError(
                 path, f"its channels announce {announced} bytes of samples; the file ends here.", offset=size
             )
         units = [str(channel.properties.get(UNIT, "")) for channel in found]
-        names = unique_names(channel.name for channel in found)
+        names = [channel.name for channel in found]
         samples = np.array([channel[:] for channel in found], dtype=np.float64)
         attributes = {str(key): str(value) for key, value in file.properties.items()}
-    require_finite(path, names, samples)
-    channels = tuple(Channel(name, unit) for name, unit in zip(names, units, strict=True))
-    return Signals(channels, rate_of_step(step, resolution=1e-9 * step), samples, attributes)
+    rate = rate_of_step(step, resolution=1e-9 * step)
+    return signals_read(path, names, units, samples, sample_rate=rate, attributes=attributes)
 
 
 def write_tdms(signals: Signals, path: Path) -> Written:

@@ -16,7 +16,7 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
-from duralab.formats.columns import rate_of_step, require_finite, unique_names
+from duralab.formats.columns import one_step, rate_of_step, signals_read
 from duralab.formats.errors import FormatError, require_file
 from duralab.formats.libraries import parsing, require_library
 from duralab.formats.written import Written
@@ -59,21 +59,10 @@ _PAIR: Final = re.compile(r"(.+) per (.+)")
 def read_uff58(path: Path) -> Signals:
     """Read the time histories of a universal file."""
     sets = _sets(path, TIME_RESPONSE, "time history")
-    steps = {(float(one["abscissa_inc"]), len(one["data"])) for one in sets}
-    if len(steps) > 1:
-        raise FormatError(
-            path, f"its time histories have the steps and lengths {sorted(steps)[:4]}; one of each was expected."
-        )
-    ((step, length),) = steps
-    if not (0 < step < np.inf and np.isfinite(1 / step) and length):
-        raise FormatError(path, f"the time step is {step} s with {length} samples; both must be greater than 0.")
-    names = unique_names(_text(one["id1"]) for one in sets)
+    step = one_step(path, "its time histories", ((float(one["abscissa_inc"]), len(one["data"])) for one in sets))
+    names, units = zip(*((_text(one["id1"]), _text(one.get("ordinate_axis_units_lab"))) for one in sets), strict=True)
     samples = np.array([np.real(one["data"]) for one in sets], dtype=np.float64)
-    require_finite(path, names, samples)
-    channels = tuple(
-        Channel(name, _text(one.get("ordinate_axis_units_lab"))) for name, one in zip(names, sets, strict=True)
-    )
-    return Signals(channels, rate_of_step(step, resolution=_STEP_DIGITS * step), samples)
+    return signals_read(path, names, units, samples, sample_rate=rate_of_step(step, resolution=_STEP_DIGITS * step))
 
 
 def write_uff58(signals: Signals, path: Path) -> Written:

@@ -16,6 +16,7 @@ from duralab.lab.recorded_result import Result
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
 _CATALOGUE: Final = ("recording", "rig", "target", "begun", "result", "size")
+_NO_RECORDING: Final = "There is no such recording."
 
 _BEGINNING: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND: Final = timedelta(microseconds=1)
@@ -87,34 +88,38 @@ class CatalogueEntries(tuple[CatalogueEntry, ...]):
 
     def __str__(self) -> str:
         """Return it as a table."""
-        return catalogue_text(self)
+        return text_table(_CATALOGUE, self._rows(), left=5) if self else _NO_RECORDING
 
     def _repr_html_(self) -> str:
+        return html_table(_CATALOGUE, self._rows(), left=5) if self else f"<p>{_NO_RECORDING}</p>"
 
-        return catalogue_html(self)
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [
+            (
+                entry.id,
+                entry.rig,
+                entry.target,
+                f"{entry.begun:%Y-%m-%d %H:%M} UTC" if entry.begun is not None else "–",
+                entry.result if entry.closed else f"{entry.result}, not closed",
+                f"{entry.bytes / 1e6:.1f} MB",
+            )
+            for entry in self
+        ]
+
+
+_SAME_NAMES: Final = ("rig", "target", "closed", "steps", "signal_blocks", "missing_blocks", "bytes", "waiting")
 
 
 def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
     result = _OUTCOMES.get(information.outcome) or _PHASES.get(information.phase, Result.NOT_ENDED)
     return CatalogueEntry(
         id=information.recording,
-        rig=information.rig,
-        target=information.target,
-        begun=_datetime(information.begun) if information.begun else None,
+        # A moment no later than it was: a search from it on finds it, and one for what was before it does not.
+        begun=_BEGINNING + information.begun // _NANOSECONDS * _MICROSECOND if information.begun else None,
         result=result,
-        closed=information.closed,
-        steps=information.steps,
-        signal_blocks=information.signal_blocks,
-        missing_blocks=information.missing_blocks,
         files=tuple(file.file for file in information.files),
-        bytes=information.bytes,
-        waiting=information.waiting,
+        **{name: getattr(information, name) for name in _SAME_NAMES},
     )
-
-
-def _datetime(nanoseconds: int) -> datetime:
-    """Return a moment no later than it was: a search from it on finds it, and one for what was before it does not."""
-    return _BEGINNING + nanoseconds // _NANOSECONDS * _MICROSECOND
 
 
 def _moment(given: object, *, field: str) -> datetime | None:
@@ -298,27 +303,3 @@ class Catalogue:
             Signals.from_message(answer.drive, field="drive"),
             Signals.from_message(answer.response, field="response"),
         )
-
-
-def _catalogue_rows(entries: Sequence[CatalogueEntry]) -> list[tuple[str, ...]]:
-    return [
-        (
-            entry.id,
-            entry.rig,
-            entry.target,
-            f"{entry.begun:%Y-%m-%d %H:%M} UTC" if entry.begun is not None else "–",
-            entry.result if entry.closed else f"{entry.result}, not closed",
-            f"{entry.bytes / 1e6:.1f} MB",
-        )
-        for entry in entries
-    ]
-
-
-def catalogue_text(entries: Sequence[CatalogueEntry]) -> str:
-    """Return a line for each recording."""
-    return text_table(_CATALOGUE, _catalogue_rows(entries), left=5) if entries else "There is no such recording."
-
-
-def catalogue_html(entries: Sequence[CatalogueEntry]) -> str:
-    """Return the same as HTML."""
-    return html_table(_CATALOGUE, _catalogue_rows(entries), left=5) if entries else "<p>There is no such recording.</p>"

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
+
+from google.protobuf.message import Message
 
 from duralab.data import IterationTable, RigMode, RigState
 from duralab.lab.progress import ENDED
@@ -17,6 +19,8 @@ from duralab_proto.v1 import health_pb2, iterator_pb2, query_pb2, recorder_pb2, 
 
 SILENCE_SECONDS: Final = 3.0
 """A service that gives no sign of life for so long is told of as silent."""
+
+MessageT = TypeVar("MessageT", bound=Message)
 
 _KINDS: Final = {
     health_pb2.FIGURE_KIND_GAUGE: FigureKind.GAUGE,
@@ -72,12 +76,7 @@ def health_of(bus: Bus) -> list[ServiceHealth]:
 
 def _asked(bus: Bus, service: str, instance: str) -> ServiceHealth:
     try:
-        health = bus.query(
-            bus.keys.health(service, instance),
-            health_pb2.HealthRequest(),
-            health_pb2.Health,
-            silence_seconds=SILENCE_SECONDS,
-        )
+        health = _ask(bus, bus.keys.health(service, instance), health_pb2.HealthRequest(), health_pb2.Health)
     except FaultError as fault:
         unknown = fault.code == query_pb2.FAULT_CODE_UNIMPLEMENTED
         trouble = "It tells no figures: its kind of service does not know the question." if unknown else fault.message
@@ -102,8 +101,6 @@ def _asked(bus: Bus, service: str, instance: str) -> ServiceHealth:
 
 SERVICES: Final = ("rig_sim", "identifier", "iterator", "recorder")
 """What a whole lab has; of the first, one instance for each rig."""
-
-_SILENCE_SECONDS: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -174,36 +171,27 @@ def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
 
 def _rig(bus: Bus, name: str) -> RigState:
     try:
-        state = bus.query(
-            bus.keys.rig_state(name), rig_pb2.StateRequest(), rig_pb2.RigState, silence_seconds=_SILENCE_SECONDS
-        )
+        state = _ask(bus, bus.keys.rig_state(name), rig_pb2.StateRequest(), rig_pb2.RigState)
         # Latched and not at rest: either on its way down, or on its way to the end of a run that cannot be stopped.
-        goes_on = bool(state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.run) and _cannot_be_stopped(bus, name)
+        goes_on = bool(state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.run)
+        if goes_on:
+            key, request = bus.keys.rig_description(name), rig_pb2.DescriptionRequest()
+            goes_on = _ask(bus, key, request, rig_pb2.RigDescription).cannot_be_stopped
     except FaultError as fault:
         return RigState(name, RigMode.UNKNOWN, fault.message, run="", fraction=0.0)
     return RigState.from_message(state, goes_on=goes_on)
 
 
-def _cannot_be_stopped(bus: Bus, name: str) -> bool:
-    return bus.query(
-        bus.keys.rig_description(name),
-        rig_pb2.DescriptionRequest(),
-        rig_pb2.RigDescription,
-        silence_seconds=_SILENCE_SECONDS,
-    ).cannot_be_stopped
+def _ask(bus: Bus, key: str, request: Message, kind: type[MessageT]) -> MessageT:
+    return bus.query(key, request, kind, silence_seconds=SILENCE_SECONDS)
 
 
 def _held(bus: Bus) -> list[recorder_pb2.RecordingInfo] | None:
     try:
-        answer = bus.query(
-            bus.keys.recordings(),
-            recorder_pb2.ListRecordingsRequest(),
-            recorder_pb2.RecordingList,
-            silence_seconds=_SILENCE_SECONDS,
-        )
+        request = recorder_pb2.ListRecordingsRequest()
+        return list(_ask(bus, bus.keys.recordings(), request, recorder_pb2.RecordingList).recordings)
     except FaultError:
         return None
-    return list(answer.recordings)
 
 
 def _campaigns(bus: Bus, held: list[recorder_pb2.RecordingInfo]) -> tuple[CampaignUnderWay, ...]:
@@ -213,12 +201,8 @@ def _campaigns(bus: Bus, held: list[recorder_pb2.RecordingInfo]) -> tuple[Campai
             continue
         # The iterator knows no recording that was broken off before it began; that one waits for `duralab resume`.
         with suppress(FaultError):
-            status = bus.query(
-                bus.keys.campaign(information.recording),
-                iterator_pb2.CampaignRequest(),
-                iterator_pb2.CampaignStatus,
-                silence_seconds=_SILENCE_SECONDS,
-            )
+            key = bus.keys.campaign(information.recording)
+            status = _ask(bus, key, iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
             if status.phase not in ENDED:
                 found.append(_under_way(status, rig=information.rig))
     return tuple(found)

@@ -70,29 +70,17 @@ class CampaignResult:
         return f"CampaignResult({self.status.id}: {self.verdict.judgement})"
 
     def __str__(self) -> str:
-        """Return it as a table."""
-        return result_text(self)
+        """Return table, verdict and remarks as text."""
+        remarks = "".join(f"\n- {remark}" for remark in self.status.remarks)
+        judged = text_table(*self._judged(), left=1) if len(self.iterations) else ""
+        return f"{self.iterations}\n{judged}\n{self.verdict.sentence}{remarks}"
 
     def _repr_html_(self) -> str:
+        remarks = "".join(f"<li>{escape(remark)}</li>" for remark in self.status.remarks)
+        verdict = f"<p><b>{escape(self.verdict.sentence)}</b></p>"
+        judged = html_table(*self._judged(), left=1) if len(self.iterations) else ""
+        return f"{verdict}{judged}{iterations_html(self.iterations)}{f'<ul>{remarks}</ul>' if remarks else ''}"
 
-        return result_html(self)
-
-
-def result_text(result: CampaignResult) -> str:
-    """Return table, verdict and remarks of a campaign as text."""
-    remarks = "".join(f"\n- {remark}" for remark in result.status.remarks)
-    judged = text_table(*_judged(result), left=1) if len(result.iterations) else ""
-    return f"{result.iterations}\n{judged}\n{result.verdict.sentence}{remarks}"
-
-
-def _judged(result: CampaignResult) -> tuple[list[str], list[list[str]]]:
-    header, rows = judged_rows(result.iterations, result.verdict, slope=counted_slope(result.specification))
-    return [", ".join(filter(None, heading)) for heading in header], rows
-
-
-def result_html(result: CampaignResult) -> str:
-    """Return the same as HTML."""
-    remarks = "".join(f"<li>{escape(remark)}</li>" for remark in result.status.remarks)
-    verdict = f"<p><b>{escape(result.verdict.sentence)}</b></p>"
-    judged = html_table(*_judged(result), left=1) if len(result.iterations) else ""
-    return f"{verdict}{judged}{iterations_html(result.iterations)}{f'<ul>{remarks}</ul>' if remarks else ''}"
+    def _judged(self) -> tuple[list[str], list[list[str]]]:
+        header, rows = judged_rows(self.iterations, self.verdict, slope=counted_slope(self.specification))
+        return [", ".join(filter(None, heading)) for heading in header], rows
