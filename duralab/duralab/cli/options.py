@@ -36,6 +36,10 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Random seed of the sim
 RealTime = Annotated[
     bool, typer.Option("--real-time", help="Play no faster than real time, as a rehearsal of a real rig.")
 ]
+View = Annotated[bool, typer.Option("--view", help="Open the live viewer.")]
+InputFormat = Annotated[
+    str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of the file read; by suffix if left out.")
+]
 Source = Annotated[Path, typer.Argument(metavar="IN", help="A file of signals.")]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
 Recording = Annotated[Path, typer.Argument(help="A recording.mcap.")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 import uuid
 from collections.abc import Iterable, Sequence
@@ -36,7 +37,7 @@ from duralab.lab.campaigns import (
 from duralab.lab.catalogue import Catalogue
 from duralab.lab.client import Deadline, LabClient, deadline_of
 from duralab.lab.identifier import Identifier
-from duralab.lab.playing import play_drive, reset_rig, state_of_rig, stop_rig
+from duralab.lab.playing import play_drive, stop_rig
 from duralab.lab.progress import OnProgress, RunProgress, Stage, progress_of
 from duralab.lab.status import ServiceHealth, health_of
 from duralab.lab.watching import Watch, Watched
@@ -165,7 +166,8 @@ class Lab:
         LabError
             It is not there.
         """
-        return state_of_rig(self._ask, rig)
+        key = self._ask.key("rig", self._bus.keys.rig_state, rig)
+        return RigState.from_message(self._ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))
 
     def reset(self, rig: str) -> RigState:
         """Clear the latch of a rig, after somebody has looked at it; one that is not latched stays as it is.
@@ -185,7 +187,9 @@ class Lab:
         LabError
             It is not there, does not come to rest, or was stopped again while the reset waited.
         """
-        return reset_rig(self._ask, rig)
+        key = self._ask.key("rig", self._bus.keys.rig_reset, rig)
+        request = rig_pb2.ResetRequest(command=secrets.token_hex(16))
+        return RigState.from_message(self._ask.query(key, request, rig_pb2.RigState))
 
     def play(
         self,

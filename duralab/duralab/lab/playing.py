@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -119,18 +118,6 @@ def stop_rig(ask: LabClient, rig: str, *, reason: str) -> RigState:
     message = ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
     # The contract: only a rig that cannot be stopped answers before it rests.
     return RigState.from_message(message, goes_on=bool(message.run))
-
-
-def reset_rig(ask: LabClient, rig: str) -> RigState:
-    """Clear the latch of a rig."""
-    key = ask.key("rig", ask.bus.keys.rig_reset, rig)
-    return RigState.from_message(ask.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState))
-
-
-def state_of_rig(ask: LabClient, rig: str) -> RigState:
-    """Ask a rig what it does."""
-    key = ask.key("rig", ask.bus.keys.rig_state, rig)
-    return RigState.from_message(ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))
 
 
 def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signals:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, suppress
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import typer
@@ -22,7 +23,7 @@ _STYLES = {"PASSED": "green", "FAILED": "bold red", "NOT_TRIED": "dim"}
 
 def check_rig(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
     """Check that a rig keeps the contract; moves it by 5 % of its limits, twice for 2 s, stops and resets it."""
-    from duralab.conformance import all_passed
+    from duralab.conformance import Outcome, all_passed
     from duralab.conformance import check_rig as check
     from duralab.lab import FIND_SECONDS, join_bus
     from duralab_bus import FaultError
@@ -37,8 +38,13 @@ def check_rig(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> 
         with suppress(FaultError):
             bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
         findings = check(bus, rig, tell=None if as_json else lambda finding: output.console.print(_line(finding)))
-    if not output.document(_document(rig, findings)):
-        output.say(_summary(rig, findings))
+    found = [asdict(finding) for finding in findings]
+    if not output.document({"rig": rig, "passed": all_passed(findings), "findings": found}):
+        counts = {outcome: sum(finding.outcome is outcome for finding in findings) for outcome in Outcome}
+        output.say(
+            f"{rig} {'keeps' if all_passed(findings) else 'breaks'} the contract: {counts[Outcome.PASSED]} passed, "
+            f"{counts[Outcome.FAILED]} failed, {counts[Outcome.NOT_TRIED]} not tried."
+        )
     if not all_passed(findings):
         raise typer.Exit(int(ExitCode.FAILED))
 
@@ -48,27 +54,3 @@ def _line(finding: Finding) -> Text:
 
     outcome = (f"{finding.outcome.value:<10}", _STYLES[finding.outcome.name])
     return Text.assemble(f"{finding.check:<22}", outcome, finding.sentence)
-
-
-def _summary(rig: str, findings: list[Finding]) -> str:
-    from duralab.conformance import Outcome, all_passed
-
-    counts = {outcome: sum(finding.outcome is outcome for finding in findings) for outcome in Outcome}
-    verdict = "keeps" if all_passed(findings) else "breaks"
-    return (
-        f"{rig} {verdict} the contract: {counts[Outcome.PASSED]} passed, {counts[Outcome.FAILED]} failed, "
-        f"{counts[Outcome.NOT_TRIED]} not tried."
-    )
-
-
-def _document(rig: str, findings: list[Finding]) -> dict[str, object]:
-    from duralab.conformance import all_passed
-
-    return {
-        "rig": rig,
-        "passed": all_passed(findings),
-        "findings": [
-            {"check": finding.check, "outcome": finding.outcome.value, "sentence": finding.sentence}
-            for finding in findings
-        ],
-    }

@@ -14,6 +14,7 @@ from duralab.cli.options import (
     Connect,
     DataType,
     FileFormat,
+    InputFormat,
     Json,
     Out,
     Replace,
@@ -35,9 +36,7 @@ def convert(
     source: Source,
     out: Out,
     *,
-    from_format: Annotated[
-        str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of IN; by suffix if left out.")
-    ] = None,
+    from_format: InputFormat = None,
     to_format: FileFormat = None,
     units: Unit = None,
     rate: Annotated[float | None, typer.Option("--rate", metavar="HZ", help="Resample to this rate.")] = None,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from duralab.cli.options import Json
+from duralab.cli.options import InputFormat, Json
 from duralab.cli.output import Output
 from duralab.errors import InputError
 
@@ -27,9 +28,7 @@ _NONE: Final = "–"
 def info(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of signals, or a recording.mcap.")],
     *,
-    from_format: Annotated[
-        str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of FILE; by suffix if left out.")
-    ] = None,
+    from_format: InputFormat = None,
     as_json: Json = False,
 ) -> None:
     """Show the content of a signal file or a recording: channels, range, RMS, spectrum; campaign and playbacks."""
@@ -156,18 +155,5 @@ def _document(summary: SignalSummary) -> dict[str, object]:
         "seconds": summary.duration,
         "psd_resolution": summary.resolution,
         "psd_edges": summary.psd_edges,
-        "channels": [
-            {
-                "name": channel.name,
-                "unit": channel.unit,
-                "not_finite": channel.not_finite,
-                "minimum": channel.minimum,
-                "maximum": channel.maximum,
-                "mean": channel.mean,
-                "rms": channel.rms,
-                "band": channel.band,
-                "psd": channel.psd,
-            }
-            for channel in summary.channels
-        ],
+        "channels": [asdict(channel) for channel in summary.channels],
     }

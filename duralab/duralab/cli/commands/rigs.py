@@ -46,30 +46,13 @@ def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
 
 
 def _document(rig: Rig) -> dict[str, object]:
-    return {
-        "name": rig.name,
-        "specimen": rig.specimen,
-        "engine": rig.engine,
-        "version": rig.version,
-        "sample_rate": rig.sample_rate,
-        "longest_drive_seconds": rig.longest_drive_seconds,
-        "drives": [_channel(channel) for channel in rig.drives],
-        "responses": [_channel(channel) for channel in rig.responses],
-        "content_hash": rig.content_hash,
-        "publishes_after_run": rig.publishes_after_run,
-        "cannot_be_stopped": rig.cannot_be_stopped,
-    }
+    channels = {kind: [_channel(one) for one in getattr(rig, kind)] for kind in ("drives", "responses")}
+    return {**{name: value for name, value in vars(rig).items() if name != "static_response"}, **channels}
 
 
 def _channel(channel: Channel) -> dict[str, object]:
-    return {
-        "name": channel.name,
-        "unit": channel.unit,
-        "minimum": channel.minimum,
-        "maximum": channel.maximum,
-        "slew_limit": channel.slew_limit or None,
-        "label": channel.label,
-    }
+    shown = {name: value for name, value in vars(channel).items() if name not in ("kind", "watchdog")}
+    return {**shown, "slew_limit": channel.slew_limit or None}
 
 
 def _table(rig: Rig) -> Table:

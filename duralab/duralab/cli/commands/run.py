@@ -17,6 +17,7 @@ from duralab.cli.options import (
     OutFolder,
     RealTime,
     Replace,
+    View,
     complete_campaign,
     endpoint_of_lab,
     open_lab,
@@ -43,7 +44,7 @@ def run(
         typer.Option("--connect", metavar="ENDPOINT", help="Endpoint of the lab to use; a private lab if left out."),
     ] = None,
     real_time: RealTime = False,
-    view: Annotated[bool, typer.Option("--view", help="Open the live viewer.")] = False,
+    view: View = False,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.options import Connect, Json, RealTime, complete_rig
+from duralab.cli.options import Connect, Json, RealTime, View, complete_rig
 from duralab.cli.output import Output
 from duralab.errors import InputError
 
@@ -38,7 +38,7 @@ def up(
         ),
     ] = None,
     real_time: RealTime = False,
-    view: Annotated[bool, typer.Option("--view", help="Open the live viewer.")] = False,
+    view: View = False,
     as_json: Json = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C or `duralab down`."""
