@@ -28,11 +28,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of a conformance check.
-
-    `check`: What was tried, in words. `outcome`: How it ended. `sentence`: Why it failed or was not tried; empty where
-    it passed.
-    """
+    """One line of a conformance check; `sentence` is why it failed or was not tried, else empty."""
 
     check: str
     outcome: Outcome

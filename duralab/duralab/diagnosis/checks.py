@@ -31,11 +31,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found.
-
-    `check`: What was looked at. `severity`: What it means. `sentence`: What was found. `remedy`: What to do; empty
-    where nothing is to be done.
-    """
+    """What was found of one thing (`check`); `remedy` is what to do, empty where nothing is to be done."""
 
     check: str
     severity: Severity

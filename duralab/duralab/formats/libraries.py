@@ -37,10 +37,7 @@ def require_library(module: str, *, extra: str) -> ModuleType:
 
 
 class WatchedFile(io.FileIO):
-    """A file that remembers where it was read last, to say so where a library fails.
-
-    `path`: The file, opened for reading.
-    """
+    """A file that remembers where it was read last, to say so where a library fails."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")

@@ -124,9 +124,8 @@ EnumT = TypeVar("EnumT", bound=Enum)
 
 @dataclass(frozen=True)
 class Header:
-    """The records of a header with the place of each, and the checks of what they may hold.
+    """The records of a header, by keyword in upper case, with the checks of what they may hold.
 
-    `path`: The file, for what is said of it. `values`: By keyword, in upper case, without NUL and blanks at the ends.
     `offsets`: Byte of each keyword's record. `size`: Bytes of the header; the data follow.
     """
 

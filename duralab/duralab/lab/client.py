@@ -28,11 +28,7 @@ from duralab_proto.v1 import query_pb2
 
 @dataclass(frozen=True)
 class Deadline:
-    """When to give up; `duralab_bus` asks it as it asks an event.
-
-    `timeout_seconds`: The time allowed, as the caller said it; infinite where all the time in the world is. `deadline`:
-    When it is over, of `time.monotonic`. `cancel`: Set from another thread, ends the wait.
-    """
+    """Deadline, of `time.monotonic`, and cancellation of a blocking call; `duralab_bus` asks it as it asks an event."""
 
     timeout_seconds: float = math.inf
     deadline: float = math.inf
@@ -91,11 +87,7 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 
 class LabClient:
-    """A session on the bus, as the SDK asks through it.
-
-    `bus`: The session. `failure`: Returns what happened to a service of this lab that ended by itself; None while all
-    is well.
-    """
+    """A session on the bus, as the SDK asks through it; `failure` returns the end of a service of this lab, or None."""
 
     def __init__(self, bus: Bus, failure: Callable[[], LabError | None]) -> None:
         self.bus = bus

@@ -30,12 +30,7 @@ _KINDS: Final = {
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a service.
-
-    `name`: As Prometheus is told it, with its unit, e.g. "duralab_recorder_lag_seconds". `what`: In words. `kind`:
-    Whether it goes up and down, or counts from the start of the process. `labels`: What it is about, e.g. {"rig":
-    "front_axle"}; may be empty. `value`: In SI units.
-    """
+    """One figure of a service in SI units; its name and labels, e.g. {"rig": "front_axle"}, are those of Prometheus."""
 
     name: str
     what: str
@@ -46,11 +41,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """How one instance of a service is.
+    """Health of one instance of a service: of a rig's name, or "main".
 
-    `service`: E.g. "recorder". `instance`: A rig's name, of rig_sim; "main" of the others. `up_seconds`: How long its
-    process is on the bus; not a number where it does not tell. `figures`: Of its process: rigs of one process tell the
-    same. `trouble`: Why it does not tell, in one sentence; empty where it does.
+    `up_seconds`: Time of its process on the bus; not a number where it does not tell. `figures`: Rigs of one process
+    tell the same. `trouble`: Why it does not tell, in one sentence; empty where it does.
     """
 
     service: str
@@ -118,12 +112,10 @@ class CampaignUnderWay:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """What a recorder holds.
+    """What a recorder holds; `free_bytes` is None where its disk is another machine's.
 
-    `recordings`, `open_recordings`: How many there are, and how many are written now. `bytes`: Of all.
-    `missing_blocks`: Signal blocks that it knows of and does not hold yet: how far it lags; of an ended run, what is
-    lost. `waiting`: Why it cannot write now; empty where it can. `free_bytes`: Of its disk; None where that is another
-    machine's.
+    `missing_blocks`: Signal blocks that it knows of and does not hold yet; of an ended run, what is lost. `waiting`:
+    Why it cannot write now; empty where it can.
     """
 
     recordings: int
@@ -136,11 +128,7 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class LabStatus:
-    """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them.
-
-    `missing`: Names of the services that the lab lacks. `services`: Health of the services that answered. `rigs`: State
-    of each rig. `campaigns`: Campaigns under way. `recorder`: State of the recorder, or None where it is missing.
-    """
+    """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them."""
 
     missing: tuple[str, ...]
     services: tuple[ServiceHealth, ...]

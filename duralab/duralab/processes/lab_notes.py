@@ -31,12 +31,7 @@ _SUFFIX: Final = ".json"
 
 @dataclass(frozen=True)
 class RunningLab:
-    """A lab that `duralab up` keeps running.
-
-    `endpoint`: Where it listens. `process_id`: Of the process that keeps it. `process_began`: When that began, in
-    seconds since 1970 UTC. `host`: The machine; a home folder may be that of several. `recordings`: The recorder's
-    folder. `services`: Process id of each service.
-    """
+    """A lab that `duralab up` keeps running in a process that began at a time, in seconds since 1970 UTC, on a host."""
 
     endpoint: str
     process_id: int

@@ -48,11 +48,7 @@ _TRACE_LINES: Final = (
 
 @dataclass(frozen=True)
 class ServicePlan:
-    """One service to start with `python -m <name> --config FILE`.
-
-    `name`: Of its module, and in its liveliness key. `instances`: What it declares live. `settings`: Its configuration,
-    beside what the supervisor adds.
-    """
+    """One service to start with `python -m <name> --config FILE`, and the instances that it declares live."""
 
     name: str
     instances: tuple[str, ...] = (MAIN_INSTANCE,)
@@ -94,12 +90,9 @@ def lab_services(
 
 
 class Supervisor:
-    """Starts services and ends them; use it in a `with` statement.
+    """Starts services and ends them, the last one after the others; use it in a `with` statement.
 
-    The services end by themselves when this process is killed: they hold the other end of a pipe.
-
-    `plans`: The services, ended together except the last, which is ended after the others. `bus`: The session they
-    connect to; it listens. `logs`: Folder of `<service>.log`; made if it is not there.
+    The services end when this process is killed: they hold the other end of a pipe. `bus` listens; they connect to it.
     """
 
     def __init__(self, plans: Sequence[ServicePlan], *, bus: Bus, logs: Path) -> None:

@@ -30,13 +30,10 @@ _HOST: Final = "127.0.0.1"
 
 
 class Viewer:
-    """A running viewer; use it in a `with` statement.
+    """A running viewer on 127.0.0.1, maybe with an .rrd file; use it in a `with` statement.
 
-    `port`: Where data are sent to it, on 127.0.0.1; 0 takes a free one. `web_port`: Where a browser finds it, on
-    127.0.0.1; 0 takes a free one. `native`: A window of its own; where not given, if there is a display. `file`: An
-    .rrd file to open.
-    Raises `InputError`: A port is in use, there is no such file, or the viewer is not installed. `LabError`: It did not
-    start; with the last lines of its log.
+    `port`, `web_port`: 0 takes a free one. `native`: A window of its own, by default where there is a display; else a
+    page for a browser at `web_port`.
     """
 
     def __init__(

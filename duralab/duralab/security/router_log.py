@@ -31,12 +31,10 @@ _TLS: Final = "zenoh_link_tls::unicast"
 
 @dataclass(frozen=True)
 class Refusal:
-    """One thing that a router refused.
+    """One thing that a router refused: when (ISO 8601 in UTC), and to whom by certificate or Zenoh's id of the session.
 
-    `time`: When, ISO 8601 in UTC. `who`: Common name in the certificate; empty where the router logged none before.
-    `session`: Zenoh's id of the session; empty of a link that did not come so far. `what`: What was tried, in Zenoh's
-    words: "Put", "Query", "Declare Subscriber", …; or "join" of a link. `key`: On which key or key expression; of a
-    link, why it was refused.
+    `what`: In Zenoh's words: "Put", "Query", "Declare Subscriber", …; or "join" of a link. `key`: On which key or key
+    expression; of a link, why it was refused.
     """
 
     time: str

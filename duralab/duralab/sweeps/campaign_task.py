@@ -78,10 +78,7 @@ def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
 
 
 class KeptCell:
-    """The cell of a worker: kept from one campaign to the next while they need the same rigs.
-
-    `folder`: Where its folders are made; the system's temporary folder where not given.
-    """
+    """The cell of a worker: kept from one campaign to the next while they need the same rigs."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
@@ -137,11 +134,7 @@ _KEPT: Final[dict[str, KeptCell]] = {}
 
 @dataclass(frozen=True)
 class Task:
-    """A point on its way to a worker.
-
-    `point`: The campaign. `folder`: Of the point, as the worker sees it. `cell`: What it runs in. `keep`: What is kept
-    of it.
-    """
+    """A point on its way to a worker, with its folder as the worker sees it."""
 
     point: Point
     folder: Path

@@ -137,12 +137,7 @@ RETRIES = 1
 
 
 class PointRunner:
-    """Runs points on the workers of a client.
-
-    `open_client`: Starts or finds the workers; called when there is something to run, and not before. `sweep`: What
-    they run in, and what is kept. `folder`: Of the sweep, as every worker sees it. `retry_failed`: Whether points that
-    failed before are run again.
-    """
+    """Runs points on the workers of a client, which is opened when there is something to run, and not before."""
 
     def __init__(self, open_client: Callable[[], Client], sweep: Sweep, *, folder: Path, retry_failed: bool) -> None:
         self._open_client = open_client

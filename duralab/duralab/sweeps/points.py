@@ -83,11 +83,9 @@ _PATHS: Final = ("target.file", "target.opencrg.path")
 
 @dataclass(frozen=True)
 class Point:
-    """One campaign of a sweep.
+    """One campaign of a sweep: its file with absolute paths, and the rigs it needs, shipped or other specimens.
 
-    `id`: Of its content; see `point_id`. `settings`: What it has that others may have otherwise, by dotted key.
-    `campaign`: Its campaign file; paths in it are absolute. `rigs`: The shipped rigs it needs as they are. `specimens`:
-    The other rigs it needs.
+    `settings`: What it has that others may have otherwise, by dotted key.
     """
 
     id: str
@@ -103,11 +101,7 @@ class Point:
 
 
 class PointMaker:
-    """Makes points of settings.
-
-    `sweep`: Whose campaign and specimens are changed.
-    Raises `InputError`: There is no such campaign or specimen.
-    """
+    """Makes points of settings: changes of a sweep's campaign and specimens."""
 
     def __init__(self, sweep: Sweep) -> None:
         self._sweep = sweep

@@ -241,11 +241,7 @@ def text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class _Scale:
-    """How the values of one axis of the parallel coordinates stand above each other.
-
-    `lowest`, `highest`: Ends of an axis of numbers. `order`: Of an axis of names: the place of each, 0 to 1; empty for
-    numbers. `ticks`: What is written beside the axis.
-    """
+    """Heights of the values of one axis of the parallel coordinates: of numbers, or of names by `order`, 0 to 1."""
 
     lowest: float
     highest: float

@@ -27,12 +27,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Costs:
-    """Where the time of a point went, in seconds.
-
-    `cell`: Opening a rig cell; next to nothing where one was there. `campaign`: Target, identification, playbacks and
-    updates, and bringing the recording to its place. `processor`: Processor time of the worker's process in all; that
-    of a lab's processes is not in it.
-    """
+    """Time of a point in seconds: for its cell, its campaign, and of the processor in the worker's process."""
 
     cell: float = 0.0
     campaign: float = 0.0
@@ -41,16 +36,12 @@ class Costs:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The row of a point; figures are empty where it failed.
+    """The row of a point, with the best playback of its campaign; figures are empty where it failed.
 
-    `id`: Of the point. `state`: Whether its campaign came to its end. `sentence`: Its verdict, or why it failed.
-    `judgement`: How it ended, seen from what was wanted; empty where it failed. `best_playback`: Number of the playback
-    with the smallest error; 0 where there is none. `overall_error`, `worst_error`: Relative RMS error of that playback
-    over all judged channels, and the largest of a channel. `channels`: The responses. `watched`: Which of them are not
-    judged. `numbers`: Of the playbacks. `errors`, `rms_responses`: Relative RMS error and RMS response, a row for each
-    playback. `overall`: Relative RMS error over all judged channels after each playback. `rig_hash`: SHA-256 of all
-    that decides what the rig answers. `worker`: Where it ran. `costs`: Where the time went. `bytes`: Size of the
-    recording that is kept.
+    `sentence`: Its verdict, or why it failed. `overall_error`, `worst_error`: Relative RMS error of the best playback
+    over all judged channels, and the largest of a channel. `errors`, `rms_responses`, `overall`: A row or figure for
+    each playback. `rig_hash`: SHA-256 of all that decides what the rig answers. `bytes`: Size of the recording that is
+    kept.
     """
 
     id: str
@@ -168,11 +159,10 @@ _NESTED: Final = ("channels", "watched", "numbers", "errors", "rms_responses", "
 
 @dataclass(frozen=True)
 class SweepResults:
-    """What a sweep came to.
+    """What a sweep came to, with the text of its file.
 
-    `folder`: Of the sweep. `name`: Of the sweep. `text`: Its file, word for word. `keys`: What differs from point to
-    point, by dotted key. `total`: Points it has; as many rows where all have ended. `objective`: The figure to compare
-    by. `rows`: A row for each point that has ended: its settings by dotted key, and the fields of its outcome.
+    `keys`: What differs from point to point, by dotted key. `total`: Points it has; as many rows where all have ended.
+    `rows`: A row for each point that has ended: its settings by dotted key, and the fields of its outcome.
     """
 
     folder: Path

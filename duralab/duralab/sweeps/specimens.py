@@ -90,8 +90,7 @@ _BODIES: Final = "sdf"
 class SpecimenText:
     """A rig that is not taken as it is shipped; hashable, so that cells can be compared by it.
 
-    `rig`: Its name. `text`: Its YAML. `bodies`: Name of the SDF or URDF that belongs beside it; empty where it has
-    none. `bodies_text`: Its content: a worker may see no file of this machine.
+    `bodies`: Name of the SDF or URDF that belongs beside its YAML, if any; a worker may not see the file.
     """
 
     rig: str

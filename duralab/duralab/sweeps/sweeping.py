@@ -134,11 +134,7 @@ _WRITE_SHARE: Final = 0.05
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """How far a sweep is.
-
-    `ended`, `total`: Points. `failed`: How many of those that ended failed. `best`: Smallest figure so far.
-    `best_settings`: Of that point.
-    """
+    """How many points of a sweep have ended or failed, and the smallest figure so far with its settings."""
 
     ended: int
     total: int

@@ -83,11 +83,10 @@ def newer_format(said: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """What a file says of its place.
+    """What a file says of its place; empty or 0 where it does not say.
 
-    `path`: The file. `recording`: Id of its recording; empty where it does not say. `number`: From 1; 0 where it does
-    not say. `next_file`: Name of the file in which the recording goes on; empty in the last. `is_empty`: It was begun
-    and never finished, and neither says what it is nor holds a message.
+    `next_file`: Name of the file in which the recording goes on. `is_empty`: It was begun and never finished, and
+    neither says what it is nor holds a message.
     """
 
     path: Path

@@ -162,10 +162,7 @@ LabErrorT = TypeVar("LabErrorT", bound=LabError)
 
 @dataclass(frozen=True)
 class Recovery:
-    """What becomes of the recording of one campaign that ends badly.
-
-    `ask`: The session. `id`: The campaign. `folder`: Where its outputs are to go. `place`: Where the recorder writes.
-    """
+    """What becomes of the recording of one campaign that ends badly; `folder` is where its outputs are to go."""
 
     ask: LabClient
     id: str

@@ -78,14 +78,11 @@ _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 class Content:
     """What was found so far; `take` adds to it, file by file.
 
-    `steps`: Full name of the message and SHA-256 of the payload of each step. `last_step_type`: Full name of the
-    message of the step read last. `blocks`: The signal blocks of each rig, run and epoch. `samples`: Whether their
-    samples follow each other. `named`: Run, epoch and hash of the samples that steps leave out. `streams`: The states
-    and events of each key and epoch. `planned`, `played`: The playbacks announced, and the proofs of what they consist
-    of. `summary`: The last one. `part`: What the file read last says about its place. `descriptions`: The rigs, by
-    name. `attachments`: SHA-256 of each attachment, by name; there are some in recordings of format version 1.
-    `scenario`: Metadata of the campaign's YAML. `story`: Rig, target, phase and outcome, as the steps tell them.
-    `messages`: Number of messages found so far.
+    `steps`: Full name of the message and SHA-256 of the payload of each step. `blocks`, `samples`: Signal blocks of
+    each rig, run and epoch, and whether their samples follow each other. `named`: Run, epoch and hash of the samples
+    that steps leave out. `streams`: States and events of each key and epoch. `part`: What the file read last says about
+    its place. `attachments`: SHA-256 by name; there are some in recordings of format version 1. `scenario`: Metadata of
+    the campaign's YAML.
     """
 
     steps: dict[int, tuple[str, str]] = field(default_factory=dict)

@@ -22,11 +22,7 @@ LONGEST_TYPE_NAME: Final = 200
 
 @dataclass(frozen=True)
 class Step:
-    """A committed step whose content was checked.
-
-    `number`: Place within its recording, from 0. `message`: The decoded payload. `payload`: Exactly what was sent; the
-    log keeps these bytes. `payload_hash`: SHA-256 of `payload`, hexadecimal.
-    """
+    """A committed step whose content was checked; the log keeps the bytes of its payload (SHA-256, hexadecimal)."""
 
     number: int
     message: Message

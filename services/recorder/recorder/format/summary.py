@@ -33,11 +33,7 @@ def ranges_of(continuity: Continuity) -> list[range]:
 
 @dataclass
 class PlannedRun:
-    """A playback that was announced.
-
-    `recording`: Id of the recording that its blocks go to. `played`: The proof of what it consists of, once it was
-    played. `epochs`: The blocks stored, for each epoch of their publisher.
-    """
+    """A playback that was announced to a recording, and the blocks stored of each epoch of its publisher."""
 
     recording: str
     played: recorder_pb2.RunPlayed | None = None
@@ -81,11 +77,7 @@ Streams = dict[tuple[str, int], Continuity]
 
 @dataclass(frozen=True)
 class Story:
-    """What a recording was about, for who looks for it; empty or 0 where it is not known.
-
-    `rig`, `target`: From the campaign's specification: the rig, and where the target comes from. `begun`: When the
-    first step was stored, in nanoseconds since 1970 UTC. `phase`, `outcome`: How the campaign ended.
-    """
+    """What a recording was about, and its begin in nanoseconds since 1970 UTC; empty or 0 where it is not known."""
 
     rig: str = ""
     target: str = ""
@@ -105,12 +97,9 @@ class Story:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a recording says about itself at the end of a file.
+    """What a recording says about itself at the end of a file: why it ends, what is stored so far, which file goes on.
 
-    `recording`: Its id. `reason`: Why the file ends. `step_types`, `step_hashes`: Full name of each step's message, and
-    SHA-256 (hexadecimal) of its payload. `runs`: The playbacks announced so far and their blocks that are stored.
-    `attachments`: Name and SHA-256 of the attachments of all files. `story`: What it was about. `streams`: Which states
-    and events are stored. `next_file`: Name of the file that goes on; empty in the last one.
+    `step_types`, `step_hashes`: Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
     """
 
     recording: str

@@ -108,10 +108,7 @@ _Files = tuple[tuple[str, int, int, int], ...]
 
 
 class RecentlyClosed:
-    """The steps of the recordings that ended last, so that one that is sent again is acknowledged without their files.
-
-    `folder`: Where the files are; who deletes, moves or changes one there takes away what was acknowledged of it.
-    """
+    """The steps of the recordings that ended last: a step sent again is acknowledged without their files."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -137,11 +134,10 @@ class RecentlyClosed:
 
 
 class Archive:
-    """The recordings that are written now, and those that may be gone on with.
+    """The recordings of a folder that are written now, and those that may be continued.
 
-    `folder`: Where the files go; it exists. `split_bytes`: A file that is as large is finished, and the recording goes
-    on in the next. `least_free_bytes`: No playback is begun, and no interrupted recording taken up, while less is free
-    on the disk.
+    `split_bytes`: Size at which a file is finished and the next one begun. `least_free_bytes`: No playback is begun,
+    and no interrupted recording reopened, while less is free on the disk.
     """
 
     def __init__(

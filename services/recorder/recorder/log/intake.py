@@ -14,10 +14,7 @@ _OVERHEAD_BYTES: Final = 1024
 
 
 class Intake:
-    """Counts the stream messages between their delivery and the disk. Safe for threads.
-
-    `most_bytes`: From here on deliverers wait; what they do not deliver stays in the publishers' spools.
-    """
+    """Counts the stream messages between delivery and disk; deliverers wait from `most_bytes` on. Safe for threads."""
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most_bytes = most_bytes

@@ -43,10 +43,7 @@ class Placement(Enum):
 
 
 class StepOrder:
-    """The steps stored so far.
-
-    `recording`: Id of the recording, for the refusals.
-    """
+    """The steps stored so far."""
 
     def __init__(self, recording: str) -> None:
         self._recording = recording
@@ -144,11 +141,7 @@ def as_disk_error(recording: str) -> Iterator[None]:
 
 @dataclass
 class Stored:
-    """What the finished files of a recording hold.
-
-    `files`: How many there are. `previous_sha256`: Of the last; worked out when it is needed where empty. `streams`:
-    The states and events of each key and epoch, also those that are only written.
-    """
+    """What the finished files of a recording hold; `streams` also what is only written."""
 
     files: int = 0
     previous_sha256: str = ""
@@ -159,11 +152,7 @@ class Stored:
 
 
 class Recording:
-    """A recording that is written. Used by one thread.
-
-    `name`: Its id. `folder`: Where its files go; the next one is made when there is something to write. `order`: The
-    steps stored before. `stored`: The files there are.
-    """
+    """A recording that is written, file after file. Used by one thread."""
 
     def __init__(
         self, name: str, folder: Path, *, order: StepOrder | None = None, stored: Stored | None = None

@@ -47,10 +47,7 @@ LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
 
 @dataclass(frozen=True)
 class FreeSpaceGuard:
-    """Space on the recordings' disk that must be free before something is begun.
-
-    `folder`: On the disk in question. `least_bytes`: 0 or more.
-    """
+    """Space that must be free on the disk of a folder before something is begun."""
 
     folder: Path
     least_bytes: int
@@ -67,10 +64,7 @@ class FreeSpaceGuard:
 
 @dataclass(frozen=True)
 class Reopened:
-    """A recording as its files hold it.
-
-    `recording`: Goes on with the next file. `runs`: Its playbacks. `descriptions`: Its rigs.
-    """
+    """A recording as its files hold it, its playbacks and its rigs."""
 
     recording: Recording
     runs: Runs
