@@ -17,7 +17,7 @@ import yaml
 from typer.testing import CliRunner
 
 import duralab
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab_proto.v1 import iterator_pb2
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab.errors import InputError
 from duralab.lab import Catalogue, Result
 from duralab.lab.client import LabClient

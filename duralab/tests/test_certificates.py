@@ -10,7 +10,7 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from typer.testing import CliRunner
 
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab.errors import InputError
 from duralab.security import configure_router, init_authority, issue, read_certificates, renew
 from duralab.security.certificates import read_certificate

@@ -18,7 +18,7 @@ from test_supervisor import alive, wait_until_gone
 from typer.testing import CliRunner
 
 from duralab import Channel, Signals
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab.cli.run_display import remaining_words, shown_playbacks
 from duralab.formats import write_signals
 from duralab.processes import running_labs

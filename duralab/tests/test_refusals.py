@@ -4,7 +4,7 @@ import json
 
 from typer.testing import CliRunner
 
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab.security import read_refusals
 from duralab.security.router_log import Refusal
 

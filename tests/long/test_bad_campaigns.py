@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from duralab.cli import app
+from duralab.cli.application import app
 
 RESPONSES = [
     "left_vertical",

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import sys
 from io import TextIOWrapper
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from duralab.cli.application import app as app
 
 
 def main() -> None:
@@ -24,12 +20,3 @@ def main() -> None:
             # A terminal that has no ★ shows a question mark; a table is no reason for a traceback.
             stream.reconfigure(errors="replace")
     app()
-
-
-def __getattr__(name: str) -> object:
-    """Import the application when it is asked for."""
-    if name != "app":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from duralab.cli.application import app
-
-    return app

@@ -48,15 +48,8 @@ def _check(run: _Run, bench: Bench) -> None:
     if not described:
         run.give_up("the rig was not moved: what comes first failed.")
     refusals = RefusalChecks(bench)
-    run("refuse.sample_rate", refusals.check_rate)
-    run("refuse.channel_count", refusals.check_count)
-    run("refuse.channel_order", refusals.check_order)
-    run("refuse.unit", refusals.check_unit)
-    run("refuse.not_finite", refusals.check_finite)
-    run("refuse.empty", refusals.check_empty)
-    run("refuse.run_name", refusals.check_name)
-    run("refuse.jump", refusals.check_jump)
-    run("refuse.limit", refusals.check_limit)
+    for name, check in refusals.checks().items():
+        run(name, check)
     play = PlayChecks(bench)
     run("play", play.check_plays)
     run("play.stream", play.check_stream)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 
 import numpy as np
 
@@ -60,16 +61,6 @@ def jump(description: rig_pb2.RigDescription) -> np.ndarray | None:
     return None
 
 
-def copied(channels: list[array_pb2.Channel]) -> list[array_pb2.Channel]:
-    """Return copies of channels, to be changed."""
-    copies = []
-    for channel in channels:
-        copy = array_pb2.Channel()
-        copy.CopyFrom(channel)
-        copies.append(copy)
-    return copies
-
-
 INVALID = query_pb2.FAULT_CODE_INVALID_ARGUMENT
 _SAMPLES = 50
 
@@ -103,52 +94,59 @@ class RefusalChecks:
         self._bench = bench
         self._all_refused = True
 
-    def check_rate(self) -> None:
-        """Check the refusal of a wrong sample rate."""
-        self._refused(why="a drive at twice the sample rate", sample_rate=2.0 * self._bench.description.sample_rate)
+    def checks(self) -> dict[str, Callable[[], None]]:
+        """Return the check of each bad request, by name, in the order in which they are tried."""
+        told = self._bench.description
+        return {
+            "refuse.sample_rate": lambda: self._refused(
+                why="a drive at twice the sample rate", sample_rate=2.0 * told.sample_rate
+            ),
+            "refuse.channel_count": self._check_count,
+            "refuse.channel_order": self._check_order,
+            "refuse.unit": self._check_unit,
+            "refuse.not_finite": self._check_finite,
+            "refuse.empty": lambda: self._refused(why="an empty drive", drive=self._still()[:, :0]),
+            "refuse.run_name": lambda: self._refused(why="a run called 'No Name'", run="No Name", field="run"),
+            "refuse.jump": self._check_jump,
+            "refuse.limit": self._check_limit,
+        }
 
-    def check_count(self) -> None:
-        """Check the refusal of one channel too few."""
-        channels = list(self._bench.description.drives)[:-1]
-        if not channels:
-            raise NotTriedError("the rig has one drive only.")
-        self._refused(
-            why="a drive without its last channel",
-            channels=channels,
-            drive=np.zeros((len(channels), _SAMPLES)),
-            field="drive.channels",
-        )
+    def _check_count(self) -> None:
+        channels = self._several()[:-1]
+        drive = np.zeros((len(channels), _SAMPLES))
+        self._refused(why="a drive without its last channel", channels=channels, drive=drive, field="drive.channels")
 
-    def check_order(self) -> None:
-        """Check the refusal of two channels swapped."""
+    def _check_order(self) -> None:
+        first, second, *others = self._several()
+        swapped = [second, first, *others]
+        self._refused(why="a drive with its first two channels swapped", channels=swapped, field="drive.channels")
+
+    def _several(self) -> list[array_pb2.Channel]:
         channels = list(self._bench.description.drives)
         if len(channels) == 1:
             raise NotTriedError("the rig has one drive only.")
-        self._refused(
-            why="a drive with its first two channels swapped",
-            channels=[channels[1], channels[0], *channels[2:]],
-            field="drive.channels",
-        )
+        return channels
 
-    def check_unit(self) -> None:
-        """Check the refusal of another unit."""
-        channels = copied(list(self._bench.description.drives))
+    def _check_unit(self) -> None:
+        channels = deepcopy(list(self._bench.description.drives))
         channels[0].unit = "furlong"
         self._refused(why="a drive in another unit", channels=channels, field="drive.channels")
 
-    def check_finite(self) -> None:
-        """Check the refusal of a value that is not a number."""
+    def _check_finite(self) -> None:
         drive = self._still()
         drive[0, _SAMPLES // 2] = np.nan
         self._refused(why="a drive with a value that is not a number", drive=drive)
 
-    def check_empty(self) -> None:
-        """Check the refusal of a drive without samples."""
-        self._refused(why="an empty drive", drive=self._still()[:, :0])
+    def _check_limit(self) -> None:
+        self._is_safe()
+        self._refused(why="a drive beyond a limit", drive=beyond_limit(self._bench.description))
 
-    def check_name(self) -> None:
-        """Check the refusal of a run name that cannot be one."""
-        self._refused(why="a run called 'No Name'", run="No Name", field="run")
+    def _check_jump(self) -> None:
+        self._is_safe()
+        drive = jump(self._bench.description)
+        if drive is None:
+            raise NotTriedError("no drive has a slew limit that a small step could exceed.")
+        self._refused(why="a drive with a jump", drive=drive)
 
     def check_twice(self, played: str) -> None:
         """Check the refusal of a run name that was played."""
@@ -164,19 +162,6 @@ class RefusalChecks:
         else:
             raise BreachError("a run name that was played is played again; it must be refused with ALREADY_EXISTS.")
         expect(len(bench.blocks_of(played)) == count, "blocks were published for a run name that was refused.")
-
-    def check_limit(self) -> None:
-        """Check the refusal of a value beyond a limit."""
-        self._is_safe()
-        self._refused(why="a drive beyond a limit", drive=beyond_limit(self._bench.description))
-
-    def check_jump(self) -> None:
-        """Check the refusal of a step that is too fast."""
-        self._is_safe()
-        drive = jump(self._bench.description)
-        if drive is None:
-            raise NotTriedError("no drive has a slew limit that a small step could exceed.")
-        self._refused(why="a drive with a jump", drive=drive)
 
     def _is_safe(self) -> None:
         if not self._all_refused:

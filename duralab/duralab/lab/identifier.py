@@ -44,12 +44,8 @@ class Identifier:
 
         Parameters
         ----------
-        rig : str
-            Its name.
-        excitation, estimator : ExcitationSettings, EstimatorSettings
-            As in a campaign file.
-        seed : int
-            Of the excitation's phases and of what is random in a simulated rig.
+        rig, excitation, estimator, seed
+            As for `identify`.
 
         Returns
         -------
@@ -130,16 +126,10 @@ class Identifier:
 
         Parameters
         ----------
-        rig : str
-            Its name.
-        excitation, estimator : ExcitationSettings, EstimatorSettings
-            As in a campaign file.
+        rig, excitation, estimator, seed, on_progress
+            As for `identify`.
         factors : sequence of float
             Of the excitation's levels, 2 to 8 of them.
-        seed : int
-            Of the excitation's phases and of what is random in a simulated rig.
-        on_progress : callable, optional
-            Called with a `RunProgress` about once a second.
 
         Returns
         -------

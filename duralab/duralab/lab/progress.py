@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from duralab.data import IterationTable
-from duralab_bus import Bus, StreamItem
 from duralab_proto.v1 import iterator_pb2
 
 POLL_SECONDS: Final = 1.0
@@ -75,31 +73,3 @@ def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:
         remaining_seconds=status.remaining_seconds,
         iterations=IterationTable.from_status(status) if status.iterations else None,
     )
-
-
-def follow_campaign(
-    bus: Bus,
-    id: str,
-    *,
-    begin: Callable[[], iterator_pb2.CampaignStatus],
-    on_status: Callable[[iterator_pb2.CampaignStatus], None],
-) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and return its last status."""
-    events: queue.SimpleQueue[iterator_pb2.CampaignStatus] = queue.SimpleQueue()
-
-    def put(item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
-        events.put(item.message.status)
-
-    subscription = bus.subscribe(bus.keys.campaign_event(id), iterator_pb2.CampaignEvent, put, repair=True)
-    try:
-        status = begin()
-        while True:
-            on_status(status)
-            if status.phase in ENDED:
-                return status
-            try:
-                status = events.get(timeout=POLL_SECONDS)
-            except queue.Empty:
-                status = bus.query(bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
-    finally:
-        subscription.close()

@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -111,12 +110,9 @@ class PointMaker:
         self._document, _ = with_new_keys(parse_yaml(self._base.text))
         self._specimens = Specimens(sweep)
         self._versions = installed_versions()
+        self._hashes: dict[Path, str] = {}
         for key, value in sweep.settings.items():
             self._put(self._document, {}, key, value)
-
-    @cached_property
-    def _hashes(self) -> dict[Path, str]:
-        return {}
 
     def make(self, settings: Mapping[str, Any]) -> Point:
         """Return the point of some settings; raises InputError where its campaign or specimen is not allowed."""

@@ -13,7 +13,7 @@ from fake_gateway import Defect, Gateway
 from typer.testing import CliRunner
 
 import duralab_bus
-from duralab.cli import app
+from duralab.cli.application import app
 from duralab.conformance import Outcome, all_passed, check_rig
 from duralab.conformance.refusal_checks import GENTLE, beyond_limit, gentle_drive, jump
 from duralab.data import RigMode

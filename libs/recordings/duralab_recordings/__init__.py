@@ -39,7 +39,6 @@ from duralab_recordings.unfinished import (
 )
 from duralab_recordings.windows import (
     BlockPlace,
-    RunBound,
     RunSignals,
     Window,
     WindowCache,
@@ -64,7 +63,6 @@ __all__ = [
     "MissingSamplesError",
     "RecordReader",
     "RecordingError",
-    "RunBound",
     "RunSignals",
     "Unfinished",
     "Window",

@@ -67,19 +67,7 @@ class BlockPlace:
 
 @dataclass(frozen=True)
 class RunBound:
-    """How large a run is at most.
-
-    Parameters
-    ----------
-    samples : int
-        Of each channel, if all blocks are of one size.
-    block_samples : int
-        Of a block.
-    drives, responses : int
-        Channels.
-    sample_rate : float
-        In hertz.
-    """
+    """How large a run is at most: samples of each channel if all blocks are of one size, channels, rate in hertz."""
 
     samples: int
     block_samples: int

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import queue
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Final
 
@@ -11,8 +12,8 @@ from duralab.errors import CampaignFaultError, LabError, ServiceEndedError, ende
 from duralab.lab.campaigns.fetching import Recovery, fetch_result
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.lab.client import FOREVER, Deadline, LabClient
-from duralab.lab.progress import ENDED, OnProgress, follow_campaign, progress_of
-from duralab_bus import BusError, FaultError
+from duralab.lab.progress import ENDED, POLL_SECONDS, OnProgress, progress_of
+from duralab_bus import BusError, FaultError, StreamItem
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
 SILENCE_SECONDS: Final = 10.0
@@ -42,21 +43,10 @@ def followed(
 ) -> iterator_pb2.CampaignStatus:
     """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is."""
     begun, played = False, False
+    bus, events = ask.bus, queue.SimpleQueue[iterator_pb2.CampaignStatus]()
 
-    def beginning() -> iterator_pb2.CampaignStatus:
-        nonlocal begun
-        status = begin()
-        begun = True
-        return status
-
-    def on_status(status: iterator_pb2.CampaignStatus) -> None:
-        nonlocal played
-        played = bool(status.iterations)
-        if (failure := ask.failure()) is not None:
-            raise failure
-        tell(progress_of(status))
-        if deadline.is_set() and status.phase not in ENDED:
-            raise deadline.error(f"The campaign {id!r}")
+    def put(item: StreamItem[iterator_pb2.CampaignEvent]) -> None:
+        events.put(item.message.status)
 
     def stopped(reason: str, *, silence_seconds: float = SILENCE_SECONDS) -> None:
         # Best effort: the services that are left are ended with the lab.
@@ -65,7 +55,23 @@ def followed(
 
     try:
         try:
-            return follow_campaign(ask.bus, id, begin=beginning, on_status=on_status)
+            key = bus.keys.campaign_event(id)
+            with closing(bus.subscribe(key, iterator_pb2.CampaignEvent, put, repair=True)):
+                status, begun = begin(), True
+                while True:
+                    played = bool(status.iterations)
+                    if (failure := ask.failure()) is not None:
+                        raise failure
+                    tell(progress_of(status))
+                    if status.phase in ENDED:
+                        return status
+                    if deadline.is_set():
+                        raise deadline.error(f"The campaign {id!r}")
+                    try:
+                        status = events.get(timeout=POLL_SECONDS)
+                    except queue.Empty:
+                        key, request = bus.keys.campaign(id), iterator_pb2.CampaignRequest()
+                        status = bus.query(key, request, iterator_pb2.CampaignStatus)
         except FaultError as fault:
             error = ask.explained(fault)
             # What was refused has left nothing behind.
