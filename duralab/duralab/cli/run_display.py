@@ -220,16 +220,12 @@ def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]
             {"criterion": found.criterion.value, "channel": found.channel, "value": found.value}
             for found in verdict.failed
         ],
-        "channels": table.channels,
-        "watched": table.watched,
+        **{name: getattr(table, name) for name in ("channels", "watched", "relative_rms_error", "rms_response")},
+        **{name: getattr(table, name) for name in ("peak_ratio", "energy_outside_band")},
         "playbacks": table.numbers,
         "best_playback": table.numbers[table.best],
-        "relative_rms_error": table.relative_rms_error,
         "overall_error": table.overall,
-        "rms_response": table.rms_response,
-        "peak_ratio": table.peak_ratio,
         "damage_ratio": {str(k): table.damage_ratio[:, :, column] for column, k in enumerate(DAMAGE_SLOPES)},
-        "energy_outside_band": table.energy_outside_band,
         "damage_spent": {"damage_exponent": slope, "passes": table.damage_spent(slope).sum(axis=0)},
         "remarks": list(result.status.remarks),
         "recording": result.recording_path,

@@ -11,8 +11,6 @@ from typing import Final
 
 from duralab.errors import InputError, LabError
 from duralab.near_files import did_you_mean
-from duralab.processes.supervisor import last_lines
-from duralab.recording import RecordingFiles
 from duralab_settings import open_regular
 
 _SECONDS: Final = 30.0
@@ -70,6 +68,9 @@ def is_recording(file: Path) -> bool:
 
 def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
     """Write the live view of a recording; `tell` gets a sentence where the view ends before the recording's end."""
+    from duralab.processes.supervisor import last_lines
+    from duralab.recording import RecordingFiles
+
     file = RecordingFiles(recording)
     if not file.whole:
         tell(f"{recording} was never finished; it is shown as far as it is whole.")

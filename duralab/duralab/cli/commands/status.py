@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
@@ -80,17 +81,24 @@ def _print(output: Output, endpoint: str, found: LabStatus) -> None:
     output.say(_recorder_sentence(found))
 
 
-def _service_table(found: LabStatus) -> Table:
+def _table(*folded: str, right: Sequence[str] = ()) -> Table:
     from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
     from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD)
+    for heading in folded:
+        table.add_column(heading, overflow="fold")
+    for heading in right:
+        table.add_column(heading, justify="right")
+    return table
+
+
+def _service_table(found: LabStatus) -> Table:
+    from rich.markup import escape
 
     from duralab_proto.keys import MAIN_INSTANCE
 
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("service", no_wrap=True)
-    for heading in ("up", *_FIGURES.values()):
-        table.add_column(heading, justify="right")
+    table = _table("service", right=("up", *_FIGURES.values()))
     table.add_column("trouble", overflow="fold")
     for health in found.services:
         name = health.service if health.instance == MAIN_INSTANCE else f"{health.service} {health.instance}"
@@ -107,13 +115,9 @@ def _value(health: ServiceHealth, figure: str) -> float | None:
 
 
 def _rig_table(found: LabStatus) -> Table:
-    from rich.box import SIMPLE_HEAD
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=SIMPLE_HEAD)
-    for heading in ("rig", "state", "run", "why"):
-        table.add_column(heading, overflow="fold")
+    table = _table("rig", "state", "run", "why")
     for rig in found.rigs:
         how_far = f" {rig.fraction:.0%}" if rig.run else ""
         style = _STYLES.get(rig.mode.name, "")
@@ -127,17 +131,11 @@ def _rig_table(found: LabStatus) -> Table:
 
 
 def _campaign_table(found: LabStatus) -> Table:
-    from rich.box import SIMPLE_HEAD
     from rich.markup import escape
-    from rich.table import Table
 
     from duralab.cli.run_display import remaining_words
 
-    table = Table(box=SIMPLE_HEAD)
-    for heading in ("campaign", "rig", "what it does"):
-        table.add_column(heading, overflow="fold")
-    for heading in ("done", "left", "playbacks", "error"):
-        table.add_column(heading, justify="right")
+    table = _table("campaign", "rig", "what it does", right=("done", "left", "playbacks", "error"))
     for campaign in found.campaigns:
         table.add_row(
             campaign.id,

@@ -157,7 +157,7 @@ RESCUE_SECONDS: Final = 10.0
 
 _PLAYED: Final = "What was played until then"
 
-LabErrorT = TypeVar("LabErrorT", bound=LabError)
+ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 
 @dataclass(frozen=True)
@@ -169,23 +169,14 @@ class Recovery:
     folder: Path
     place: RecordingsPlace
 
-    def told(self, error: LabErrorT, *, played: bool) -> LabErrorT:
-        """Bring what was committed to its user, and return the error with where it is."""
-        return _with(error, self._brought(played=played))
-
-    def named(self, error: LabErrorT) -> LabErrorT:
-        """Return the error of a finished campaign that could not be fetched, with where its recording lies."""
-        return _with(error, self._where_it_lies(played=True))
-
-    def note(self, interrupt: KeyboardInterrupt, *, played: bool) -> None:
-        """Bring what was committed to its user, and note in the interrupt where it is."""
-        if sentence := self._brought(played=played):
-            interrupt.add_note(sentence)
-
-    def note_where_it_lies(self, interrupt: KeyboardInterrupt, *, played: bool) -> None:
-        """Note where it is in the interrupt of somebody who does not want to wait."""
-        if sentence := self._where_it_lies(played=played):
-            interrupt.add_note(sentence)
+    def told(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
+        """Return an error with where what was committed is: brought to its user before, unless `fetch` is False."""
+        sentence = self._brought(played=played) if fetch else self._where_it_lies(played=played)
+        if sentence and isinstance(error, LabError):
+            return type(error)(f"{ended(error.message)} {sentence}", field=error.field, service=error.service)
+        if sentence:
+            error.add_note(sentence)
+        return error
 
     def _brought(self, *, played: bool) -> str:
         try:
@@ -199,7 +190,7 @@ class Recovery:
                 )
                 return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         except KeyboardInterrupt as again:
-            self.note_where_it_lies(again, played=played)
+            self.told(again, played=played, fetch=False)
             raise
         except FaultError as fault:
             if fault.code == query_pb2.FAULT_CODE_NOT_FOUND and self.place.file(self.id) is None:
@@ -235,9 +226,3 @@ class Recovery:
 
 def _reader(*, played: bool) -> str:
     return "`duralab report` shows it." if played else "`duralab.open` reads it."
-
-
-def _with(error: LabErrorT, sentence: str) -> LabErrorT:
-    if not sentence:
-        return error
-    return type(error)(f"{ended(error.message)} {sentence}", field=error.field, service=error.service)

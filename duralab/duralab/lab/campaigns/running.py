@@ -84,9 +84,9 @@ def followed(
         try:
             # Whoever interrupts does not want to wait for a service that is gone.
             stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
-            recovery.note(interrupt, played=played)
+            recovery.told(interrupt, played=played)
         except KeyboardInterrupt as again:
-            recovery.note_where_it_lies(again, played=played)
+            recovery.told(again, played=played, fetch=False)
             raise
         raise
 
@@ -122,11 +122,11 @@ def collect(
     try:
         result = fetch_result(ask.bus, specification, status, folder=folder)
     except FaultError as fault:
-        raise recovery.named(ask.explained(fault)) from fault
+        raise recovery.told(ask.explained(fault), played=True, fetch=False) from fault
     except LabError as error:
-        raise recovery.named(error) from error
+        raise recovery.told(error, played=True, fetch=False) from error
     except KeyboardInterrupt as interrupt:
-        recovery.note_where_it_lies(interrupt, played=True)
+        recovery.told(interrupt, played=True, fetch=False)
         raise
     recovery.place.fetched(specification.id)
     return result

@@ -56,20 +56,12 @@ def _check_played(message: recorder_pb2.RunPlayed) -> None:
         raise ArrayError(f"blocks is {message.blocks}; at most {MOST_BLOCKS} are allowed.", field="blocks")
 
 
-def _check_specification(message: iterator_pb2.CampaignSpec) -> None:
-    from_record(message.target, field="target")
-
-
 def _check_description(message: rig_pb2.RigDescription) -> None:
     for field, channels in (("drives", message.drives), ("responses", message.responses)):
         names = [channel.name for channel in channels]
         if not names or "" in names or len(set(names)) != len(names):
             raise ArrayError(f"{field} has the names {names}; each channel needs a name of its own.", field=field)
     from_array(message.static_response, field="static_response", shape=(len(message.responses),), dtype=np.float64)
-
-
-def _check_target(message: iterator_pb2.TargetInBand) -> None:
-    from_array(message.samples, field="samples", shape=(None, None), dtype=np.float64)
 
 
 def _check_model(message: identifier_pb2.Model) -> None:
@@ -135,21 +127,19 @@ def _check_samples(message: PlaybackStep) -> None:
         from_array(message.response_in_band, field="response_in_band", shape=shape, dtype=np.float64)
 
 
-def _nothing_to_check(message: Message) -> None:
-    del message
-
-
-_CHECKS: Final[dict[type[Message], Callable[[Any], None]]] = {
-    iterator_pb2.CampaignSpec: _check_specification,
+_CHECKS: Final[dict[type[Message], Callable[[Any], object]]] = {
+    iterator_pb2.CampaignSpec: lambda message: from_record(message.target, field="target"),
     rig_pb2.RigDescription: _check_description,
-    iterator_pb2.TargetInBand: _check_target,
+    iterator_pb2.TargetInBand: lambda message: from_array(
+        message.samples, field="samples", shape=(None, None), dtype=np.float64
+    ),
     recorder_pb2.RunPlanned: _check_names,
     recorder_pb2.RunPlayed: _check_played,
     identifier_pb2.Model: _check_model,
     iterator_pb2.IterationStep: _check_iteration,
     iterator_pb2.ConfirmationStep: _check_confirmation,
-    iterator_pb2.CampaignStatus: _nothing_to_check,
-    recorder_pb2.RecordingClosed: _nothing_to_check,
+    iterator_pb2.CampaignStatus: lambda _: None,
+    recorder_pb2.RecordingClosed: lambda _: None,
 }
 
 STEP_TYPES: Final[dict[str, type[Message]]] = {kind.DESCRIPTOR.full_name: kind for kind in _CHECKS}
