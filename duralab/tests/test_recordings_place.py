@@ -17,7 +17,7 @@ def recorded(place, *names):
 def test_nothing_is_left_where_every_recording_was_fetched(tmp_path):
     with own_recordings(tmp_path / "out") as place:
         recorded(place, "demo.mcap", "demo.part02.mcap", "demo.rrd", ".recorder")
-        place.fetched("demo")
+        place.fetched.add("demo")
     assert list((tmp_path / "out").iterdir()) == []
 
 
@@ -32,7 +32,7 @@ def test_a_copy_that_was_resumed_from_stays_only_if_the_campaign_went_on_in_it(t
                 place.copy_in(given)
             assert place.expect_change("demo")
             if not changes:
-                place.unchanged("demo")
+                place.copies.add("demo")
         assert place.folder.exists() is changes
     assert (recording_path.read_bytes(), recording_path.stat().st_mtime_ns) == before
     with pytest.raises(InputError, match="resume 'demo' by that name"):
@@ -42,7 +42,7 @@ def test_a_copy_that_was_resumed_from_stays_only_if_the_campaign_went_on_in_it(t
 def test_all_of_it_stays_where_one_was_not_fetched(tmp_path):
     with own_recordings(tmp_path / "out") as place:
         recorded(place, "demo.mcap", "demo-2.mcap", "demo-2.part02.mcap")
-        place.fetched("demo")
+        place.fetched.add("demo")
     assert place.folder == tmp_path / "out" / "recordings"
     assert sorted(path.name for path in place.folder.iterdir()) == ["demo-2.mcap", "demo-2.part02.mcap", "demo.mcap"]
 

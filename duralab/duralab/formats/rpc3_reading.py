@@ -58,7 +58,7 @@ class Rpc3File:
         group = self.layout.points_per_group
         groups_at_once = max(1, PIECE_BYTES // self.layout.group_bytes)
         piece = np.empty((groups_at_once, self.layout.channels, group), dtype=self.layout.dtype)
-        with opened(self.path), self.path.open("rb", buffering=0) as stream:
+        with opened(self.path), self.path.open("rb") as stream:
             stream.seek(self.header.size)
             for first in range(0, -(-self.samples // group), groups_at_once):
                 groups = piece[: min(groups_at_once, self.layout.groups - first)]
@@ -68,13 +68,10 @@ class Rpc3File:
 
     def _fill(self, stream: BinaryIO, groups: np.ndarray, first: int) -> None:
         content = groups.reshape(-1).view(np.uint8).data
-        done = 0
-        while done < len(content):
-            count = stream.readinto(content[done:])  # pyright: ignore[reportAttributeAccessIssue]
-            if not count:
-                offset = self.header.size + first * self.layout.group_bytes + done
-                raise FormatError(self.path, "the file became shorter while it was read.", offset=offset)
-            done += count
+        count = stream.readinto(content)  # pyright: ignore[reportAttributeAccessIssue]
+        if count < len(content):
+            offset = self.header.size + first * self.layout.group_bytes + count
+            raise FormatError(self.path, "the file became shorter while it was read.", offset=offset)
 
     def _demultiplex(self, groups: np.ndarray, first: int, out: np.ndarray) -> None:
         """Put groups (group, channel, point) into their place in (channel, sample), in the channels' units."""

@@ -8,6 +8,7 @@ from datetime import UTC, date, datetime, timedelta
 from numbers import Real
 from typing import Final
 
+from duralab.arguments import require_text
 from duralab.data import Signals
 from duralab.display import html_table, text_table
 from duralab.errors import InputError
@@ -166,13 +167,6 @@ def _result(given: object) -> Result | None:
         ) from None
 
 
-def _text(given: object, *, field: str, may_be_left_out: bool = True) -> str:
-    if isinstance(given, str):
-        return given
-    otherwise = ", or leave it out" if may_be_left_out else ""
-    raise InputError(f"{field} is {given!r}; give a text{otherwise}.", field=field)
-
-
 def _number(given: object, *, field: str) -> float:
     if isinstance(given, bool) or not isinstance(given, Real):
         raise InputError(f"{field} is {given!r}; give a number of seconds.", field=field)
@@ -230,9 +224,11 @@ class Catalogue:
             `begun_from` or `begun_before` is outside those years, or a value is none of those kinds.
         """
         ended = _result(result)
+        require_text(rig, field="rig")
+        require_text(target, field="target")
         request = recorder_pb2.ListRecordingsRequest(
-            rig=_text(rig, field="rig"),
-            target=_text(target, field="target"),
+            rig=rig,
+            target=target,
             begun_from=_nanoseconds(begun_from, field="begun_from"),
             begun_before=_nanoseconds(begun_before, field="begun_before"),
         )
@@ -291,9 +287,10 @@ class Catalogue:
         InputError
             There is no such recording, run, time or channel, or a value is none of those kinds.
         """
+        require_text(run, field="run")
         key = self._ask.key("id", self._ask.bus.keys.recording_signals, id)
         request = recorder_pb2.SignalWindowRequest(
-            run=_text(run, field="run", may_be_left_out=False),
+            run=run,
             first_second=_number(first_second, field="first_second"),
             seconds=_number(seconds, field="seconds"),
             channels=_channel_names(channels),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -120,28 +120,17 @@ def read_outcome(folder: Path) -> Outcome | None:
 
 
 def _schema() -> Any:
+    """Return the columns of an outcome: a struct of its costs, and what its fields hold."""
     import pyarrow as arrow
 
-    floats, rows = arrow.list_(arrow.float64()), arrow.list_(arrow.list_(arrow.float64()))
-    costs = arrow.struct([(name, arrow.float64()) for name in ("cell", "campaign", "processor")])
-    return arrow.schema(
-        [
-            *((name, arrow.string()) for name in ("id", "state", "sentence", "judgement")),
-            ("best_playback", arrow.int64()),
-            ("overall_error", arrow.float64()),
-            ("worst_error", arrow.float64()),
-            ("channels", arrow.list_(arrow.string())),
-            ("watched", arrow.list_(arrow.bool_())),
-            ("numbers", arrow.list_(arrow.int64())),
-            ("errors", rows),
-            ("rms_responses", rows),
-            ("overall", floats),
-            ("rig_hash", arrow.string()),
-            ("worker", arrow.string()),
-            ("costs", costs),
-            ("bytes", arrow.int64()),
-        ]
-    )
+    kinds = {"str": arrow.string(), "State": arrow.string(), "bool": arrow.bool_(), "int": arrow.int64()}
+    kinds |= {"float": arrow.float64(), "Costs": arrow.struct([(part.name, arrow.float64()) for part in fields(Costs)])}
+
+    def column(kind: str) -> Any:
+        inner = kind.removeprefix("Sequence[").removesuffix("]") if kind.startswith("Sequence[") else None
+        return kinds[kind.removesuffix(" | None")] if inner is None else arrow.list_(column(inner))
+
+    return arrow.schema([(one.name, column(str(one.type))) for one in fields(Outcome)])
 
 
 RESULTS: Final = "results.parquet"

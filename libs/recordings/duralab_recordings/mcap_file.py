@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import IO, Final, TypeVar, cast
 
 from google.protobuf.message import Message
-from mcap.reader import SeekingReader
 from mcap.records import Channel, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
+from mcap.summary import Summary
 
 from duralab_recordings.damage import DAMAGE, MissingFileError, RecordingError, damaged, unreadable
-from duralab_recordings.index import expect_chunk, index_reader, index_start
+from duralab_recordings.index import expect_chunk, index_reader, index_start, messages_at
 from duralab_recordings.parts import (
     PART_METADATA,
     SUMMARY_METADATA,
@@ -23,7 +23,7 @@ from duralab_recordings.parts import (
     open_end,
     require_chain,
 )
-from duralab_recordings.unfinished import LARGEST_RECORD, MAGIC, RecordReader, end_of_records, whole_records
+from duralab_recordings.unfinished import MAGIC, RecordReader, end_of_records, whole_records
 from duralab_settings import open_regular
 
 MessageT = TypeVar("MessageT", bound=Message)
@@ -172,24 +172,15 @@ class _OneFile:
                 raise damaged(self.path, error) from error
 
     def _indexed(self, stream: IO[bytes], schema_name: str) -> Iterator[bytes]:
-        # Its index was checked when the file was opened.
-        stream.seek(0)
-        reader = SeekingReader(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
-        summary = reader.get_summary()
-        if summary is None:
-            return
-        wanted = {schema.id for schema in summary.schemas.values() if schema.name == schema_name}
-        topics = sorted({channel.topic for channel in summary.channels.values() if channel.schema_id in wanted})
-        if not topics:
-            return
-        channels = {channel.id for channel in summary.channels.values() if channel.schema_id in wanted}
+        summary = index_reader(stream).get_summary() or Summary()
+        schemas = {schema.id for schema in summary.schemas.values() if schema.name == schema_name}
+        channels = {channel.id for channel in summary.channels.values() if channel.schema_id in schemas}
         # A chunk that is not read may be damaged without harm to those that are.
         for chunk in summary.chunk_indexes:
             if chunk.message_index_offsets.keys() & channels:
                 expect_chunk(stream, chunk)
-        for schema, _, message in reader.iter_messages(topics=topics, log_time_order=False):
-            if schema is not None and schema.name == schema_name:
-                yield message.data
+                for message in messages_at(stream, chunk.chunk_start_offset, channels):
+                    yield message.data
 
     def _streamed(self, stream: IO[bytes], schema_name: str) -> Iterator[bytes]:
         schemas: dict[int, str] = {}

@@ -184,7 +184,7 @@ class Recovery:
                 information = wait_until_closed(self.ask.bus, self.id, seconds=RESCUE_SECONDS)
                 # With holes too: this one proves nothing, it shows what happened.
                 path, _ = fetch_files(self.ask.bus, information, folder=self.folder)
-                self.place.fetched(self.id)
+                self.place.fetched.add(self.id)
                 further = (
                     f" The lab keeps it, too: {self._resume} continues it." if played and self.place.goes_on else ""
                 )

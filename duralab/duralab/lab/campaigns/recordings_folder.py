@@ -36,9 +36,9 @@ class RecordingsPlace:
     folder: Path | None = None
     passing: Path | None = None
     goes_on: bool = False
-    _fetched: set[str] = field(default_factory=set)
+    fetched: set[str] = field(default_factory=set)
     """Campaigns whose whole recording is where its user wants it."""
-    _copies: set[str] = field(default_factory=set)
+    copies: set[str] = field(default_factory=set)
     """Campaigns whose recording is an unchanged copy."""
     _said: dict[str, str] = field(default_factory=dict)
     """Sentence about the recording of each campaign."""
@@ -51,10 +51,6 @@ class RecordingsPlace:
     def outlives(self, path: Path) -> bool:
         """Return whether a file of this path is there when the lab has ended."""
         return self.passing is None or not path.is_relative_to(self.passing)
-
-    def fetched(self, id: str) -> None:
-        """Note that the whole recording is where its user wants it."""
-        self._fetched.add(id)
 
     def copy_in(self, recording: Recording) -> None:
         """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
@@ -72,7 +68,7 @@ class RecordingsPlace:
             raise InputError(
                 f"The recorder of this lab holds a recording {id!r} already; resume it by that name.", field="id"
             )
-        self._copies.add(id)
+        self.copies.add(id)
         first = self.folder / f"{check_id(id)}.mcap"
         # The first file last: with it the recorder knows the recording.
         for number, file in reversed([*enumerate(recording.files, start=1)]):
@@ -81,13 +77,9 @@ class RecordingsPlace:
 
     def expect_change(self, id: str) -> bool:
         """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy."""
-        is_copy = id in self._copies
-        self._copies.discard(id)
+        is_copy = id in self.copies
+        self.copies.discard(id)
         return is_copy
-
-    def unchanged(self, id: str) -> None:
-        """Note that a copy is unchanged after all."""
-        self._copies.add(id)
 
     def say(self, id: str, sentence: str) -> str:
         """Return the sentence about where a recording is, noted for whoever ends the lab with another error."""
@@ -97,7 +89,7 @@ class RecordingsPlace:
     def left(self) -> set[str]:
         """Return the ids of the recordings that only the recorder's folder holds."""
         files = self.folder.glob("*.mcap") if self.folder is not None else ()
-        return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self._fetched - self._copies
+        return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self.fetched - self.copies
 
     def add_notes(self, error: BaseException) -> None:
         """Add to an error what was said of recordings, and where those are of which nothing was said."""

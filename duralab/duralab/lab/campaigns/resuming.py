@@ -117,7 +117,7 @@ def resume_campaign(
             return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
         except FaultError as fault:
             if was_copy and fault.code in _REFUSED:
-                place.unchanged(id)
+                place.copies.add(id)
             raise
 
     def resumed(name: str) -> iterator_pb2.CampaignStatus:

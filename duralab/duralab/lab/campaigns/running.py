@@ -128,5 +128,5 @@ def collect(
     except KeyboardInterrupt as interrupt:
         recovery.told(interrupt, played=True, fetch=False)
         raise
-    recovery.place.fetched(specification.id)
+    recovery.place.fetched.add(specification.id)
     return result

@@ -10,6 +10,7 @@ from typing import Final
 
 from duralab_proto.keys import check_id
 from duralab_proto.v1 import query_pb2
+from duralab_recordings import part_path, parts_beside
 from recorder.refused import RefusedError, invalid
 
 DAMAGED_FOLDER: Final = "damaged"
@@ -39,8 +40,7 @@ def checked_name(name: str, *, field: str) -> str:
 
 def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
     """Return the path of a recording's file, number 1 or higher; the id is checked again where it becomes a path."""
-    place = f".part{number:02d}" if number > 1 else ""
-    return folder / (checked_name(name, field="recording") + place + _SUFFIX[part])
+    return part_path(folder / (checked_name(name, field="recording") + _SUFFIX[part]), number)
 
 
 def files_of(folder: Path, name: str) -> list[Path]:
@@ -55,12 +55,7 @@ def files_of(folder: Path, name: str) -> list[Path]:
 def files_after_a_gap(folder: Path, name: str) -> list[Path]:
     """Return the MCAP files of a recording that lie behind a missing one, in their order."""
     known = len(files_of(folder, name))
-    found: dict[int, Path] = {}
-    for path in folder.glob(f"{checked_name(name, field='recording')}.part*{_SUFFIX[Part.RECORDING]}"):
-        match = _FILE.fullmatch(path.name)
-        if match is not None and match["id"] == name and int(match["number"]) > known:
-            found[int(match["number"])] = path
-    return [found[number] for number in sorted(found)]
+    return [path for number, path in parts_beside(recording_path(folder, name)).items() if number > known]
 
 
 def recordings_in(folder: Path) -> list[str]:
