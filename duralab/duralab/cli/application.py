@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -34,10 +34,8 @@ class _Commands(Mapping[str, TyperCommand | TyperGroup]):
         function = command_function(path)
         single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
         single.command(name)(function)
-        command = get_command(single)
-        if not isinstance(command, TyperCommand):
-            raise TypeError(f"{name} is a {type(command).__name__}; one function makes one command.")
-        return command
+        # One function makes one command.
+        return cast("TyperCommand", get_command(single))
 
     def __iter__(self) -> Iterator[str]:
         inside = [name.removeprefix(self._words) for name in _NAMES if name.startswith(self._words)]

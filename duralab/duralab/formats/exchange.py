@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def format_of(path: Path, given: str | None) -> Format:
     )
 
 
-def _function(place: str) -> Callable[..., object]:
+def _function(place: str) -> Callable[..., Any]:
     module, _, name = place.partition(":")
     return getattr(import_module(f"duralab.formats.{module}"), name)
 
@@ -121,10 +121,7 @@ def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
     form = None if format is None else format_of(path, format)
     _require_there(path)
     form = form or format_of(path, None)
-    signals = _function(_CODECS[form].reader)(path)
-    if not isinstance(signals, Signals):
-        raise TypeError(f"The reader of {form} returned {type(signals)}.")
-    return signals
+    return _function(_CODECS[form].reader)(path)
 
 
 def _require_there(path: Path) -> None:
@@ -183,8 +180,6 @@ def write_signals(
             named.replace(temporary)
         finally:
             named.unlink(missing_ok=True)
-    if not isinstance(written, Written):
-        raise TypeError(f"The writer of {form} returned {type(written)}.")
     return replace(written, path=path)
 
 

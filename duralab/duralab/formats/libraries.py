@@ -92,13 +92,9 @@ def _let_go(error: Exception) -> None:
     asammdf's destructor trips over attributes that its constructor had not come to.
     """
     usual = sys.unraisablehook
-    sys.unraisablehook = _ignore
+    sys.unraisablehook = lambda _: None
     try:
         traceback.clear_frames(error.__traceback__)
         gc.collect()
     finally:
         sys.unraisablehook = usual
-
-
-def _ignore(_: object) -> None:
-    """Say nothing."""

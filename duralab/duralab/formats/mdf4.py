@@ -29,7 +29,9 @@ def read_mdf4(path: Path) -> Signals:
         with asammdf.MDF(buffered) as measurement:
             if measurement.version < "4.00":
                 raise FormatError(path, f"it is MDF {measurement.version}; MDF 4 was expected.", offset=8)
-            require_room(path, sum(_values(group) for group in measurement.groups))
+            require_room(
+                path, sum(int(group.channel_group.cycles_nr) * len(group.channels) for group in measurement.groups)
+            )
             found = [
                 signal
                 for number in measurement.virtual_groups
@@ -51,10 +53,6 @@ def read_mdf4(path: Path) -> Signals:
     samples = np.array([signal.samples for signal in found], dtype=np.float64)
     names, units = [signal.name for signal in found], [signal.unit or "" for signal in found]
     return signals_read(path, names, units, samples, time=time)
-
-
-def _values(group: Any) -> int:
-    return int(group.channel_group.cycles_nr) * len(group.channels)
 
 
 def _members(measurement: Any, number: int) -> list[tuple[int, int]]:

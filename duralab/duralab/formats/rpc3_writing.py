@@ -184,14 +184,11 @@ def _write_groups(path: Path, header: bytes, layout: Layout, samples: np.ndarray
             if layout.dtype.kind == "i":
                 stored[:] = np.rint(given / factors)
             else:
-                _require_single_precision(given)
+                if np.abs(given).max() > (limit := float(np.finfo(np.float32).max)):
+                    raise InputError(
+                        f"A sample is {np.abs(given).max():g}; 32-bit floating point holds {limit:g} at most."
+                    )
                 stored[:] = given
             np.maximum(largest, np.abs(stored * factors - given).max(axis=1), out=largest)
             stream.write(group.tobytes())
     return largest
-
-
-def _require_single_precision(given: np.ndarray) -> None:
-    limit = float(np.finfo(np.float32).max)
-    if np.abs(given).max() > limit:
-        raise InputError(f"A sample is {np.abs(given).max():g}; 32-bit floating point holds {limit:g} at most.")

@@ -400,9 +400,15 @@ class Lab:
         vehicle = self.describe(plan.target.vehicle) if plan.target.vehicle is not None else None
         driven: list[Signals] = []
 
+        def tell_of_target(progress: RunProgress) -> None:
+            tell(replace(progress, stage=Stage.TARGET))
+
         def drive_road(inputs: Signals) -> Signals:
             driven.append(inputs)
-            return self._drive_road(plan, id, inputs, tell=tell, end=end)
+            driver = plan.target.vehicle or ""
+            tell(RunProgress(Stage.TARGET, f"driving {driver} over the road", 0.0, -1.0))
+            run = f"{id}.target-{uuid.uuid4().hex[:8]}"
+            return self._play(driver, inputs, run=run, seed=plan.seed, tell=tell_of_target, end=end).response
 
         target = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
         tell(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
@@ -517,13 +523,3 @@ class Lab:
             return progress_of(stop_campaign(self._ask, id, reason=reason))
         except FaultError as fault:
             raise self._ask.explained(fault) from fault
-
-    def _drive_road(self, plan: Campaign, id: str, inputs: Signals, *, tell: OnProgress, end: Deadline) -> Signals:
-        vehicle = plan.target.vehicle or ""
-        tell(RunProgress(Stage.TARGET, f"driving {vehicle} over the road", 0.0, -1.0))
-        run = f"{id}.target-{uuid.uuid4().hex[:8]}"
-
-        def tell_of_target(progress: RunProgress) -> None:
-            tell(replace(progress, stage=Stage.TARGET))
-
-        return self._play(vehicle, inputs, run=run, seed=plan.seed, tell=tell_of_target, end=end).response

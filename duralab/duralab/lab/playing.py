@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duralab.arguments import real_numbers, require_seed, require_switch, require_text
-from duralab.data import LARGEST_RATE_ERROR, Channel, Played, Rig, RigState, Signals, actuator_use
+from duralab.data import LARGEST_RATE_ERROR, Played, Rig, RigState, Signals, actuator_use
 from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError, ended
 from duralab.formats import convert_units, named_units, read_signals
 from duralab.lab.client import Deadline, LabClient
@@ -215,13 +215,10 @@ def _in_order(signals: Signals, rig: Rig) -> Signals:
             "plain array in the rig's units.",
             field="drive.unit",
         )
-    channels = tuple(_described(signals.channels[row], drive) for row, drive in zip(rows, rig.drives, strict=True))
-    return replace(signals, channels=channels, samples=_real(signals.samples)[rows])
-
-
-def _described(channel: Channel, drive: Channel) -> Channel:
-    """Return the rig's own words for a channel, unless it is in another unit: the rig refuses that."""
-    return drive if channel.unit == drive.unit else channel
+    channels = [signals.channels[row] for row in rows]
+    # The rig's own words for a channel, unless it is in another unit: the rig refuses that.
+    channels = (drive if one.unit == drive.unit else one for one, drive in zip(channels, rig.drives, strict=True))
+    return replace(signals, channels=tuple(channels), samples=_real(signals.samples)[rows])
 
 
 def _checked(signals: Signals) -> Signals:

@@ -70,12 +70,6 @@ def point_id(
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
 
-def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with open_regular(path) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 _PATHS: Final = ("target.file", "target.opencrg.path")
 """Keys of a campaign file that name a file, relative to it."""
 
@@ -158,7 +152,8 @@ class PointMaker:
     def _hash(self, path: Path, *, place: str) -> str:
         if path not in self._hashes:
             try:
-                self._hashes[path] = file_sha256(path)
+                with open_regular(path) as stream:
+                    self._hashes[path] = hashlib.file_digest(stream, "sha256").hexdigest()
             except OSError as error:
                 raise InputError(f"{place}: the target's file {path} cannot be read: {error.strerror}.") from error
         return self._hashes[path]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from duralab.arguments import progress_callback
 from duralab.errors import InputError
 from duralab.sweeps.cluster import PointRunner, check_address, open_workers
 from duralab.sweeps.points import Point, PointMaker, grid, grid_size
@@ -177,7 +178,7 @@ def run_sweep(
         open_client = lambda: stack.enter_context(open_workers(folder, workers=workers, scheduler=scheduler))  # noqa: E731
         runner = PointRunner(open_client, plan, folder=folder, retry_failed=retry_failed)
         ended = search(plan, maker, runner, folder=folder) if plan.search is not None else runner.run(points)
-        return _Book(plan, folder, total=total, tell=on_progress or _tell_nobody).keep(ended)
+        return _Book(plan, folder, total=total, tell=progress_callback(on_progress)).keep(ended)
 
 
 def default_folder(sweep: Sweep) -> Path:
@@ -222,7 +223,3 @@ class _Book:
         best, settings = min(found, key=lambda pair: pair[0], default=(None, {}))
         failed = sum(outcome.state is State.FAILED for _, outcome in self._rows)
         self._tell(SweepProgress(len(self._rows), self._total, failed, best, settings))
-
-
-def _tell_nobody(progress: SweepProgress) -> None:
-    del progress

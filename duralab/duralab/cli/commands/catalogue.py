@@ -62,16 +62,13 @@ def catalogue(
             sentence = f"{option}{error.message.removeprefix(error.field)}"
             raise InputError(sentence, field=option, service=error.service) from error
     output = Output(as_json)
-    if output.document([_plain(entry) for entry in entries]):
+    begun = ({"begun": None if entry.begun is None else entry.begun.isoformat()} for entry in entries)
+    if output.document([asdict(entry) | moment for entry, moment in zip(entries, begun, strict=True)]):
         return
     if entries:
         _show(entries, output)
     else:
         output.say("No recording fits.")
-
-
-def _plain(entry: CatalogueEntry) -> dict[str, object]:
-    return {**asdict(entry), "begun": None if entry.begun is None else entry.begun.isoformat()}
 
 
 def _show(entries: Sequence[CatalogueEntry], output: Output) -> None:

@@ -49,16 +49,8 @@ class PlannedRun:
     def missing(self) -> int:
         """Number of blocks known to be missing: of all that were announced, or else the gaps seen so far."""
         if self.played is not None:
-            return self.missing_of(self.played.epoch, self.played.blocks)
+            return sum(len(gap) for gap in self.gaps_of(self.played.epoch, self.played.blocks))
         return sum(continuity.next_seq - continuity.received for continuity in self.epochs.values())
-
-    def stored_ranges(self) -> dict[int, list[range]]:
-        """Return which blocks are stored, for each epoch, as ascending ranges that do not touch."""
-        return {epoch: ranges_of(continuity) for epoch, continuity in self.epochs.items()}
-
-    def missing_of(self, epoch: int, blocks: int) -> int:
-        """Count which of the first `blocks` blocks of an epoch are not stored."""
-        return sum(len(gap) for gap in self.gaps_of(epoch, blocks))
 
     def gaps_of(self, epoch: int, blocks: int) -> list[range]:
         """Return which of the first `blocks` blocks of an epoch are not stored."""
@@ -175,7 +167,7 @@ class Summary:
 
 def _run_entry(rig: str, name: str, run: PlannedRun) -> dict[str, object]:
     played = None if run.played is None else [run.played.epoch, run.played.blocks]
-    stored = {str(epoch): _pairs(ranges) for epoch, ranges in run.stored_ranges().items()}
+    stored = {str(epoch): _pairs(ranges_of(continuity)) for epoch, continuity in run.epochs.items()}
     return {"rig": rig, "run": name, "played": played, "stored": stored}
 
 

@@ -34,10 +34,9 @@ def describe(
     """
     files = files_of(folder, name)
     information = recorder_pb2.RecordingInfo(recording=name)
-    closing = None if written is not None else _closing(files[-1])
     if written is not None:
         information.MergeFrom(written)
-    elif closing is not None:
+    elif (closing := _closing(*_version(files[-1]))) is not None:
         information.MergeFrom(closing)
     else:
         found = audit(files)
@@ -46,7 +45,9 @@ def describe(
         information.missing_blocks = found.missing_blocks
     for path in files:
         closed = information.closed or path != files[-1]
-        information.files.append(_file(path, hashed=hashed and closed))
+        version = _version(path)
+        file_hash = _file_hash(*version) if hashed and closed else ""
+        information.files.append(recorder_pb2.RecordingFile(file=path.name, bytes=version[1], file_hash=file_hash))
     information.waiting = waiting
     information.bytes = sum(file.bytes for file in information.files)
     information.file = files[0].name
@@ -65,25 +66,20 @@ def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
     )
 
 
-def _file(path: Path, *, hashed: bool) -> recorder_pb2.RecordingFile:
+def _version(path: Path) -> tuple[Path, int, int]:
+    """Return a key for what was read of a file: another file of that name has another size or time."""
     status = path.stat()
-    file_hash = _file_hash(path, status.st_size, status.st_mtime_ns) if hashed else ""
-    return recorder_pb2.RecordingFile(file=path.name, bytes=status.st_size, file_hash=file_hash)
+    return path, status.st_size, status.st_mtime_ns
 
 
 @lru_cache(maxsize=_REMEMBERED)
 def _file_hash(path: Path, size: int, changed: int) -> str:
-    del size, changed  # They are the cache's key: another file of that name has others.
+    del size, changed
     return sha256_of(path)
 
 
-def _closing(path: Path) -> recorder_pb2.RecordingInfo | None:
-    status = path.stat()
-    return _cached_closing(path, status.st_size, status.st_mtime_ns)
-
-
 @lru_cache(maxsize=_REMEMBERED)
-def _cached_closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo | None:
+def _closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo | None:
     """Return what a closed file says of its recording; it is not changed by who asks."""
     del size, changed
     summary = read_summary(path)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mcap.records import ChunkIndex, Message
+from mcap.records import ChunkIndex
 
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import array_pb2, query_pb2, recorder_pb2, rig_pb2
@@ -279,12 +279,10 @@ def _steps(places: Sequence[_Place], *, first: int) -> Iterator[tuple[int, recor
         if place.count and before + place.count > first:
             for number, message in enumerate(messages_of(place.path, place.chunk, place.types), start=before):
                 if number >= first:
-                    yield number, _step(message, place.types[message.channel_id])
+                    kind = place.types[message.channel_id]
+                    step = recorder_pb2.RecordedStep(step=message.sequence, message_type=kind, payload=message.data)
+                    yield number, step
         before += place.count
-
-
-def _step(message: Message, schema: str) -> recorder_pb2.RecordedStep:
-    return recorder_pb2.RecordedStep(step=message.sequence, message_type=schema, payload=message.data)
 
 
 def _add_samples(step: recorder_pb2.RecordedStep, files: Sequence[Path]) -> None:
