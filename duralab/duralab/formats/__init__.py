@@ -1,10 +1,9 @@
 """Signals in the files that durability engineers exchange; each format is imported when it is used."""
 
-from duralab.formats.errors import FormatError
+from duralab.formats.errors import FormatError, Written
 from duralab.formats.exchange import Format, format_of, read_signals, write_signals
 from duralab.formats.uff58 import FrequencyResponse, read_frequency_response, write_frequency_response
 from duralab.formats.units import SI_UNITS, convert_units, named_units
-from duralab.formats.written import Written
 
 __all__ = [
     "SI_UNITS",

@@ -13,8 +13,7 @@ import numpy as np
 from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats.columns import headings, named_in_headings, signals_read
-from duralab.formats.errors import FormatError, opened, require_file
-from duralab.formats.written import Written
+from duralab.formats.errors import FormatError, Written, opened, require_file
 
 # Where a spreadsheet may begin a cell, whatever it takes for the separator, and would take the text for a formula.
 _BEGIN: Final = "(^|[;\t])"

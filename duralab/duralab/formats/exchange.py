@@ -13,8 +13,7 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats.errors import FormatError
-from duralab.formats.written import Written
+from duralab.formats.errors import FormatError, Written
 from duralab.near_files import did_you_mean
 from duralab.output_files import replace_when_complete, require_outputs
 

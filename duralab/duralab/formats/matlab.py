@@ -11,9 +11,8 @@ import numpy as np
 from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats.columns import signals_read
-from duralab.formats.errors import FormatError, require_file
+from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_room
-from duralab.formats.written import Written
 
 VARIABLES: Final = ("samples", "sample_rate", "names", "units")
 LARGEST_VARIABLE: Final = (1 << 31) - 1

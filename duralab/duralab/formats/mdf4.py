@@ -10,9 +10,8 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.formats.columns import signals_read
-from duralab.formats.errors import FormatError, require_file
+from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
-from duralab.formats.written import Written
 
 _EXPECTED: Final = "an MDF 4 measurement"
 

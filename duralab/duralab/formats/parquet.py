@@ -9,9 +9,8 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.formats.columns import headings, named_in_headings, signals_read
-from duralab.formats.errors import FormatError, require_file
+from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
-from duralab.formats.written import Written
 
 _EXPECTED: Final = "a Parquet table"
 _OWN: Final = b"duralab."

@@ -10,6 +10,7 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.errors import InputError
+from duralab.formats.errors import Written
 from duralab.formats.rpc3_header import (
     INT_FULL_SCALE,
     TRUE_LENGTH,
@@ -20,7 +21,6 @@ from duralab.formats.rpc3_header import (
     compose_header,
     stored_type,
 )
-from duralab.formats.written import Written
 
 CHANNELS_ALLOWED: Final = 128
 """As the description allows; the reader takes more."""

@@ -9,9 +9,8 @@ import numpy as np
 
 from duralab.data import Signals
 from duralab.formats.columns import one_step, rate_of_step, signals_read
-from duralab.formats.errors import FormatError, require_file
+from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library
-from duralab.formats.written import Written
 
 STEP: Final = "wf_increment"
 UNIT: Final = "unit_string"

@@ -17,9 +17,8 @@ import numpy as np
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
 from duralab.formats.columns import one_step, rate_of_step, signals_read
-from duralab.formats.errors import FormatError, require_file
+from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library
-from duralab.formats.written import Written
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,12 @@ from duralab_recordings.index import (
     messages_of,
     messages_on,
 )
-from duralab_recordings.mcap_file import EPOCH, McapFile
-from duralab_recordings.parts import (
+from duralab_recordings.mcap_file import (
+    EPOCH,
     FORMAT_VERSION,
     PART_METADATA,
     SUMMARY_METADATA,
+    McapFile,
     newer_format,
     part_metadata,
     part_path,

@@ -28,6 +28,7 @@ _PLACES: Final = {
     "stop": "run:stop",
     "compare": "report:compare",
     "verify": "catalogue:verify",
+    "doctor": "check_rig:doctor",
     "import": "convert:import_file",
     "router": "certs:run_router",
     **{name: name.replace(" ", ":") for name in _CERTS},

@@ -1,10 +1,11 @@
-"""`duralab check-rig`: does a rig keep the contract."""
+"""`duralab check-rig` and `duralab doctor`: does a rig keep the contract, and would a lab work here."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from duralab.conformance import Finding
+
 
 _STYLES = {"PASSED": "green", "FAILED": "bold red", "NOT_TRIED": "dim"}
 """Styles of the outcomes, by the names of `Outcome`."""
@@ -54,3 +56,34 @@ def _line(finding: Finding) -> Text:
 
     outcome = (f"{finding.outcome.value:<10}", _STYLES[finding.outcome.name])
     return Text.assemble(f"{finding.check:<22}", outcome, finding.sentence)
+
+
+_SEVERITY_STYLES = {"FINE": "green", "WARNING": "bold yellow", "PROBLEM": "bold red"}
+"""Styles of the severities, by the names of `Severity`."""
+
+
+def doctor(
+    *,
+    recordings: Annotated[
+        Path, typer.Option("--recordings", metavar="DIR", help="Folder of the recordings, whose disk is checked.")
+    ] = Path("recordings"),
+    as_json: Json = False,
+) -> None:
+    """Check this machine for what keeps a lab from working, with a remedy for each finding."""
+    from rich.text import Text
+
+    from duralab.diagnosis import Severity, examine
+
+    findings = examine(recordings)
+    counts = {severity: sum(finding.severity is severity for finding in findings) for severity in Severity}
+    output = Output(as_json)
+    for finding in findings:
+        state = (f"{finding.severity.value:<8}", _SEVERITY_STYLES[finding.severity.name])
+        output.console.print(Text.assemble(f"{finding.check:<15}", state, finding.sentence))
+        if finding.remedy:
+            output.console.print(Text(f"{'':<23}→ {finding.remedy}"))
+    problems, warnings = counts[Severity.PROBLEM], counts[Severity.WARNING]
+    output.say(f"{problems} problems, {warnings} warnings, {counts[Severity.FINE]} fine.")
+    output.document({"works": not problems, "findings": [asdict(finding) for finding in findings]})
+    if problems:
+        raise typer.Exit(int(ExitCode.FAILED))

@@ -3,8 +3,15 @@
 from duralab.lab.campaigns.fetching import Recovery
 from duralab.lab.campaigns.recordings_folder import RecordingsPlace, own_recordings
 from duralab.lab.campaigns.result import CampaignResult
-from duralab.lab.campaigns.resuming import expected_id, recording_file, resume_campaign
-from duralab.lab.campaigns.running import collect, followed, free_id, stop_campaign
+from duralab.lab.campaigns.running import (
+    collect,
+    expected_id,
+    followed,
+    free_id,
+    recording_file,
+    resume_campaign,
+    stop_campaign,
+)
 
 __all__ = [
     "CampaignResult",

@@ -1,20 +1,28 @@
-"""A campaign as the SDK drives it: a free name, followed to its end, stopped, collected."""
+"""A campaign as the SDK drives it: a free name, followed to its end, stopped, collected, resumed."""
 
 from __future__ import annotations
 
+import os
 import queue
+import re
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Final
 
-from duralab.errors import CampaignFaultError, LabError, ServiceEndedError, ended
+from duralab.arguments import whole_number
+from duralab.campaign import Campaign, PartialSettings, acceptance_message, completed, stop_message, update_message
+from duralab.data import Rig
+from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError, ended
 from duralab.lab.campaigns.fetching import Recovery, fetch_result
+from duralab.lab.campaigns.recordings_folder import RecordingsPlace
 from duralab.lab.campaigns.result import CampaignResult
 from duralab.lab.client import FOREVER, Deadline, LabClient
 from duralab.lab.progress import ENDED, POLL_SECONDS, OnProgress, progress_of
-from duralab_bus import BusError, FaultError, StreamItem
-from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from duralab.output_files import OUTPUTS, require_outputs
+from duralab.recording import Recording
+from duralab_bus import Bus, BusError, FaultError, StreamItem
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 
 SILENCE_SECONDS: Final = 10.0
 _STOP_SILENCE_SECONDS: Final = 2.0
@@ -130,3 +138,168 @@ def collect(
         raise
     recovery.place.fetched.add(specification.id)
     return result
+
+
+_REFUSED: Final = frozenset(
+    {
+        query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        query_pb2.FAULT_CODE_NOT_FOUND,
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        query_pb2.FAULT_CODE_BUSY,
+    }
+)
+"""After these nothing was begun."""
+
+
+def recording_file(given: str | Path) -> Path | None:
+    """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash."""
+    if isinstance(given, os.PathLike) or (isinstance(given, str) and (os.sep in given or given.endswith(".mcap"))):
+        return Path(given)
+    return None
+
+
+def expected_id(recording: Recording, *, is_changed: bool) -> str:
+    """Return the name of the campaign that continues a recording in a lab that holds no other."""
+    id = recording.specification.id
+    if recording.closed is None and not is_changed:
+        return id
+    stem, number = _stem_and_number(id)
+    return f"{stem}-{number + 1}"
+
+
+def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
+    """Return what a campaign was asked to do, from the first step of its recording."""
+    answer = bus.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+    first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
+    if first.message_type != iterator_pb2.CampaignSpec.DESCRIPTOR.full_name:
+        raise LabError(f"The first step is a {first.message_type!r}; the recording is not that of a campaign.")
+    return iterator_pb2.CampaignSpec.FromString(first.payload)
+
+
+def _put_settings(request: iterator_pb2.ResumeCampaignRequest, settings: Campaign, *, rig: Rig) -> None:
+    """Put the update, the stop criteria and the limits of a campaign file into a request."""
+    request.update.CopyFrom(update_message(settings.update, rig=rig))
+    request.stop.CopyFrom(stop_message(settings.stop))
+    request.accept.CopyFrom(acceptance_message(settings.accept))
+    request.scenario = settings.text
+
+
+def _whole_settings(settings: PartialSettings, parent: iterator_pb2.CampaignSpec, *, rig: Rig) -> Campaign:
+    """Return partial settings with the values of the recorded campaign; these must be those of its campaign file."""
+    recorded = completed(PartialSettings(settings.name, {}), parent)
+    same = update_message(recorded.update, rig=rig) == parent.update and stop_message(recorded.stop) == parent.stop
+    if not same:
+        raise InputError(
+            f"The campaign file in the recording of {parent.id!r} does not give the settings that were recorded, as "
+            f"that of an older version; give a whole campaign file in place of {settings.name}.",
+            field="settings",
+        )
+    return completed(settings, parent)
+
+
+def _stem_and_number(id: str) -> tuple[str, int]:
+    """Return a campaign's name without the number that the lab gave it, and that number: demo and 3 of demo-3."""
+    match = re.fullmatch(r"(?P<stem>.+)-(?P<number>\d+)", id)
+    return (match["stem"], int(match["number"])) if match is not None else (id, 1)
+
+
+def resume_campaign(
+    ask: LabClient,
+    id: str,
+    *,
+    settings: Campaign | PartialSettings | None,
+    from_iteration: int,
+    describe: Callable[[str], Rig],
+    folder: Callable[[str], Path],
+    place: RecordingsPlace,
+    replace: bool,
+    tell: OnProgress,
+    deadline: Deadline,
+) -> CampaignResult:
+    """Resume a campaign and collect what it leaves in its `folder`; see `Lab.resume`."""
+    parent = _parent(ask, id, from_iteration=from_iteration)
+    request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
+    if settings is not None:
+        rig = describe(parent.rig)
+        plan = _whole_settings(settings, parent, rig=rig) if isinstance(settings, PartialSettings) else settings
+        _put_settings(request, plan, rig=rig)
+        if isinstance(settings, PartialSettings) and parent.HasField("accept"):
+            # What was recorded, not what the text of its campaign file gives today.
+            request.accept.CopyFrom(parent.accept)
+
+    def begin() -> iterator_pb2.CampaignStatus:
+        was_copy = not request.new_id and place.expect_change(id)
+        try:
+            return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
+        except FaultError as fault:
+            if was_copy and fault.code in _REFUSED:
+                place.copies.add(id)
+            raise
+
+    def resumed(name: str) -> iterator_pb2.CampaignStatus:
+        require_outputs([folder(name) / file for file in OUTPUTS], replace=replace)
+        request.new_id = name if name != id else ""
+        return followed(ask, name, begin=begin, tell=tell, recovery=recovery(name), deadline=deadline)
+
+    def recovery(name: str) -> Recovery:
+        return Recovery(ask, name, folder(name), place)
+
+    name, status = id, None
+    if settings is None and from_iteration == 0:
+        try:
+            status = resumed(name)
+        except LabError as error:
+            # A recording that is closed for good can be taken up by a new campaign only.
+            if error.field != "new_id":
+                raise
+    if status is None:
+        stem, number = _stem_and_number(id)
+        name = free_id(ask, stem, first=number + 1)
+        try:
+            status = resumed(name)
+        except LabError as error:
+            if error.field != "stop.iterations":
+                raise
+            raise _no_playback_left(error, id) from error
+    specification = _as_resumed(parent, name, request, own_settings=settings is None)
+    return collect(ask, specification, status, folder=folder(name), recovery=recovery(name))
+
+
+def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
+    """Check what is to be built on, and return what its campaign was asked to do."""
+    if not (whole_number(from_iteration) and 0 <= from_iteration < 2**32):
+        raise InputError(
+            f"from_iteration is {from_iteration!r}; give the number of a playback from 1 to 2^32 - 1, or 0 for the "
+            "last there is.",
+            field="from_iteration",
+        )
+    try:
+        return _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
+    except FaultError as fault:
+        raise ask.explained(fault) from fault
+
+
+def _as_resumed(
+    parent: iterator_pb2.CampaignSpec, name: str, request: iterator_pb2.ResumeCampaignRequest, *, own_settings: bool
+) -> iterator_pb2.CampaignSpec:
+    """Return what the resumed campaign does: what its parent did, with what the request puts in its place."""
+    specification = iterator_pb2.CampaignSpec()
+    specification.CopyFrom(parent)
+    specification.id = name
+    if not own_settings:
+        specification.update.CopyFrom(request.update)
+        specification.stop.CopyFrom(request.stop)
+        specification.accept.CopyFrom(request.accept)
+        specification.scenario = request.scenario
+    return specification
+
+
+def _no_playback_left(error: LabError, id: str) -> InputError:
+    """Say the same in a campaign file's words."""
+    return InputError(
+        f"Campaign {id} has made as many playbacks as its `stop.iterations` allows; give a campaign file as settings "
+        "that allows more, or an earlier playback to build on.",
+        field=error.field,
+        service=error.service,
+    )

@@ -41,11 +41,6 @@ class Audit:
     """Whether its last file was read to its end."""
 
     @property
-    def signal_blocks(self) -> int:
-        """Number of different blocks."""
-        return sum(continuity.received for continuity in self.content.blocks.values())
-
-    @property
     def missing_blocks(self) -> int:
         """Number of blocks that were announced as played and are not here."""
         return sum(self._missing_of(played) for played in self.content.played)
