@@ -17,7 +17,7 @@ def test_the_same_can_be_given(other, own):
     assert inspect.signature(own).parameters == inspect.signature(other).parameters
 
 
-def test_what_is_given_to_join_a_lab_arrives(monkeypatch):
+def test_what_is_given_to_join_a_lab_arrives():
     given = {}
 
     @contextmanager
@@ -26,10 +26,9 @@ def test_what_is_given_to_join_a_lab_arrives(monkeypatch):
         yield None
 
     async def script(options):
-        async with duralab.async_connect("tls/lab:7447", **options):
+        async with async_lab.asynchronous(connect)("tls/lab:7447", **options):
             pass
 
-    monkeypatch.setattr(async_lab, "connect", connect)
     options = {"out": "mine", "timeout_seconds": 2.0, "identity": "certificates/operator.anna"}
     asyncio.run(script(options))
     assert given == {"endpoint": "tls/lab:7447", **options}

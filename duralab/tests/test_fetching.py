@@ -6,8 +6,8 @@ import threading
 import pytest
 
 from duralab.errors import LabError
-from duralab.lab.campaigns import fetching
-from duralab.lab.campaigns.fetching import Part, fetch, fetch_result
+from duralab.lab import fetching
+from duralab.lab.fetching import Part, fetch, fetch_result
 from duralab_bus import FaultError
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2

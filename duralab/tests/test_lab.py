@@ -18,7 +18,7 @@ from test_supervisor import alive
 import duralab
 from duralab.campaign import parse_campaign
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError
-from duralab.lab.campaigns import free_id
+from duralab.lab.campaign_running import free_id
 from duralab_bus import BusConfig, FaultError, open_bus
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 
@@ -233,7 +233,7 @@ def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
     def with_a_wrong_hash(_bus, id):
         return recorder_pb2.RecordingInfo(recording=id, closed=True, file_hash="0" * 64)
 
-    monkeypatch.setattr("duralab.lab.campaigns.fetching.wait_until_closed", with_a_wrong_hash)
+    monkeypatch.setattr("duralab.lab.fetching.wait_until_closed", with_a_wrong_hash)
     with pytest.raises(LabError, match="SHA-256"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
@@ -241,7 +241,7 @@ def test_recording_that_comes_damaged_is_not_kept(lab, tmp_path, monkeypatch):
 
 def test_a_recording_with_holes_is_no_result(lab, tmp_path, monkeypatch):
     holes = recorder_pb2.RecordingInfo(closed=True, missing_blocks=3)
-    monkeypatch.setattr("duralab.lab.campaigns.fetching.wait_until_closed", lambda *_: holes)
+    monkeypatch.setattr("duralab.lab.fetching.wait_until_closed", lambda *_: holes)
     with pytest.raises(LabError, match="lacks 3 signal blocks"):
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

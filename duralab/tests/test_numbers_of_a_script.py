@@ -6,7 +6,7 @@ from test_identification import ESTIMATOR, EXCITATION, Answers, identifier
 from test_labelled_signals import RIG
 
 from duralab.errors import InputError
-from duralab.lab.campaigns import resume_campaign
+from duralab.lab.campaign_running import resume_campaign
 from duralab.lab.playing import play_drive
 
 NOBODY = object()

@@ -6,7 +6,7 @@ import duralab
 from duralab.cli.ending import ended_well
 from duralab.errors import InputError
 from duralab.lab import RecordingsPlace
-from duralab.lab.campaigns import own_recordings
+from duralab.lab.recordings_folder import own_recordings
 
 
 def recorded(place, *names):

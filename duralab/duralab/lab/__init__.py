@@ -8,7 +8,8 @@ from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from duralab.lab.async_lab import AsyncLab, AsyncWatch, async_connect, async_start
-    from duralab.lab.campaigns import CampaignResult, RecordingsPlace, expected_id, recording_file
+    from duralab.lab.campaign_result import CampaignResult
+    from duralab.lab.campaign_running import expected_id, recording_file
     from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
     from duralab.lab.identifier import Identifier
     from duralab.lab.lab import Lab
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from duralab.lab.playing import read_drive_file
     from duralab.lab.progress import RunProgress, Stage
     from duralab.lab.recorded_result import Result
+    from duralab.lab.recordings_folder import RecordingsPlace
     from duralab.lab.status import SERVICES, LabStatus, ServiceHealth, lab_status
     from duralab.lab.watching import CampaignEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
 

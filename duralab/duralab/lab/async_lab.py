@@ -7,16 +7,15 @@ import contextvars
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, asynccontextmanager, suppress
 from functools import partial, wraps
-from pathlib import Path
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from duralab.errors import InputError, LabError
 from duralab.lab.catalogue import Catalogue
 from duralab.lab.identifier import Identifier
 from duralab.lab.lab import Lab
-from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, FREE_ENDPOINT, connect, start
+from duralab.lab.opening import connect, start
 from duralab.lab.watching import LabEvent, Watch, Watched
 from duralab_bus import BusError
 from duralab_proto.keys import ANY
@@ -182,81 +181,35 @@ class AsyncWatch(AsyncIterator[LabEvent]):
         await self.close()
 
 
-@asynccontextmanager
-async def async_start(
-    out: str | Path | None = None,
-    *,
-    listen: str = FREE_ENDPOINT,
-    recordings: str | Path | None = None,
-    rigs: Sequence[str] = DEFAULT_RIGS,
-    viewer: str | None = None,
-    real_time: bool = False,
-) -> AsyncIterator[AsyncLab]:
-    """Start a private lab on this machine, `async with async_start() as lab`; see `start`.
+def asynchronous(
+    opening: Callable[P, AbstractContextManager[Lab]],
+) -> Callable[P, AbstractAsyncContextManager[AsyncLab]]:
+    """Return what opens a lab as one for `async with`, which takes the same arguments."""
 
-    Parameters
-    ----------
-    out, listen, recordings, rigs, viewer, real_time
-        As in `start`.
-
-    Yields
-    ------
-    AsyncLab
-        Open until the `async with` statement ends.
-
-    Raises
-    ------
-    InputError, LabError
-        As in `start`.
-    """
-    opening = start(out, listen=listen, recordings=recordings, rigs=rigs, viewer=viewer, real_time=real_time)
-    async with _opened(opening) as opened:
-        yield opened
-
-
-@asynccontextmanager
-async def async_connect(
-    endpoint: str | None = None,
-    *,
-    out: str | Path | None = None,
-    timeout_seconds: float = FIND_SECONDS,
-    identity: str | Path | None = None,
-) -> AsyncIterator[AsyncLab]:
-    """Join a lab that runs already, `async with async_connect() as lab`; see `connect`.
-
-    Parameters
-    ----------
-    endpoint, out, timeout_seconds, identity
-        As in `connect`.
-
-    Yields
-    ------
-    AsyncLab
-        Open until the `async with` statement ends.
-
-    Raises
-    ------
-    InputError, UnavailableError
-        As in `connect`.
-    """
-    async with _opened(connect(endpoint, out=out, timeout_seconds=timeout_seconds, identity=identity)) as opened:
-        yield opened
-
-
-@asynccontextmanager
-async def _opened(lab: AbstractContextManager[Lab]) -> AsyncIterator[AsyncLab]:
-    loop = asyncio.get_running_loop()
-    with ThreadPoolExecutor(_MOST_AT_ONCE, thread_name_prefix="duralab") as threads:
-        entering = loop.run_in_executor(threads, lab.__enter__)
-        try:
-            opened = await asyncio.shield(entering)
-        except asyncio.CancelledError:
-            # It is half open: what was started must not outlive the task.
-            with suppress(LabError):
-                await asyncio.shield(entering)
+    @wraps(opening)
+    @asynccontextmanager
+    async def opened(*args: P.args, **kwargs: P.kwargs) -> AsyncIterator[AsyncLab]:
+        lab, loop = opening(*args, **kwargs), asyncio.get_running_loop()
+        with ThreadPoolExecutor(_MOST_AT_ONCE, thread_name_prefix="duralab") as threads:
+            entering = loop.run_in_executor(threads, lab.__enter__)
+            try:
+                entered = await asyncio.shield(entering)
+            except asyncio.CancelledError:
+                # It is half open: what was started must not outlive the task.
+                with suppress(LabError):
+                    await asyncio.shield(entering)
+                    await loop.run_in_executor(threads, lab.__exit__, None, None, None)
+                raise
+            try:
+                yield AsyncLab(entered, threads)
+            finally:
                 await loop.run_in_executor(threads, lab.__exit__, None, None, None)
-            raise
-        try:
-            yield AsyncLab(opened, threads)
-        finally:
-            await loop.run_in_executor(threads, lab.__exit__, None, None, None)
+
+    return opened
+
+
+async_start = asynchronous(start)
+"""Start a private lab on this machine, `async with async_start() as lab`; see `start`."""
+
+async_connect = asynchronous(connect)
+"""Join a lab that runs already, `async with async_connect() as lab`; see `connect`."""

@@ -23,22 +23,15 @@ from duralab.campaign import (
 )
 from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError, LabError
-from duralab.lab.campaigns import (
-    CampaignResult,
-    RecordingsPlace,
-    Recovery,
-    collect,
-    followed,
-    free_id,
-    recording_file,
-    resume_campaign,
-    stop_campaign,
-)
+from duralab.lab.campaign_result import CampaignResult
+from duralab.lab.campaign_running import collect, followed, free_id, recording_file, resume_campaign, stop_campaign
 from duralab.lab.catalogue import Catalogue
 from duralab.lab.client import Deadline, LabClient, deadline_of
+from duralab.lab.fetching import Recovery
 from duralab.lab.identifier import Identifier
 from duralab.lab.playing import play_drive, stop_rig
 from duralab.lab.progress import OnProgress, RunProgress, Stage, progress_of
+from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.lab.status import ServiceHealth, health_of
 from duralab.lab.watching import Watch, Watched
 from duralab.output_files import OUTPUTS, require_other

@@ -14,9 +14,9 @@ from pydantic import ValidationError
 
 from duralab.arguments import require_path, require_switch, require_text
 from duralab.errors import InputError, UnavailableError
-from duralab.lab.campaigns import RecordingsPlace, own_recordings
 from duralab.lab.client import require_time
 from duralab.lab.lab import Lab
+from duralab.lab.recordings_folder import RecordingsPlace, own_recordings
 from duralab.processes import Supervisor, lab_services, the_running_lab
 from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 

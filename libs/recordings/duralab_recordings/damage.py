@@ -69,7 +69,7 @@ def reason_of(error: Exception) -> str:
     Parameters
     ----------
     error : Exception
-        One of `DAMAGE`.
+        One of `DAMAGE`, or a RecordingError.
 
     Returns
     -------
@@ -77,6 +77,8 @@ def reason_of(error: Exception) -> str:
         A clause, e.g. "a record ends before its own length says".
     """
     match error:
+        case RecordingError():
+            reason = error.reason
         case InvalidMagic():
             reason = "it does not begin as an MCAP file"
         case EndOfFile():

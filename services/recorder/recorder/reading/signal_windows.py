@@ -58,12 +58,7 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
         first, window, rate = _window(signals, request)
         return _answer(request.run, window, first=first, rate=rate, channels=channels)
     except (*DAMAGE, RecordingError) as error:
-        reason = error.reason if isinstance(error, RecordingError) else reason_of(error)
-        raise RefusedError(
-            query_pb2.FAULT_CODE_DATA_LOSS,
-            f"Recording {name!r} is damaged: {reason}; `verify` says more.",
-            field="recording",
-        ) from error
+        raise _damaged(name, reason_of(error)) from error
 
 
 def _named(folder: Path, name: str) -> str:
@@ -241,10 +236,8 @@ def read_steps(
                 break
             answer.steps.append(step)
             room -= size
-    except DAMAGE as error:
+    except (*DAMAGE, RecordingError) as error:
         raise _damaged(name, reason_of(error)) from error
-    except RecordingError as error:
-        raise _damaged(name, error.reason) from error
     return answer
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from duralab.errors import LabError, ended
-from duralab.lab.campaigns.recordings_folder import RecordingsPlace
-from duralab.lab.campaigns.result import CampaignResult
+from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.client import LabClient
+from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.output_files import OUTPUTS, replace_when_complete
 from duralab.recording import parts_beside
 from duralab_bus import Bus, BusError, FaultError

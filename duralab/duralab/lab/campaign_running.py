@@ -14,11 +14,11 @@ from duralab.arguments import whole_number
 from duralab.campaign import Campaign, PartialSettings, acceptance_message, completed, stop_message, update_message
 from duralab.data import Rig
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError, ended
-from duralab.lab.campaigns.fetching import Recovery, fetch_result
-from duralab.lab.campaigns.recordings_folder import RecordingsPlace
-from duralab.lab.campaigns.result import CampaignResult
+from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.client import FOREVER, Deadline, LabClient
+from duralab.lab.fetching import Recovery, fetch_result
 from duralab.lab.progress import ENDED, POLL_SECONDS, OnProgress, progress_of
+from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
 from duralab_bus import Bus, BusError, FaultError, StreamItem
