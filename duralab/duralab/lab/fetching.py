@@ -53,16 +53,7 @@ def wait_until_closed(bus: Bus, id: str, *, seconds: float = CLOSE_SECONDS) -> r
         time.sleep(0.1)
 
 
-def fetch(
-    bus: Bus,
-    id: str,
-    *,
-    part: Part,
-    path: Path,
-    number: int = 1,
-    file_hash: str = "",
-    on_fraction: Callable[[float], None] | None = None,
-) -> None:
+def fetch(bus: Bus, id: str, *, part: Part, path: Path, number: int = 1, file_hash: str = "") -> None:
     """Write a file of a closed recording to `path`."""
 
     def ask(offset: int) -> recorder_pb2.RecordingPart:
@@ -78,8 +69,6 @@ def fetch(
             stream.write(piece.data)
             digest.update(piece.data)
             offset += len(piece.data)
-            if on_fraction is not None and total:
-                on_fraction(offset / total)
         if offset != total:
             raise LabError(f"The recorder sent {offset} of {total} bytes of {id!r} and then not what follows them.")
         if file_hash and digest.hexdigest() != file_hash:
@@ -102,25 +91,6 @@ def _in_order(ask: Callable[[int], recorder_pb2.RecordingPart]) -> Iterator[reco
             yield piece
 
 
-def fetch_recording(bus: Bus, information: recorder_pb2.RecordingInfo, *, path: Path) -> None:
-    """Write all files of a closed recording: the first to `path`, those that follow beside it."""
-    # A recorder of before names the first file only, and knows no other.
-    files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
-    stale = [place for number, place in parts_beside(path).items() if number > len(files)]
-    for number, file in enumerate(files, start=1):
-        fetch(
-            bus,
-            information.recording,
-            part=Part.RECORDING,
-            path=part_path(path, number),
-            number=number,
-            file_hash=file.file_hash,
-        )
-    # Of a longer recording that was there before: it would be read as part of this one.
-    for place in stale:
-        place.unlink()
-
-
 def fetch_result(
     bus: Bus, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
 ) -> CampaignResult:
@@ -139,10 +109,18 @@ def fetch_result(
 
 def fetch_files(bus: Bus, information: recorder_pb2.RecordingInfo, *, folder: Path) -> tuple[Path, Path]:
     """Fetch the files of a closed recording into a folder."""
-    recording_path, live_path = folder / "recording.mcap", folder / "live.rrd"
-    fetch_recording(bus, information, path=recording_path)
+    id, recording_path, live_path = information.recording, folder / "recording.mcap", folder / "live.rrd"
+    # A recorder of before names the first file only, and knows no other.
+    files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
+    stale = [place for number, place in parts_beside(recording_path).items() if number > len(files)]
+    for number, file in enumerate(files, start=1):
+        path = part_path(recording_path, number)
+        fetch(bus, id, part=Part.RECORDING, path=path, number=number, file_hash=file.file_hash)
+    # Of a longer recording that was there before: it would be read as part of this one.
+    for place in stale:
+        place.unlink()
     try:
-        fetch(bus, information.recording, part=Part.LIVE, path=live_path)
+        fetch(bus, id, part=Part.LIVE, path=live_path)
     except FaultError as fault:
         # A recorder that is told to write no live file has none; a later one can be made of the recording.
         if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:

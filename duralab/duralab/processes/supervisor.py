@@ -214,7 +214,7 @@ def describe_exit(code: int) -> str:
         return f"killed by signal {-code}"
 
 
-def last_lines(path: Path, lines: int = LOG_LINES) -> str:
+def last_lines(path: Path) -> str:
     """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
     try:
         with path.open("rb") as stream:
@@ -222,7 +222,7 @@ def last_lines(path: Path, lines: int = LOG_LINES) -> str:
             text = stream.read().decode("utf-8", errors="replace")
     except OSError:
         return "none"
-    found = [line.strip() for line in text.splitlines() if line.strip() and not _is_trace(line)][-lines:]
+    found = [line.strip() for line in text.splitlines() if line.strip() and not _is_trace(line)][-LOG_LINES:]
     return " / ".join(_readable(line) for line in found) or "none"
 
 

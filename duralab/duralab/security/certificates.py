@@ -58,9 +58,9 @@ class CertificateFile:
         """Where its private key is."""
         return self.path.with_suffix(".key")
 
-    def days_left(self, now: datetime | None = None) -> float:
+    def days_left(self) -> float:
         """Return how long it is still valid, in days; negative when it has expired."""
-        return (self.expires - (now or datetime.now(UTC))) / timedelta(days=1)
+        return (self.expires - datetime.now(UTC)) / timedelta(days=1)
 
 
 def read_certificates(folder: Path) -> list[CertificateFile]:
@@ -152,12 +152,12 @@ _CLOCK_SKEW: Final = timedelta(minutes=5)
 _HOST = re.compile(r"(?!-)[a-z0-9-]{1,63}(?<!-)(\.(?!-)[a-z0-9-]{1,63}(?<!-))*", re.IGNORECASE)
 
 
-def init_authority(folder: Path, *, lab: str = "local", days: int = AUTHORITY_DAYS) -> CertificateFile:
-    """Make the authority of a lab, `ca.crt` and `ca.key`, in a folder for its owner only; valid for `days`."""
+def init_authority(folder: Path, *, lab: str = "local") -> CertificateFile:
+    """Make the authority of a lab, `ca.crt` and `ca.key`, in a folder for its owner only."""
     _check_lab(lab)
     expect_free(folder, AUTHORITY)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"{_AUTHORITY_OF}{lab}")])
-    return _write_authority(folder, _new_key(), subject, days=days)
+    return _write_authority(folder, _new_key(), subject, days=AUTHORITY_DAYS)
 
 
 def issue(

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 from duralab.campaign import parse_campaign
 from duralab.errors import InputError, LabError
@@ -80,7 +80,7 @@ def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
 class KeptCell:
     """The cell of a worker: kept from one campaign to the next while they need the same rigs."""
 
-    def __init__(self, folder: Path | None = None) -> None:
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._key: object = None
         self._stack = ExitStack()
@@ -113,12 +113,6 @@ class KeptCell:
             # Zenoh's binding refuses to withdraw what a thread of its own has in its hands at this very moment. What
             # is left of the session is alone in this process and reaches nobody.
             logging.getLogger("cell").warning("The cell was not closed in order.", exc_info=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _bytes_in(folder: Path) -> int:

@@ -116,6 +116,7 @@ def router(
 ) -> None:
     """Write the configuration of a router that admits the certificates of the folder, each by its role."""
     from duralab import security
+    from duralab.output_files import replace_when_complete, require_outputs
 
     output = Output(as_json)
     content = security.configure_router(folder, lab=lab, certificates=certificates or str(folder.resolve()), port=port)
@@ -123,13 +124,9 @@ def router(
         if not output.document({"configuration": content}):
             sys.stdout.write(content)
         return
-    try:
-        with out.open("w" if replace else "x", encoding="utf-8") as stream:
-            stream.write(content)
-    except FileExistsError as error:
-        raise InputError(f"{out} is there already; say --replace to overwrite it.") from error
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror}.") from error
+    require_outputs([out], replace=replace)
+    with replace_when_complete(out) as temporary:
+        temporary.write_text(content, encoding="utf-8")
     output.say(f"{out} written; start the router with `zenohd --config {out}`, or try it with `duralab router`.")
     output.document({"configuration_file": out})
 
