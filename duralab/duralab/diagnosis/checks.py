@@ -126,23 +126,6 @@ def check_command(found: str | None, *, prefix: Path) -> Finding:
     return fine("command", found)
 
 
-OWN: Final = (
-    "duralab",
-    "duralab-proto",
-    "duralab-bus",
-    "duralab-gateway",
-    "duralab-spectra",
-    "duralab-roads",
-    "duralab-drive-map",
-    "duralab-loads",
-    "duralab-settings",
-    "duralab-rig-sim",
-    "duralab-identifier",
-    "duralab-iterator",
-    "duralab-recorder",
-)
-"""Distributions of the lab itself."""
-
 ON_THE_WIRE: Final = ("eclipse-zenoh", "protobuf")
 """Packages whose versions decide whether two machines understand each other."""
 
@@ -151,7 +134,7 @@ _MOST_SHOWN: Final = 5
 
 def check_own_versions(installed: Mapping[str, str]) -> Finding:
     """Judge whether the lab's own distributions are of one version; `installed` has versions by names."""
-    found = {name: installed[name] for name in OWN if name in installed}
+    found = {name: version for name, version in sorted(installed.items()) if _is_own(name)}
     if len(set(found.values())) > 1:
         listed = ", ".join(f"{name} {version}" for name, version in found.items())
         return problem("versions", f"Parts of the lab are of different versions: {listed}.", "Install all of one.")
@@ -407,7 +390,10 @@ def examine(recordings: Path) -> list[Finding]:
         check_shadows(Path.cwd(), paths=os.environ.get("PYTHONPATH", "").split(os.pathsep)),
         check_command(shutil.which("duralab"), prefix=Path(sys.prefix)),
         check_own_versions(installed),
-        check_requirements(_requirements(), installed),
+        # What the lab's own distributions ask for, as far as they are installed.
+        check_requirements(
+            [asked for name in installed if _is_own(name) for asked in metadata.requires(name) or ()], installed
+        ),
         check_lock(_locked(), installed),
         check_disk(recordings.absolute(), free=free_bytes(recordings)),
         check_writable("recordings", recordings.absolute(), remedy="Give another folder with --recordings DIR."),
@@ -426,15 +412,9 @@ def examine(recordings: Path) -> list[Finding]:
     ]
 
 
-def _requirements() -> list[str]:
-    """Return what the lab's distributions ask for, as far as they are installed."""
-    found: list[str] = []
-    for name in OWN:
-        try:
-            found += metadata.requires(name) or []
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+def _is_own(name: str) -> bool:
+    """Return whether a distribution is one of the lab's own."""
+    return name == "duralab" or name.startswith("duralab-")
 
 
 def _locked() -> dict[str, set[str]]:

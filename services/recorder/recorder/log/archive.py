@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import BlockPlace
 from recorder.format import MOST_BLOCKS, PlannedRun, Step, files_of, leaves_samples_out, recordings_in
-from recorder.log.interruptions import Interruptions
+from recorder.log.interruptions import RETRY_SECONDS, Interruptions
 from recorder.log.recording import DiskError, Placement, Recording, StepOrder, as_disk_error
 from recorder.log.recovery import LEAST_FREE_BYTES, MEBIBYTE, FreeSpaceGuard, is_ended, reopen
 from recorder.mcap_log import holds_doubles_only
@@ -228,7 +229,7 @@ class Archive:
             self._take_up_interrupted(name)
         if name in self._interruptions:
             # The disk refused again what had been held back.
-            raise DiskError(name, self._interruptions.why(name))
+            raise DiskError(name, self._interruptions[name].why)
 
     @contextmanager
     def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
@@ -244,12 +245,12 @@ class Archive:
                 self._runs.forget(name)
             else:
                 self._interruptions.begin(name, why=error.why, file=recording.let_go())
-                self._interruptions.hold(name, self._unsynced.pop(name, []))
+                self._interruptions[name].held += self._unsynced.pop(name, [])
             raise
 
     def _take_up_interrupted(self, name: str) -> None:
         """Go on with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
-        why = "" if self._interruptions.unread(name) else self._interruptions.why(name)
+        why = "" if self._interruptions[name].unread else self._interruptions[name].why
         self._free_space.expect(name)
         try:
             with as_disk_error(name):
@@ -264,7 +265,7 @@ class Archive:
 
     def _take_held(self, name: str) -> None:
         """Take what came for a recording while it waited."""
-        held = self._interruptions.end(name)
+        held = self._interruptions.pop(name).held
         if name not in self._open:
             # Its last step was on the disk, and with it all that came before it; or it is no recording to go on with.
             self._forget(name)
@@ -320,7 +321,7 @@ class Archive:
         if run is None:
             self._take_unclaimed(item)
         elif run.recording in self._interruptions:
-            self._interruptions.hold(run.recording, [item])
+            self._interruptions[run.recording].held += [item]
         elif not self._runs.is_new(run, item.epoch, item.seq):
             # Not settled at once: the first of the two may not be on the disk yet.
             self._unsynced.setdefault(run.recording, []).append(item)
@@ -372,7 +373,7 @@ class Archive:
         """Write a stream message; where the disk refuses it, it is held until the disk takes it."""
         recording = self._open.get(name)
         if recording is None:
-            self._interruptions.hold(name, [item])
+            self._interruptions[name].held += [item]
             return False
         self._unsynced.setdefault(name, []).append(item)
         try:
@@ -400,7 +401,7 @@ class Archive:
             try:
                 self._take_up_interrupted(name)
             except DiskError as refusal:
-                self._interruptions.postpone(name)
+                self._interruptions[name].retry_at = time.monotonic() + RETRY_SECONDS
                 self._log.debug("a recording waits", recording=name, why=refusal.message)
             except RefusedError as refusal:
                 self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
@@ -421,7 +422,7 @@ class Archive:
 
     def waiting(self, name: str) -> str:
         """Return why a recording cannot be written now; empty where it can."""
-        return self._interruptions.why(name) if name in self._interruptions else ""
+        return self._interruptions[name].why if name in self._interruptions else ""
 
     def counts(self) -> tuple[int, int]:
         """Return how many recordings are open, and how many wait for their disk; on any thread."""

@@ -7,7 +7,6 @@ import errno
 import math
 import os
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +23,9 @@ _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 @dataclass
-class _Interruption:
+class Interruption:
+    """Why a recording waits, the file to cut and its safe bytes, and the messages held for it."""
+
     why: str
     file: tuple[Path, int] | None
     unread: bool = False
@@ -33,22 +34,16 @@ class _Interruption:
     retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
 
 
-class Interruptions:
+class Interruptions(dict[str, Interruption]):
     """The recordings that wait for their disk, by name."""
 
     def __init__(self) -> None:
-        self._waiting: dict[str, _Interruption] = {}
+        super().__init__()
         self._unclaimed: list[StreamItem[Any]] = []
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._waiting
-
-    def __len__(self) -> int:
-        return len(self._waiting)
 
     def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
         """Note that a recording waits."""
-        self._waiting[name] = _Interruption(why, file)
+        self[name] = Interruption(why, file)
         with contextlib.suppress(OSError):
             self.cut(name)
 
@@ -62,20 +57,16 @@ class Interruptions:
         no_room = not isinstance(said, OSError) or said.errno in _NO_ROOM
         why = error.why if isinstance(error, DiskError) else error.strerror or str(error)
         claims_until = math.inf if no_room else time.monotonic() + CLAIM_SECONDS
-        self._waiting[name] = _Interruption(why, None, unread=True, claims_until=claims_until)
+        self[name] = Interruption(why, None, unread=True, claims_until=claims_until)
 
     def cut(self, name: str) -> None:
         """Cut off what is not certain to be on the disk; raises OSError where the disk refuses even that."""
-        file = self._waiting[name].file
+        file = self[name].file
         if file is not None:
             path, safe = file
             os.truncate(path, min(safe, path.stat().st_size))
             # Once: what is there afterwards was written when the disk took it again.
-            self._waiting[name].file = None
-
-    def hold(self, name: str, items: Iterable[StreamItem[Any]]) -> None:
-        """Keep stream messages until the recording is taken up."""
-        self._waiting[name].held += items
+            self[name].file = None
 
     def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
         """Keep a message that no known playback claims, where one of a recording that is not read may; tell whether."""
@@ -87,32 +78,16 @@ class Interruptions:
     @property
     def _claiming(self) -> bool:
         now = time.monotonic()
-        return any(now < waiting.claims_until for waiting in self._waiting.values())
+        return any(now < waiting.claims_until for waiting in self.values())
 
     def take_given_up(self) -> list[StreamItem[Any]]:
         """Return what nobody has claimed and is kept for no recording any longer."""
         return [] if self._claiming else self.take_unclaimed()
 
-    def unread(self, name: str) -> bool:
-        """Whether the playbacks of a recording are not known."""
-        return self._waiting[name].unread
-
-    def why(self, name: str) -> str:
-        """Return what the disk said."""
-        return self._waiting[name].why
-
     def due(self) -> list[str]:
         """Return the recordings that may be tried again."""
         now = time.monotonic()
-        return [name for name, waiting in self._waiting.items() if now >= waiting.retry_at]
-
-    def postpone(self, name: str) -> None:
-        """Try it again a little later."""
-        self._waiting[name].retry_at = time.monotonic() + RETRY_SECONDS
-
-    def end(self, name: str) -> list[StreamItem[Any]]:
-        """Return what was held; the recording waits no more."""
-        return self._waiting.pop(name).held
+        return [name for name, waiting in self.items() if now >= waiting.retry_at]
 
     def take_unclaimed(self) -> list[StreamItem[Any]]:
         """Return what no known playback claimed, to be looked at once more."""
