@@ -75,13 +75,6 @@ class AsyncLab:
     Every method is that of `Lab`, awaited and without `cancel`: cancelling the task that awaits a playback, an
     identification or a campaign stops it. The rig ramps down and is latched, and only then the cancellation continues.
     `on_progress` is called in the event loop.
-
-    Parameters
-    ----------
-    lab : Lab
-        The lab.
-    threads : ThreadPoolExecutor
-        Where its methods run.
     """
 
     def __init__(self, lab: Lab, threads: ThreadPoolExecutor) -> None:

@@ -24,15 +24,7 @@ from duralab_settings import EstimatorSettings, ExcitationSettings
 
 
 class Identifier:
-    """The identifier of a lab; made by `Lab.identifier`.
-
-    Parameters
-    ----------
-    ask : LabClient
-        The lab.
-    describe : callable
-        Describes a rig.
-    """
+    """The identifier of a lab; made by `Lab.identifier`."""
 
     def __init__(self, ask: LabClient, describe: Callable[[str], Rig]) -> None:
         self._ask, self._describe, self._keys = ask, describe, ask.bus.keys

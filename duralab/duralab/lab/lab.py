@@ -50,16 +50,7 @@ if TYPE_CHECKING:
 class Lab:
     """A lab on the bus; made by `start` and `connect`.
 
-    Parameters
-    ----------
-    bus : Bus
-        The session.
-    out : Path
-        Folder for what campaigns leave behind.
-    supervisor : Supervisor, optional
-        Of the services, where this process started them.
-    recordings : RecordingsPlace, optional
-        Where its recorder writes, as far as that is known.
+    `supervisor`: Of the services, where this process started them. `recordings`: Where its recorder writes, if known.
     """
 
     def __init__(

@@ -97,19 +97,6 @@ class Watch(Iterator[LabEvent]):
 
     Live means: what a broken link lost is not fetched again; the recording has it. A script that is slower than the
     lab gets the newest events, and `dropped` tells how many it did not get.
-
-    Parameters
-    ----------
-    ask : LabClient
-        The lab.
-    describe : callable
-        Describes a rig.
-    rig, campaign : str
-        Of these only; "*" for all.
-    kinds : frozenset of Watched
-        What to listen to.
-    timeout_seconds : float or None
-        Longest silence.
     """
 
     def __init__(
