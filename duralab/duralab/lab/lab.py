@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 class Lab:
     """A lab on the bus; made by `start` and `connect`.
 
-    `out`: Folder for what campaigns leave. `supervisor`: Of the services, where this process started them. `recordings`:
-    Where its recorder writes, if known.
+    `out`: Folder for what campaigns leave. `supervisor`: Of the services, where this process started them.
+    `recordings`: Where its recorder writes, if known.
     """
 
     def __init__(

@@ -87,7 +87,7 @@ def test_a_model_with_a_map_cannot_be_resumed_without_it():
     request = iterator_pb2.ResumeCampaignRequest(new_id="again")
     request.update.CopyFrom(plan.spec.update)
     request.update.drive_map.learn = False
-    with pytest.raises(FaultError, match="the model of campaign .* goes with its drive map; leave the key out"):
+    with pytest.raises(FaultError, match=r"the model of campaign .* goes with its drive map; leave the key out"):
         new_campaign(recorded, request)
     request.update.ClearField("drive_map")
     new_campaign(recorded, request)
