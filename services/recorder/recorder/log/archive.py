@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from duralab_proto.keys import id_of, rig_of, run_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import BlockPlace
 from recorder.format import MOST_BLOCKS, PlannedRun, Step, files_of, leaves_samples_out, recordings_in
-from recorder.log.interruptions import RETRY_SECONDS, Interruptions
+from recorder.log.interruptions import Interruptions
 from recorder.log.recording import DiskError, Placement, Recording, StepOrder, as_disk_error
 from recorder.log.recovery import LEAST_FREE_BYTES, MEBIBYTE, FreeSpaceGuard, is_ended, reopen
 from recorder.mcap_log import holds_doubles_only
@@ -401,7 +400,7 @@ class Archive:
             try:
                 self._take_up_interrupted(name)
             except DiskError as refusal:
-                self._interruptions[name].retry_at = time.monotonic() + RETRY_SECONDS
+                self._interruptions[name].postpone()
                 self._log.debug("a recording waits", recording=name, why=refusal.message)
             except RefusedError as refusal:
                 self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)

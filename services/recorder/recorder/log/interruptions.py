@@ -33,6 +33,10 @@ class Interruption:
     held: list[StreamItem[Any]] = field(default_factory=list)
     retry_at: float = field(default_factory=lambda: time.monotonic() + RETRY_SECONDS)
 
+    def postpone(self) -> None:
+        """Try again later."""
+        self.retry_at = time.monotonic() + RETRY_SECONDS
+
 
 class Interruptions(dict[str, Interruption]):
     """The recordings that wait for their disk, by name."""
