@@ -33,6 +33,9 @@ def test_each_channel_of_each_recording_has_its_figures(recording_path, campaign
             assert row.relative_rms_error == pytest.approx(made.errors[best, i])
             assert row.peak_ratio == pytest.approx(made.peak_ratios[best, i])
             assert row.damage_ratio == pytest.approx([made.rms_responses[best, i] ** k for k in (3, 5, 8)])
+            spent = [np.maximum(1.0, made.rms_responses[:, i] ** k).sum() for k in (3, 5, 8)]
+            assert row.damage_spent == pytest.approx(spent)
+            assert np.isnan(row.identification_damage).all()
 
 
 def test_only_what_differs_is_told_and_the_same_target_is_known(recording_path, slow):

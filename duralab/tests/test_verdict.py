@@ -32,7 +32,9 @@ def table_of(*errors, watched=(), best=0, peaks=None, damages=None, outside=0.01
         watched=np.array([name in watched for name in names]),
         energy_outside_band=np.full(len(names), outside) if np.isscalar(outside) else np.array(outside),
         best_number=best,
-        confirmation_damage=np.zeros((0, len(names), 3)),
+        playback_damage=np.maximum(1.0, np.repeat(damage[:, :, np.newaxis], 3, axis=2)),
+        damage_as_measured=True,
+        identification_damage=np.zeros((len(names), 3)),
     )
 
 
@@ -188,8 +190,48 @@ def test_the_damage_spent_counts_each_playback_as_the_target_at_its_level_at_lea
 
     rows = [metrics(1, 0.5, 4.0), metrics(2, 1.0, 23.0), metrics(3, 1.0, 0.0)]
     status = iterator_pb2.CampaignStatus(iterations=rows, confirmations=[metrics(2, 1.0, 1.5)])
-    spent = IterationTable.from_status(status).damage_spent()
-    np.testing.assert_allclose(spent, [[4.0 / 32.0], [23.0], [1.0], [1.5]])
+    table = IterationTable.from_status(status)
+    np.testing.assert_allclose(table.playback_damage[:, 0, 1], [4.0 / 32.0, 23.0, 1.0, 1.5])
+    # An older recording states nothing of the identification: the sum is that of the playbacks, and that is said.
+    assert not table.counts_identification
+    np.testing.assert_allclose(table.damage_spent()[1:], [[25.625], [25.625]])
+    assert np.isnan(table.damage_spent()[0, 0])
+    assert "does not state the damage of the identification, so that is not counted" in str(table)
+    assert "damage spent, without identification (k = 5)" in str(table)
+    assert "each response in the control band" in str(table)
+
+
+def test_the_damage_spent_is_the_iterators_and_counts_the_identification():
+    def metrics(number, damage, **identification):
+        channels = [
+            iterator_pb2.ChannelMetrics(
+                channel="c", damage_ratio=[1.0, 1.0, 1.0], specimen_damage=[1.0, damage, 9.0], **identification
+            ),
+            iterator_pb2.ChannelMetrics(
+                channel="silent",
+                watched=True,
+                damage_ratio=[np.nan] * 3,
+                specimen_damage=[np.nan] * 3,
+                identification_damage=[np.nan] * 3,
+            ),
+        ]
+        return iterator_pb2.IterationMetrics(iteration=number, channels=channels, level=1.0)
+
+    before = {"identification_damage": [2.0, 1200.4, 1e7]}
+    rows = [metrics(1, 2.5, **before), metrics(2, 1.5, **before)]
+    table = IterationTable.from_messages(rows, confirmations=[metrics(2, 1.25)])
+    assert table.counts_identification
+    np.testing.assert_allclose(table.damage_spent(5)[:, 0], [1200.4, 5.25, 1205.65])
+    np.testing.assert_allclose(table.damage_spent(3)[:, 0], [2.0, 3.0, 5.0])
+    assert np.isnan(table.damage_spent(5)[:, 1]).all()
+    printed = {
+        line.split(" (k")[0].strip(): line.split()[-3:-1] for line in str(table).splitlines() if "(k = 5)" in line
+    }
+    assert printed == {
+        "damage of identification": ["1,200", "–"],
+        "damage of playbacks": ["5.2", "–"],
+        "damage spent": ["1,210", "–"],
+    }
 
 
 def test_a_watched_channel_has_no_say_in_the_verdict_and_is_named_so_in_the_tables(recording_path):

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 from duralab.analysis.setting_differences import SettingDifference, differing_settings
 from duralab.campaign import Verdict
-from duralab.data import DAMAGE_SLOPES, IterationTable
+from duralab.data import DAMAGE_SLOPES, IterationTable, passes
 from duralab.errors import InputError
 from duralab.recording import Recording, open_recording
 
 if TYPE_CHECKING:
     import xarray
 
+_BY_SLOPE: Final = ("damage_ratio", "identification_damage", "damage_spent")
+_SPENT: Final = "damage spent on the specimen (of it by the identification), passes of the target, k = 5"
 _ERRORS: Final = "relative RMS error after the best playback, 0 is perfect"
 
 
@@ -67,6 +69,9 @@ class ChannelComparison:
         Of the response over that of the target; 1 is perfect.
     damage_ratio : tuple of float
         Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8.
+    identification_damage, damage_spent : tuple of float
+        Damage that the identification, and the whole campaign, put into the specimen, in passes of the target, for the
+        same slopes. Where the recording does not state the first, it is nan and the second is that of the playbacks.
     watched : bool
         Told, but not judged.
     """
@@ -78,7 +83,15 @@ class ChannelComparison:
     rms_response: float
     peak_ratio: float
     damage_ratio: tuple[float, ...]
+    identification_damage: tuple[float, ...]
+    damage_spent: tuple[float, ...]
     watched: bool
+
+    @property
+    def damage_in_words(self) -> str:
+        """Damage spent at slope 5 as text, in brackets that of the identification."""
+        column = DAMAGE_SLOPES.index(5)
+        return f"{passes(self.damage_spent[column])} ({passes(self.identification_damage[column])})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +165,12 @@ class Comparison:
                     "relative_rms_error": _plain(row.relative_rms_error),
                     "rms_response": _plain(row.rms_response),
                     "peak_ratio": _plain(row.peak_ratio),
-                    "damage_ratio": {
-                        str(slope): _plain(ratio) for slope, ratio in zip(DAMAGE_SLOPES, row.damage_ratio, strict=True)
+                    **{
+                        name: {
+                            str(slope): _plain(value)
+                            for slope, value in zip(DAMAGE_SLOPES, getattr(row, name), strict=True)
+                        }
+                        for name in _BY_SLOPE
                     },
                     "watched": row.watched,
                 }
@@ -176,7 +193,9 @@ class Comparison:
         return xarray.Dataset(
             {
                 **{name: (("recording", "channel"), over_channels(name), {"units": "1"}) for name in plain},
-                "damage_ratio": (("recording", "channel", "slope"), over_channels("damage_ratio"), {"units": "1"}),
+                **{
+                    name: (("recording", "channel", "slope"), over_channels(name), {"units": "1"}) for name in _BY_SLOPE
+                },
             },
             coords={"recording": list(self.names), "channel": list(self.channels), "slope": list(DAMAGE_SLOPES)},
         )
@@ -191,7 +210,8 @@ class Comparison:
 
         verdicts = "\n".join(f"{entry.name}: {entry.verdict.sentence}" for entry in self.recordings)
         errors = text_table(("", *self.names), self._error_rows(), left=1)
-        told = "\n\n".join((verdicts, f"{_ERRORS}\n{errors}"))
+        spent = text_table(("", *self.names), self._damage_rows(), left=1)
+        told = "\n\n".join((verdicts, f"{_ERRORS}\n{errors}", f"{_SPENT}\n{spent}"))
         if self.differences:
             lines = "\n".join(f"{row.setting}: {'; '.join(row.values)}" for row in self.differences)
             told += f"\n\nsettings that differ\n{lines}"
@@ -206,6 +226,7 @@ class Comparison:
             (
                 html_table(("recording", "verdict", "in words"), verdicts, left=3),
                 html_table(("", *self.names), self._error_rows(), left=1, caption=_ERRORS),
+                html_table(("", *self.names), self._damage_rows(), left=1, caption=_SPENT),
                 html_table(("setting", *self.names), differences, left=1 + len(self.names)) if differences else "",
             )
         )
@@ -213,6 +234,12 @@ class Comparison:
     def _error_rows(self) -> list[tuple[str, ...]]:
         return [
             (channel.replace("_", " "), *(_figure(row.relative_rms_error) for row in self.of_channel(channel)))
+            for channel in self.channels
+        ]
+
+    def _damage_rows(self) -> list[tuple[str, ...]]:
+        return [
+            (channel.replace("_", " "), *(row.damage_in_words for row in self.of_channel(channel)))
             for channel in self.channels
         ]
 
@@ -290,6 +317,8 @@ def _row(entry: ComparedRecording, channel: str) -> ChannelComparison:
         rms_response=float(table.rms_response[table.best, column]),
         peak_ratio=float(table.peak_ratio[table.best, column]),
         damage_ratio=tuple(float(ratio) for ratio in table.damage_ratio[table.best, column]),
+        identification_damage=tuple(float(damage) for damage in table.identification_damage[column]),
+        damage_spent=tuple(float(table.damage_spent(slope)[-1, column]) for slope in DAMAGE_SLOPES),
         watched=bool(table.watched[column]),
     )
 

@@ -418,7 +418,7 @@ def judged_rows(
     counted at.
     Returns: Headings of the columns, each with its limits or unit, and a row of cells for each channel.
     """
-    limits, spent = verdict.limits, table.damage_spent(slope).sum(axis=0)
+    limits, spent = verdict.limits, table.damage_spent(slope)[-1]
     judged = [criterion for criterion in Criterion if limits.bounds(criterion) is not None]
     names = {
         Criterion.ERROR: "error",

@@ -19,7 +19,7 @@ from rich.table import Table
 from duralab.campaign import Judgement, judged_rows, repeatability_in_words
 from duralab.cli.ending import ExitCode
 from duralab.cli.output import Output, open_hint, own_command
-from duralab.data import DAMAGE_SLOPES, counted_slope
+from duralab.data import DAMAGE_SLOPES, counted_slope, damage_note, passes
 from duralab.lab import CampaignResult, RunProgress, Stage
 
 CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
@@ -87,7 +87,11 @@ class RunDisplay:
             return ""
         worst = float(table.judged_error[-1].max())
         of = f"/{self._iterations}" if self._iterations is not None else ""
-        return f" · {table.numbers[-1]}{of} played, error {table.overall[-1]:.3f}, worst {worst:.3f}"
+        spent = passes(float(table.damage_spent()[-1][~table.watched].max()))
+        return (
+            f" · {table.numbers[-1]}{of} played, error {table.overall[-1]:.3f}, worst {worst:.3f}, most damage spent "
+            f"{spent} passes of the target"
+        )
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -138,6 +142,8 @@ def print_result(output: Output, result: CampaignResult, report: Path) -> None:
     title = "RMS response (1 is perfect)"
     output.console.print(figure_table(title, result, iterations.rms_response, overall=None))
     output.console.print(judged_table(result))
+    output.console.print(damage_table(result))
+    output.say(damage_note(iterations))
     style = "bold green" if result.verdict.judgement is Judgement.REACHED else "bold red"
     output.say(result.verdict.sentence, style=style)
     if repeats := repeatability_in_words(result.status):
@@ -166,6 +172,25 @@ def judged_table(result: CampaignResult) -> Table:
         table.add_column(f"{name}\n[dim]{allowed}[/]", justify="right" if column else "left", no_wrap=not column)
     for row in rows:
         table.add_row(*(f"[bold red]{cell}[/]" if cell.endswith("✗") else cell for cell in row))
+    return table
+
+
+def damage_table(result: CampaignResult) -> Table:
+    """Return what the campaign cost the specimen for the terminal: a row for each channel, a column for each slope."""
+    iterations = result.iterations
+    table = Table(
+        title="Damage spent in passes of the target: identification + playbacks",
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+    )
+    table.add_column("channel", no_wrap=True)
+    for slope in DAMAGE_SLOPES:
+        table.add_column(f"k = {slope}", justify="right")
+    spent = [iterations.damage_spent(slope) for slope in DAMAGE_SLOPES]
+    for i, name in enumerate(iterations.channels):
+        cells = (f"{passes(identified[i])} + {passes(played[i])}" for identified, played, _ in spent)
+        table.add_row(name.replace("_", " "), *cells)
     return table
 
 
@@ -226,7 +251,15 @@ def campaign_document(result: CampaignResult, report: Path) -> dict[str, object]
         "best_playback": table.numbers[table.best],
         "overall_error": table.overall,
         "damage_ratio": {str(k): table.damage_ratio[:, :, column] for column, k in enumerate(DAMAGE_SLOPES)},
-        "damage_spent": {"damage_exponent": slope, "passes": table.damage_spent(slope).sum(axis=0)},
+        "damage_spent": {
+            "damage_exponent": slope,
+            "passes": table.damage_spent(slope)[-1],
+            "counts_identification": table.counts_identification,
+            "by_exponent": {
+                str(k): dict(zip(("identification", "playbacks", "sum"), table.damage_spent(k), strict=True))
+                for k in DAMAGE_SLOPES
+            },
+        },
         "remarks": list(result.status.remarks),
         "recording": result.recording_path,
         "live_view": result.live_path,

@@ -10,7 +10,15 @@ if TYPE_CHECKING:
     from duralab.data.band import BandNote, response_note, target_note
     from duralab.data.band_index import marked
     from duralab.data.identification import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
-    from duralab.data.iterations import DAMAGE_SLOPES, IterationTable, counted_slope, iterations_html, passes
+    from duralab.data.iterations import (
+        DAMAGE_SLOPES,
+        IterationTable,
+        counted_slope,
+        damage_note,
+        damage_sources,
+        iterations_html,
+        passes,
+    )
     from duralab.data.model import Distortion, Model, excited_lines
     from duralab.data.playback import ActuatorUse, Playback, actuator_use, level_of, playback_of
     from duralab.data.played import Played
@@ -49,6 +57,8 @@ __all__ = [
     "actuator_use",
     "channels_of",
     "counted_slope",
+    "damage_note",
+    "damage_sources",
     "excited_lines",
     "iterations_html",
     "level_of",

@@ -101,13 +101,21 @@ class LevelAdvice:
         That would give responses like the target's, whatever the limits.
     largest_rms : np.ndarray, shape (drives)
         At which the crest factor just reaches the drive's limit.
+    identification_damage : np.ndarray or None, shape (responses, 3)
+        Damage that the model's own experiment would do at the proposed levels, in passes of the target, for S-N lines
+        of slope 3, 5 and 8; None where the model does not state its own.
+    one_pass_factor : float
+        Factor on all levels of the model's own experiment at which it would do no more damage than one pass of the
+        target in any response, slope 5; 0 where the model does not state its damage.
     sentences : tuple of str
-        One for each drive.
+        One for each drive, and one on the damage.
     """
 
     rms: np.ndarray
     wanted_rms: np.ndarray
     largest_rms: np.ndarray
+    identification_damage: np.ndarray | None
+    one_pass_factor: float
     sentences: tuple[str, ...]
 
     def __str__(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -54,8 +55,14 @@ class IterationTable:
         recording.
     best_number : int
         Number of the best playback as the iterator names it; 0 where it names none, see `best`.
-    confirmation_damage : np.ndarray, shape (confirmations, channels, 3)
-        Damage ratio of each further playback of the best drive, all at full level.
+    playback_damage : np.ndarray, shape (playbacks + confirmations, channels, 3)
+        Damage that each playback, and then each confirmation, put into each channel of the specimen, in passes of the
+        target, for S-N lines of slope 3, 5 and 8: of the response as measured, whatever the control band, over that of
+        the target in it; the target at its level counts at least.
+    damage_as_measured : bool
+        Whether `playback_damage` is that; False for an older recording, which states the response in the band only.
+    identification_damage : np.ndarray, shape (channels, 3)
+        The same of the identification; not a number where the recording does not state it.
     predicted_error : np.ndarray, shape (playbacks, channels), optional
         Relative RMS error that was predicted before each playback. Not a number for a watched channel; None, as the
         next two, in an older recording.
@@ -76,7 +83,9 @@ class IterationTable:
     watched: np.ndarray
     energy_outside_band: np.ndarray
     best_number: int
-    confirmation_damage: np.ndarray
+    playback_damage: np.ndarray
+    damage_as_measured: bool
+    identification_damage: np.ndarray
     predicted_error: np.ndarray | None = None
     prediction_uncertainty: np.ndarray | None = None
     prediction_missed: np.ndarray | None = None
@@ -118,7 +127,7 @@ class IterationTable:
             relative_rms_error=column("relative_rms_error"),
             rms_response=column("rms_response"),
             peak_ratio=column("peak_ratio"),
-            damage_ratio=_damage_ratios(iterations, channels=len(names)),
+            damage_ratio=_by_slope(iterations, "damage_ratio", channels=len(names)),
             overall=np.array([metrics.overall_relative_rms_error for metrics in iterations], dtype=np.float64),
             # Recordings from before there were levels hold 0.
             level=np.array([metrics.level or 1.0 for metrics in iterations], dtype=np.float64),
@@ -133,7 +142,15 @@ class IterationTable:
                 ]
             ),
             best_number=_best_number(iterations, status),
-            confirmation_damage=_damage_ratios(confirmations, channels=len(names)),
+            playback_damage=np.concatenate(
+                [_playback_damage(playbacks, channels=len(names)) for playbacks in (iterations, confirmations)]
+            ),
+            damage_as_measured=all(
+                channel.specimen_damage for metrics in (*iterations, *confirmations) for channel in metrics.channels
+            ),
+            identification_damage=_by_slope(iterations[-1:], "identification_damage", channels=len(names)).sum(axis=0)
+            if iterations
+            else np.zeros((0, len(DAMAGE_SLOPES))),
             predicted_error=_forecast(iterations, "relative_rms_error"),
             prediction_uncertainty=_forecast(iterations, "uncertainty"),
             prediction_missed=_forecast(iterations, "missed"),
@@ -182,10 +199,9 @@ class IterationTable:
         return int(np.argmin(np.where(whole, self.overall, np.inf) if whole.any() else self.overall))
 
     def damage_spent(self, slope: int = DAMAGE_SPENT_SLOPE) -> np.ndarray:
-        """Return the pseudo-damage that the campaign put into each channel, in passes of the target.
+        """Return the damage that the campaign put into each channel of the specimen, in passes of the target.
 
-        As the iterator counts it for the damage budget: a playback counts as the target at its level at least, whatever
-        was measured, since a dead sensor does not mean an unharmed specimen. The identification is not counted.
+        As the iterator counts it for the damage budget. Runs that were broken off are not counted.
 
         Parameters
         ----------
@@ -194,14 +210,25 @@ class IterationTable:
 
         Returns
         -------
-        np.ndarray, shape (playbacks + confirmations, channels)
-            Of each playback, the confirmations last; the sum over the first axis is that of the campaign. Not a number
-            where the damage ratio is not known.
+        np.ndarray, shape (3, channels)
+            Of the identification, of all playbacks and confirmations, and their sum. The first is not a number where
+            `counts_identification` is False, and the sum is that of the playbacks then; all are not a number for a
+            channel without a target.
+
+        Raises
+        ------
+        ValueError
+            Another slope.
         """
         column = DAMAGE_SLOPES.index(slope)
-        ratios = np.concatenate((self.damage_ratio[:, :, column], self.confirmation_damage[:, :, column]))
-        level = np.concatenate((self.level, np.ones(len(self.confirmation_damage))))
-        return np.maximum(1.0, ratios) * level[:, np.newaxis] ** slope
+        identification = self.identification_damage[:, column]
+        playbacks = self.playback_damage[:, :, column].sum(axis=0)
+        return np.array((identification, playbacks, playbacks + np.nan_to_num(identification)))
+
+    @property
+    def counts_identification(self) -> bool:
+        """Whether the damage of the identification is known; an older recording does not state it."""
+        return not bool(np.isnan(self.identification_damage[~self.watched]).any())
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the figures over `iteration`, `channel` and `slope` (of the S-N line), ratios all."""
@@ -218,6 +245,12 @@ class IterationTable:
                 "rms_response": (("iteration", "channel"), self.rms_response, {"units": "1"}),
                 "peak_ratio": (("iteration", "channel"), self.peak_ratio, {"units": "1"}),
                 "damage_ratio": (("iteration", "channel", "slope"), self.damage_ratio, {"units": "1"}),
+                "playback_damage": (
+                    ("iteration", "channel", "slope"),
+                    self.playback_damage[: len(self)],
+                    {"units": "1"},
+                ),
+                "identification_damage": (("channel", "slope"), self.identification_damage, {"units": "1"}),
                 "overall": (("iteration",), self.overall, {"units": "1"}),
                 "level": (("iteration",), self.level, {"units": "1"}),
                 "energy_outside_band": (("channel",), self.energy_outside_band, {"units": "1"}),
@@ -265,13 +298,24 @@ def counted_slope(specification: iterator_pb2.CampaignSpec) -> int:
     return int(asked) if asked in DAMAGE_SLOPES else DAMAGE_SPENT_SLOPE
 
 
-def _damage_ratios(playbacks: Sequence[iterator_pb2.IterationMetrics], *, channels: int) -> np.ndarray:
-    ratios = np.full((len(playbacks), channels, len(DAMAGE_SLOPES)), np.nan)
+def _by_slope(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str, *, channels: int) -> np.ndarray:
+    """Return a figure of each playback and channel for every slope; not a number where the recording has none."""
+    figures = np.full((len(playbacks), channels, len(DAMAGE_SLOPES)), np.nan)
     for row, metrics in enumerate(playbacks):
         for i, channel in enumerate(metrics.channels):
-            if len(channel.damage_ratio) == len(DAMAGE_SLOPES):
-                ratios[row, i] = channel.damage_ratio
-    return ratios
+            values = getattr(channel, name)
+            if len(values) == len(DAMAGE_SLOPES):
+                figures[row, i] = values
+    return figures
+
+
+def _playback_damage(playbacks: Sequence[iterator_pb2.IterationMetrics], *, channels: int) -> np.ndarray:
+    stated = _by_slope(playbacks, "specimen_damage", channels=channels)
+    # Older recordings state the response in the band only; the target at its level counts at least, as it did then.
+    ratios = _by_slope(playbacks, "damage_ratio", channels=channels)
+    level = np.array([metrics.level or 1.0 for metrics in playbacks])[:, np.newaxis, np.newaxis]
+    in_band = np.maximum(1.0, ratios) * level ** np.array(DAMAGE_SLOPES)
+    return np.where(np.isnan(stated), in_band, stated)
 
 
 def _forecast(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str) -> np.ndarray | None:
@@ -300,8 +344,8 @@ def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:
     names = (f"{name.replace('_', ' ')}{mark}" for name, mark in zip(table.channels, marks, strict=True))
     rows = [[str(number), *table.cells(row), f"{table.overall[row]:.3f}"] for row, number in enumerate(table.numbers)]
     if len(table):
-        spent = table.damage_spent().sum(axis=0)
-        rows.append([f"damage spent (k = {DAMAGE_SPENT_SLOPE})", *map(passes, spent), "passes"])
+        for source, spent in zip(damage_sources(table), table.damage_spent(), strict=True):
+            rows.append([f"{source} (k = {DAMAGE_SPENT_SLOPE})", *map(passes, spent), "passes"])
     return ["playback", *names, "overall"], rows
 
 
@@ -313,12 +357,44 @@ def passes(damage: float) -> str:
     """
     if np.isnan(damage):
         return "–"
-    return f"{damage:.1f}" if damage < 100 else f"{damage:,.0f}"
+    if 0.0 < damage < 0.1:
+        return "< 0.1"
+    return f"{damage:.1f}" if damage < 100 else f"{float(f'{damage:.3g}'):,.0f}"
+
+
+def damage_sources(table: IterationTable) -> tuple[str, str, str]:
+    """Return the names of the rows of `damage_spent`, as they are shown.
+
+    `table`: Whether it counts the identification decides on the last name.
+    Returns: Of the identification, of the playbacks, and of their sum.
+    """
+    total = "damage spent" if table.counts_identification else "damage spent, without identification"
+    return "damage of identification", "damage of playbacks", total
+
+
+def damage_note(table: IterationTable) -> str:
+    """Return what damage spent is, and what of it is not known, as sentences.
+
+    `table`: Of one playback or more.
+    Returns: Two sentences or more.
+    """
+    counted = "as measured, inside and outside the control band" if table.damage_as_measured else "in the control band"
+    sentences = [
+        f"Damage spent: pseudo-damage of each response {counted}, in passes of the target (over the damage of the "
+        "target in the control band).",
+        "A playback counts as the target at its level at least.",
+    ]
+    if not table.counts_identification:
+        sentences.append("The recording does not state the damage of the identification, so that is not counted.")
+    if np.isnan(table.playback_damage).any():
+        sentences.append("–: no target, or not stated.")
+    return " ".join(sentences)
 
 
 def iterations_text(table: IterationTable) -> str:
     """Return error and RMS response of each playback and channel as text."""
-    return f"{_ITERATIONS}\n{text_table(*_iteration_rows(table))}"
+    note = f"\n{damage_note(table)}" if len(table) else ""
+    return f"{_ITERATIONS}\n{text_table(*_iteration_rows(table))}{note}"
 
 
 def iterations_html(table: IterationTable) -> str:
@@ -335,4 +411,4 @@ def iterations_html(table: IterationTable) -> str:
         for name, column in zip(table.channels, table.relative_rms_error.T, strict=True)
     ]
     chart = line_chart(curves, x=Axis("playback"), y=Axis("relative RMS error"), from_zero=True)
-    return html_table(*_iteration_rows(table), caption=_ITERATIONS) + chart
+    return f"{html_table(*_iteration_rows(table), caption=_ITERATIONS)}<p>{escape(damage_note(table))}</p>{chart}"

@@ -217,7 +217,9 @@ class Identifier:
             model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
         )
         answer = self._ask.query(self._keys.level_advice(), request, identifier_pb2.LevelAdvice)
-        return _decoded(LevelAdvice, answer)
+        stated = answer.HasField("identification_damage")
+        damage = from_array(answer.identification_damage) if stated else None
+        return _decoded(LevelAdvice, answer, identification_damage=damage)
 
     def _request(
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from duralab.campaign import Criterion, Judgement, Verdict, compare_with_first
-from duralab.data import DAMAGE_SLOPES, Channel, IterationTable, Model, Signals, counted_slope
+from duralab.data import DAMAGE_SLOPES, Channel, IterationTable, Model, Signals, counted_slope, damage_note
 from duralab.errors import InputError
 from duralab.recording import Recording, open_recording
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
@@ -124,6 +124,8 @@ def _damage_parts(table: IterationTable, slope: int) -> dict[str, Any]:
         "damage_columns": [table.numbers[row] for row in playbacks],
         "spent_slope": slope,
         "spent": tables.damage_spent_rows(table, slope),
+        "spent_sums": tables.damage_sum_rows(table),
+        "spent_note": damage_note(table),
     }
 
 

@@ -46,7 +46,7 @@ _SHORT: Final = {
 def channel_rows(table: IterationTable, target: Signals, *, verdict: Verdict, slope: int) -> list[ChannelRow]:
     """Return the summary of each channel."""
     levels, best = duralab_spectra.rms(target.samples), table.best
-    spent = table.damage_spent(slope).sum(axis=0)
+    spent = table.damage_spent(slope)[-1]
     damage = table.damage_ratio[best, :, DAMAGE_SLOPES.index(verdict.limits.damage_exponent)]
     rows = []
     for i, (name, channel) in enumerate(zip(table.channels, target.channels, strict=True)):
@@ -97,12 +97,32 @@ class DamageSpentRow:
 
 
 def damage_spent_rows(table: IterationTable, slope: int) -> list[DamageSpentRow]:
-    """Return the damage spent of each playback, confirmations and the sum last, in passes of the target."""
-    spent, confirmed = table.damage_spent(slope), len(table.confirmation_damage)
-    titles = [*map(str, table.numbers), *(f"confirmation {number}" for number in range(1, confirmed + 1))]
+    """Return the damage of identification, each playback, each confirmation and their sum, in passes of the target."""
+    identification, _, total = table.damage_spent(slope)
+    each = table.playback_damage[:, :, DAMAGE_SLOPES.index(slope)]
+    confirmations = range(1, len(each) - len(table) + 1)
+    titles = ["identification", *map(str, table.numbers), *(f"confirmation {number}" for number in confirmations)]
     return [
-        *(DamageSpentRow(title, list(map(passes, row))) for title, row in zip(titles, spent, strict=True)),
-        DamageSpentRow("all", list(map(passes, spent.sum(axis=0))), is_sum=True),
+        *(
+            DamageSpentRow(title, list(map(passes, row)))
+            for title, row in zip(titles, (identification, *each), strict=True)
+        ),
+        DamageSpentRow("all", list(map(passes, total)), is_sum=True),
+    ]
+
+
+def damage_sum_rows(table: IterationTable) -> list[tuple[int, list[DamageSpentRow]]]:
+    """Return the damage of identification, playbacks and their sum for each slope, in passes of the target."""
+    titles = ("identification", f"{len(table.playback_damage)} playbacks", "sum")
+    return [
+        (
+            slope,
+            [
+                DamageSpentRow(title, list(map(passes, row)), is_sum=title == titles[-1])
+                for title, row in zip(titles, table.damage_spent(slope), strict=True)
+            ],
+        )
+        for slope in (5, 3, 8)
     ]
 
 
@@ -269,12 +289,12 @@ class ComparedRow:
     """One channel of a comparison, as printed; `cells` has one for each recording, `least` is the smallest error's."""
 
     title: str
-    cells: list[tuple[str, str, str]]
+    cells: list[tuple[str, str, str, str]]
     least: int
 
 
 def comparison_rows(comparison: Comparison) -> list[ComparedRow]:
-    """Return error, peak ratio and damage ratios of each channel, recording beside recording."""
+    """Return error, peak, damage ratios and damage spent of each channel, recording beside recording."""
     rows = []
     for channel in comparison.channels:
         found = comparison.of_channel(channel)
@@ -284,6 +304,7 @@ def comparison_rows(comparison: Comparison) -> list[ComparedRow]:
                 _figure(row.relative_rms_error),
                 _figure(row.peak_ratio),
                 _damage_in_words(np.array(row.damage_ratio)),
+                row.damage_in_words,
             )
             for row in found
         ]

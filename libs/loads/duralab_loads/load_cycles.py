@@ -126,6 +126,30 @@ def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:
     return float(np.sum(cycles.counts * cycles.ranges**exponent))
 
 
+def channel_damage(record: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXPONENTS) -> NDArray[np.float64]:
+    """Pseudo-damage of each channel of a record.
+
+    Parameters
+    ----------
+    record : array_like, shape (channels, samples)
+        Static parts do not count.
+    exponents : sequence of float
+        Slopes of the S-N line, each greater than 0.
+
+    Returns
+    -------
+    ndarray, shape (channels, exponents)
+        The channel's unit to the power of each exponent, 0 or more; 0 for a channel that does not move.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, or an exponent is not greater than 0.
+    """
+    cycles = [count_load_cycles(signal) for signal in as_record(record, name="record")]
+    return np.array([[pseudo_damage(counted, exponent) for exponent in exponents] for counted in cycles])
+
+
 def damage_ratio(
     target: ArrayLike, response: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXPONENTS
 ) -> NDArray[np.float64]:
@@ -161,8 +185,8 @@ def damage_ratio(
             raise ValueError(
                 f"Target channel {i} does not move, so a damage relative to it is undefined; leave it out."
             )
-        cycles = [count_load_cycles(signal[i] / unit) for signal in (measured, wanted)]
-        for column, exponent in enumerate(exponents):
-            done, intended = (pseudo_damage(counted, exponent) for counted in cycles)
-            ratio[i, column] = done / intended
+        done, intended = (
+            channel_damage(signal[i : i + 1] / unit, exponents=exponents) for signal in (measured, wanted)
+        )
+        ratio[i] = done[0] / intended[0]
     return ratio

@@ -6,7 +6,7 @@ import rainflow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from duralab_loads import count_load_cycles, damage_ratio, pseudo_damage
+from duralab_loads import channel_damage, count_load_cycles, damage_ratio, pseudo_damage
 
 
 def by_range(cycles):
@@ -92,3 +92,11 @@ def test_every_cycle_lies_between_the_turning_points_it_names():
 def test_a_slope_of_zero_is_refused():
     with pytest.raises(ValueError, match="greater than 0"):
         pseudo_damage(count_load_cycles([0.0, 1.0]), 0.0)
+
+
+def test_the_damage_of_a_channel_is_that_of_its_cycles_whatever_its_static_part():
+    # Ranges 4 and 4 as one cycle (two halves of 4 each), 2 as one: 4^k + 2^k, and nothing for a channel at rest.
+    zigzag = np.array([0.0, 4.0, 1.0, 3.0, 0.0])
+    damage = channel_damage(np.stack([zigzag, zigzag + 1e3, np.full(5, 7.0)]))
+    expected = [4.0**k + 2.0**k for k in (3.0, 5.0, 8.0)]
+    np.testing.assert_allclose(damage, [expected, expected, [0.0, 0.0, 0.0]])

@@ -337,7 +337,9 @@ class StopCriteria(Section):
         default=DamageExponent.FIVE, strict=False, description="Slope of the S-N line: 3, 5 or 8."
     )
     damage_budget: NotNegative = Field(
-        default=0.0, description="End before the specimen took this multiple of the target's damage; 0: no limit."
+        default=0.0,
+        description="End before the specimen took this multiple of the target's damage, identification included; "
+        "0: no limit.",
     )
     error_bound: Annotated[Bound | None, Wire(zero=3.0, none=inf)] = Field(
         default=3.0,

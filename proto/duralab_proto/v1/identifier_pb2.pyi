@@ -242,20 +242,24 @@ class AdviceRequest(_message.Message):
     def __init__(self, model_id: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., crest_factor: _Optional[float] = ...) -> None: ...
 
 class LevelAdvice(_message.Message):
-    __slots__ = ("rms", "wanted_rms", "largest_rms", "identified_rms", "response_ratio", "sentences")
+    __slots__ = ("rms", "wanted_rms", "largest_rms", "identified_rms", "response_ratio", "sentences", "identification_damage", "one_pass_factor")
     RMS_FIELD_NUMBER: _ClassVar[int]
     WANTED_RMS_FIELD_NUMBER: _ClassVar[int]
     LARGEST_RMS_FIELD_NUMBER: _ClassVar[int]
     IDENTIFIED_RMS_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_RATIO_FIELD_NUMBER: _ClassVar[int]
     SENTENCES_FIELD_NUMBER: _ClassVar[int]
+    IDENTIFICATION_DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    ONE_PASS_FACTOR_FIELD_NUMBER: _ClassVar[int]
     rms: _array_pb2.Array
     wanted_rms: _array_pb2.Array
     largest_rms: _array_pb2.Array
     identified_rms: _array_pb2.Array
     response_ratio: _array_pb2.Array
     sentences: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., wanted_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., largest_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., identified_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_ratio: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., sentences: _Optional[_Iterable[str]] = ...) -> None: ...
+    identification_damage: _array_pb2.Array
+    one_pass_factor: float
+    def __init__(self, rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., wanted_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., largest_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., identified_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_ratio: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., sentences: _Optional[_Iterable[str]] = ..., identification_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., one_pass_factor: _Optional[float] = ...) -> None: ...
 
 class PredictRequest(_message.Message):
     __slots__ = ("drive",)
@@ -368,7 +372,7 @@ class ModelRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map")
+    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map", "response_damage")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     DRIVES_FIELD_NUMBER: _ClassVar[int]
@@ -399,6 +403,7 @@ class Model(_message.Message):
     PLAN_FIELD_NUMBER: _ClassVar[int]
     VERDICTS_FIELD_NUMBER: _ClassVar[int]
     DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
@@ -429,4 +434,5 @@ class Model(_message.Message):
     plan: ExperimentPlan
     verdicts: _containers.RepeatedScalarFieldContainer[str]
     drive_map: DriveMap
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ...) -> None: ...
+    response_damage: _array_pb2.Array
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ..., response_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...

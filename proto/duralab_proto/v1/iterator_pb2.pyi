@@ -386,7 +386,7 @@ class ChannelForecast(_message.Message):
     def __init__(self, relative_rms_error: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., uncertainty: _Optional[float] = ..., missed: _Optional[float] = ...) -> None: ...
 
 class ChannelMetrics(_message.Message):
-    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched", "target_energy_outside_band", "forecast")
+    __slots__ = ("channel", "relative_rms_error", "rms_response", "peak_ratio", "crest_ratio", "damage_ratio", "watched", "target_energy_outside_band", "forecast", "specimen_damage", "identification_damage")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
     RMS_RESPONSE_FIELD_NUMBER: _ClassVar[int]
@@ -396,6 +396,8 @@ class ChannelMetrics(_message.Message):
     WATCHED_FIELD_NUMBER: _ClassVar[int]
     TARGET_ENERGY_OUTSIDE_BAND_FIELD_NUMBER: _ClassVar[int]
     FORECAST_FIELD_NUMBER: _ClassVar[int]
+    SPECIMEN_DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    IDENTIFICATION_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     channel: str
     relative_rms_error: float
     rms_response: float
@@ -405,7 +407,9 @@ class ChannelMetrics(_message.Message):
     watched: bool
     target_energy_outside_band: float
     forecast: ChannelForecast
-    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ..., target_energy_outside_band: _Optional[float] = ..., forecast: _Optional[_Union[ChannelForecast, _Mapping]] = ...) -> None: ...
+    specimen_damage: _containers.RepeatedScalarFieldContainer[float]
+    identification_damage: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, channel: _Optional[str] = ..., relative_rms_error: _Optional[float] = ..., rms_response: _Optional[float] = ..., peak_ratio: _Optional[float] = ..., crest_ratio: _Optional[float] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., watched: _Optional[bool] = ..., target_energy_outside_band: _Optional[float] = ..., forecast: _Optional[_Union[ChannelForecast, _Mapping]] = ..., specimen_damage: _Optional[_Iterable[float]] = ..., identification_damage: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class IterationMetrics(_message.Message):
     __slots__ = ("iteration", "channels", "overall_relative_rms_error", "level")

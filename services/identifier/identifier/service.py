@@ -197,6 +197,7 @@ class IdentifierService:
             layout=layout,
             estimate=estimate,
             played=played,
+            response=response,
             levels=levels,
             drive_map=drive_map,
         )

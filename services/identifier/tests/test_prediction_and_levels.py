@@ -3,10 +3,12 @@ import pytest
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from duralab_loads import channel_damage
 from duralab_spectra import line_frequencies
 from identifier.uncertainty import (
     ValidBand,
     advise_levels,
+    damage_at_levels,
     difference_sentences,
     model_difference,
     predict_response,
@@ -191,3 +193,14 @@ def test_the_difference_of_two_models_is_told_from_chance():
     assert "at most by 30% at" in first
     assert "in left vertical" in first
     assert "by 0% in right vertical" in other
+
+
+def test_the_damage_of_an_experiment_follows_the_power_of_its_levels():
+    damage = channel_damage(respond(noise_in(5.0, 40.0)))
+    psd = BAND.lines[:, None] * np.array([1.0, 4.0])
+    tripled = damage_at_levels(damage, FRF, drive_psd=psd, levels=[3.0, 3.0])
+    np.testing.assert_allclose(tripled, channel_damage(3.0 * respond(noise_in(5.0, 40.0))))
+    # Each response follows the drives that move it, and rests where none of them plays.
+    apart = np.eye(2) * BAND.lines[:, None, None]
+    single = damage_at_levels(damage, apart, drive_psd=psd, levels=[2.0, 0.0])
+    np.testing.assert_allclose(single, [[2.0**3, 2.0**5, 2.0**8], [0.0, 0.0, 0.0]] * damage)

@@ -5,6 +5,7 @@ import pytest
 from identifier_on_the_bus import identifier_and_rigs, load_linear_rig
 
 from duralab_bus import BusConfig, FaultError, open_bus
+from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array, from_record, to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2
 
@@ -154,6 +155,17 @@ def test_levels_are_advised_from_a_target(bus, model, linear_rig):
     np.testing.assert_allclose(from_array(advice.rms), [0.01, 0.1 / 4.5], rtol=0.01)
     assert "as far as its limit allows; the target needs 0.05 m" in advice.sentences[1]
     assert "limit" not in advice.sentences[0]
+    # A linear rig: at this factor the same experiment does one pass in its worst response and less in the others.
+    scaled = advice.one_pass_factor * np.array([0.005, 0.005])
+    again = bus.query(bus.keys.identify(), request("queries.one_pass", rms=to_array(scaled)), identifier_pb2.Model)
+    band = (np.fft.rfftfreq(8000, 1.0 / linear_rig.SAMPLE_RATE) >= 2.0) & (
+        np.fft.rfftfreq(8000, 1.0 / linear_rig.SAMPLE_RATE) <= 45.0
+    )
+    moving = target - target.mean(axis=1, keepdims=True)
+    in_band = np.fft.irfft(np.where(band, np.fft.rfft(moving), 0.0), 8000)
+    passes = from_array(again.response_damage)[:, 1] / channel_damage(in_band)[:, 1]
+    assert passes.max() == pytest.approx(1.0, rel=0.1)
+    assert from_array(advice.identification_damage).shape == (3, 3)
     wish.model_id = ""
     with pytest.raises(FaultError, match="identify it at a low level first") as fault:
         bus.query(bus.keys.level_advice(), wish, identifier_pb2.LevelAdvice)

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rainflow
 
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
@@ -250,6 +251,7 @@ def make_model(message=None, *, warnings=()):
         layout=layout,
         estimate=replace(found, warnings=(*found.warnings, *warnings)),
         played=rig_pb2.PlayResult(epoch=2**63 + 1, blocks=200),
+        response=response,
         levels=distortion_of(drive, response, layout),
     )
 
@@ -285,12 +287,29 @@ def test_a_model_survives_the_bus_unchanged(message):
         "interpolated",
         "drive_psd",
         "response_psd",
+        "response_damage",
     ):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     assert again.frf.shape == (513, 3, 2)
     assert (again.band, again.verdicts, again.plan) == (model.band, model.verdicts, model.plan)
     assert message.plan.samples > 0
     np.testing.assert_array_equal(from_array(message.frf_variance), model.frf_variance)
+
+
+def test_a_model_states_the_damage_of_its_whole_record_as_measured():
+    model = make_model()
+    drive = plan(request()).drive
+    # As `make_model` makes the first response.
+    noise = np.random.default_rng(0).standard_normal((3, drive.shape[1]))
+    cycles = list(rainflow.count_cycles(drive[0] + 0.001 * noise[0]))
+    expected = [sum(count * range_**slope for range_, count in cycles) for slope in (3.0, 5.0, 8.0)]
+    np.testing.assert_allclose(model.response_damage[0], expected, rtol=1e-9)
+
+
+def test_a_model_of_an_older_recording_states_no_damage():
+    message = to_message(replace(make_model(), response_damage=None))
+    message.id = content_hash(message)
+    assert from_message(message).response_damage is None
 
 
 def test_a_model_says_how_linear_the_rig_is():

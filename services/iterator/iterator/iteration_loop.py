@@ -215,6 +215,7 @@ def iterate(
     recorded: Sequence[RecordedPlayback] = (),
     update: Update | None = None,
     drive_map: DriveMap | MapFromFirstPlayback | None = None,
+    identification_damage: NDArray[np.float64] | None = None,
     on_forecast: Callable[[Forecast], None] | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
@@ -245,6 +246,9 @@ def iterate(
         Change of drive coordinates `v = T(u)`: the update works on `v`, and `u = T⁻¹(v)` is played. Limits hold for
         `u`, drive after drive: each follows what the limits leave of those that it depends on. Without a map, or
         with the identity, the update works on the drives themselves.
+    identification_damage : ndarray, shape (n_y, exponents), optional
+        Damage spent by the identification, in passes of the target: it counts for the damage budget. Not a number for a
+        response without a target.
     on_forecast : callable, optional
         Called before each playback with what is predicted of it.
 
@@ -307,7 +311,10 @@ def iterate(
         dead = any(controlled[found.response] for found in stood_still)
         held = limits is not None and held_share(drive, limits) > _MOST_HELD
         response_in_band = settings.update.band.limit_response(response) / level
-        judged = judge_response(target, response_in_band, level=level, controlled=controlled)
+        judged = replace(
+            judge_response(target, response_in_band, level=level, controlled=controlled, measured=response),
+            identification_damage=identification_damage,
+        )
         metrics = (*metrics, judged)
         judged_rows = _rows(response_in_band, controlled)
         forecasts = (*forecasts, forecast.compared(judged_rows, target=history.target))

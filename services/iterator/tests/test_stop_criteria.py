@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import rainflow
 
 from duralab_settings import StopCriteria
 from iterator import IterationMetrics, Outcome, best_iteration, damage_spent, judge_end, judge_response
@@ -87,6 +90,35 @@ def test_the_damage_budget_leaves_room_for_the_next_playback():
     assert judge_end(after((0.5,), damage=1.6), criteria) is Outcome.DAMAGE_BUDGET_USED
     # Earlier playbacks count for the budget and for nothing else.
     assert judge_end(after((0.5,)), criteria, earlier=after((0.01,), (0.01,))) is Outcome.DAMAGE_BUDGET_USED
+
+
+def test_the_damage_budget_counts_the_identification():
+    criteria = StopCriteria(iterations=10, damage_budget=3.0)
+    (one,) = after((0.5, 0.5))
+    # One pass is played and one more is to come: 1.0 is left for the identification, in every channel.
+    for identification, expected in ((1.0, None), (1.01, Outcome.DAMAGE_BUDGET_USED)):
+        before = np.array([[0.0, identification, 0.0], [0.0, 0.0, 0.0]])
+        assert judge_end((replace(one, identification_damage=before),), criteria) is expected
+    # Of another slope it does not count; nor does that of a watched response without a target.
+    before = np.array([[9.0, 0.0, 9.0], [np.nan, np.nan, np.nan]])
+    watched = replace(one, identification_damage=before, controlled=np.array([True, False]))
+    assert judge_end((watched,), criteria) is None
+    np.testing.assert_allclose(damage_spent((watched, watched), exponent=3.0), [11.0, np.nan])
+
+
+def test_the_specimen_bears_what_is_measured_outside_the_band_too():
+    time = np.arange(4000) / 200.0
+    target = np.sin(2.0 * np.pi * 5.0 * time)[np.newaxis]
+    # Four times as large at a fifth of the frequency, as outside of a control band, and a static part.
+    measured = 0.5 * target + 2.0 * np.sin(2.0 * np.pi * 1.0 * time) + 700.0
+    judged = judge_response(target, target, level=0.5, measured=measured)
+    np.testing.assert_allclose(judged.damage_ratio, 1.0)
+    cycles = [sum(count * range_**k for range_, count in rainflow.count_cycles(measured[0])) for k in (3.0, 5.0, 8.0)]
+    one = [sum(count * range_**k for range_, count in rainflow.count_cycles(target[0])) for k in (3.0, 5.0, 8.0)]
+    np.testing.assert_allclose(judged.specimen_damage[0], np.divide(cycles, one), rtol=1e-9)
+    # At rest it counts as the target at half its size.
+    still = judge_response(target, 0.0 * target, level=0.5, measured=0.0 * measured)
+    np.testing.assert_allclose(still.specimen_damage[0], 0.5 ** np.array([3.0, 5.0, 8.0]))
 
 
 def test_damage_spent_adds_up_and_a_playback_at_half_level_spends_its_power():

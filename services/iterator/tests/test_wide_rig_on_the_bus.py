@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from duralab_bus import FaultError
-from duralab_proto.arrays import from_array, to_array
+from duralab_loads import channel_damage
+from duralab_proto.arrays import from_array, from_record, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from duralab_spectra import line_frequencies, rms
 from iterator import control_band
@@ -117,6 +118,67 @@ def test_nothing_is_confirmed_beyond_the_damage_budget(lab):
     assert "played 0 of 2 times again: one more playback would pass the damage budget." in final.remarks[-1]
     assert not final.HasField("repeatability")
     assert "ConfirmationStep" not in lab.recorder.kinds("budget")
+
+
+def costly(lab, spec, *multiples):
+    """Let the identifier state damages that are these multiples of the target's, whatever the slope."""
+    target = from_record(spec.target)[2]
+    band = control_band(spec.lowest_frequency, spec.highest_frequency, sample_rate=SAMPLE_RATE, excited=(1.0, 70.0))
+    damage = channel_damage(band.limit_target(target)) * np.array(multiples)[:, np.newaxis]
+    damage[2] = 123.0
+
+    def answer(request):
+        made = model(request)
+        made.response_damage.CopyFrom(to_array(damage))
+        return made
+
+    lab.identifier.answer = answer
+
+
+def test_the_identification_counts_for_the_damage_budget_and_stands_in_every_playback(lab):
+    spec = specification("costly", iterations=6)
+    spec.stop.damage_budget = 4.5
+    costly(lab, spec, 0.25, 2.0, 0.0)
+    final = ended(lab, spec)
+    # 2 by the identification and one a playback: the third would bring 5.
+    assert (final.outcome, len(final.iterations)) == (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, 2), final.fault.message
+    for metrics in final.iterations:
+        told = np.array([channel.identification_damage for channel in metrics.channels])
+        np.testing.assert_allclose(told[:2], [[0.25] * 3, [2.0] * 3], rtol=1e-6)
+        # Its target is silent: no multiple of its damage.
+        assert np.isnan(told[2]).all()
+    name = final.iterations[0].channels[1].channel
+    # 2^(-1/5) = 0.87.
+    sentence = (
+        f"The identification did 2 times the target's damage (k = 5) in {name}, the most of any controlled response; "
+    )
+    assert f"{sentence}at 0.87 times its levels it does one pass." in final.remarks
+    assert f"{name} has taken 4 times the target's damage (k = 5), 2 of them by the identification" in final.remarks[-1]
+
+
+def test_an_identification_that_used_up_the_damage_budget_is_followed_by_no_playback(lab):
+    spec = specification("overspent", iterations=6)
+    spec.stop.damage_budget = 2.5
+    costly(lab, spec, 0.25, 2.0, 0.0)
+    final = ended(lab, spec)
+    assert (final.phase, final.fault.field) == (FAULTED, "stop.damage_budget")
+    assert "leaves no room for a playback in stop.damage_budget of 2.5" in final.fault.message
+    assert "IterationStep" not in lab.recorder.kinds("overspent")
+
+
+def test_a_damage_that_is_none_makes_no_campaign(lab):
+    spec = specification("negative", iterations=2)
+    costly(lab, spec, -1.0, 1.0, 0.0)
+    final = ended(lab, spec)
+    assert (final.phase, final.fault.code) == (FAULTED, query_pb2.FAULT_CODE_DATA_LOSS)
+    assert final.fault.field == "response_damage"
+
+
+def test_a_model_that_states_no_damage_is_iterated_with_and_that_is_said(lab):
+    final = ended(lab, specification("unstated", iterations=1))
+    assert final.phase == FINISHED
+    assert any("does not state the damage of its identification" in remark for remark in final.remarks)
+    assert not final.iterations[0].channels[0].identification_damage
 
 
 @pytest.fixture(scope="module")

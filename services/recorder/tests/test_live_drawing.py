@@ -10,7 +10,7 @@ from duralab_proto.v1 import iterator_pb2, rig_pb2
 from recorder.live.charts import CANVAS, Axes, frequency_ticks
 from recorder.live.frf import draw_frf
 from recorder.live.series import colour_of
-from recorder.live.tables import COLUMNS_SHOWN, error_table, status_document
+from recorder.live.tables import COLUMNS_SHOWN, damage_table, error_table, status_document
 from recorder.live.thinning import bucket_samples, keep_extremes
 
 signals = hnp.arrays(np.float64, st.integers(1, 300), elements=st.floats(-1e6, 1e6))
@@ -172,3 +172,35 @@ def test_the_run_that_moves_a_rig_is_named_and_one_that_plays_is_no_heading(camp
     assert "INTERLOCKED, still moved by run demo.i03: it was hot" in status_document(None, [], state=moving)
     document = status_document(None, [], state=campaign.state(rig_pb2.RIG_MODE_PLAYING, run="demo.i03"))
     assert document.splitlines()[0] == "Rig front_axle: playing, run demo.i03"
+
+
+def spending(metrics, playback, *identification):
+    for channel in metrics.channels:
+        channel.specimen_damage.extend(playback)
+        channel.identification_damage.extend(identification)
+    return metrics
+
+
+def test_the_damage_spent_is_shown_for_identification_playbacks_and_both_at_the_campaigns_slope(campaign):
+    before = (2.0, 123456.0, 9.0)
+    made = [
+        spending(campaign.metrics(1, 0.5), (1.0, 3.5, 2.0), *before),
+        spending(campaign.metrics(2, 0.1), (1.0, 1.0, 4.0), *before),
+    ]
+    made[1].channels[1].identification_damage[:] = [float("nan")] * 3
+    confirmed = [spending(campaign.metrics(2, 0.1), (1.0, 1.25, 4.0))]
+    rows = damage_table(made, confirmed, exponent=5.0).splitlines()
+    assert rows[2] == "| left_vertical | 123,000 | 5.8 | 123,000 |"
+    # No target, no multiple of its damage.
+    assert rows[3].startswith("| right_vertical | – |")
+    assert damage_table(made, confirmed, exponent=8.0).splitlines()[2] == "| left_vertical | 9.0 | 10.0 | 19.0 |"
+    status = iterator_pb2.CampaignStatus(iterations=made, confirmations=confirmed)
+    assert "k = 3 | identification | playbacks | sum |" in status_document(status, made, exponent=3.0)
+
+
+def test_a_recording_that_does_not_state_the_damage_says_so(campaign):
+    metrics = campaign.metrics(1, 0.5)
+    assert damage_table([metrics], exponent=5.0) == "Damage spent on the specimen: not stated in this recording."
+    table = damage_table([spending(metrics, (1.0, 2.0, 3.0))], exponent=5.0)
+    assert "| left_vertical | – | 2.0 | 2.0 |" in table
+    assert table.endswith("does not state the damage of the identification, so that is not counted.")

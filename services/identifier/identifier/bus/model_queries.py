@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_loads import DAMAGE_EXPONENTS
 from duralab_proto.arrays import ArrayError, from_array, from_record, to_array, to_record
 from duralab_proto.v1 import array_pb2, identifier_pb2
 from duralab_settings import SettingsError
@@ -13,6 +14,7 @@ from identifier.uncertainty import (
     CREST_FACTOR,
     ValidBand,
     advise_levels,
+    damage_at_levels,
     difference_sentences,
     model_difference,
     predict_convergence,
@@ -21,6 +23,9 @@ from identifier.uncertainty import (
 
 LARGEST_CONVERGENCE_LINES: Final = 4096
 """More lines of the control band than this would keep a processor busy for minutes."""
+
+_EXPONENT: Final = 5.0
+_COLUMN: Final = DAMAGE_EXPONENTS.index(_EXPONENT)
 
 
 def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> identifier_pb2.Prediction:
@@ -139,6 +144,20 @@ def advise(
             model.drives, advice.rms, advice.wanted_rms, advice.limited, identified, strict=True
         )
     ]
+    damage, one_pass = None, 0.0
+    if model.response_damage is not None:
+        levels = np.divide(advice.rms, identified, out=np.zeros_like(identified), where=identified > 0.0)
+        after = damage_at_levels(model.response_damage, model.frf, drive_psd=model.drive_psd, levels=levels)
+        damage, present = after / advice.target_damage, model.response_damage / advice.target_damage
+        worst = int(np.argmax(present[:, _COLUMN]))
+        one_pass = float(present[worst, _COLUMN] ** (-1.0 / _EXPONENT))
+        name = model.responses[worst].name.replace("_", " ")
+        sentences.append(
+            f"The experiment of this model did {_multiple(present[worst, _COLUMN])} times the damage of one pass of "
+            f"the target (k = {_EXPONENT:g}) in {name}, the most of any response; "
+            f"at {one_pass:.2g} times its levels it does one pass there, at the levels above "
+            f"{_multiple(damage[:, _COLUMN].max())} in the worst response."
+        )
     return identifier_pb2.LevelAdvice(
         rms=to_array(advice.rms),
         wanted_rms=to_array(advice.wanted_rms),
@@ -146,7 +165,14 @@ def advise(
         identified_rms=to_array(identified),
         response_ratio=to_array(advice.response_ratio),
         sentences=sentences,
+        identification_damage=None if damage is None else to_array(damage),
+        one_pass_factor=one_pass,
     )
+
+
+def _multiple(value: float) -> str:
+    """Return a multiple with three digits, without an exponent."""
+    return f"{float(f'{value:.3g}'):,.12g}"
 
 
 def difference(first: IdentifiedModel, second: IdentifiedModel) -> identifier_pb2.ModelDifference:

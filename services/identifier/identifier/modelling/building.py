@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_loads import channel_damage
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
@@ -67,6 +68,7 @@ def model_of(
     layout: Layout,
     estimate: FrfEstimate,
     played: rig_pb2.PlayResult,
+    response: NDArray[np.float64],
     levels: DistortionLevels | None,
     drive_map: identifier_pb2.DriveMap | None = None,
 ) -> IdentifiedModel:
@@ -74,8 +76,8 @@ def model_of(
 
     `request`: What was asked for. `settings`: The same, read. `rig`: What it was played on. `layout`: Of the drive.
     `estimate`: From that playback. `played`: The playback's result, for its epoch and number of signal blocks.
-    `levels`: From `distortion_of`. `drive_map`: Of the drives that `estimate` is made from; None where none was asked
-    for.
+    `response`: Shape (responses, samples), as measured. `levels`: From `distortion_of`. `drive_map`: Of the drives that
+    `estimate` is made from; None where none was asked for.
     Returns: With its id.
     """
     filled, band = fill_lines(estimate), valid_band(layout)
@@ -123,6 +125,7 @@ def model_of(
             verdicts=verdicts,
             distortion=None if levels is None else _distortion(levels),
             drive_map=drive_map,
+            response_damage=channel_damage(response),
         )
     )
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_drive_map.messages import from_message as drive_map_from_message
+from duralab_loads import DAMAGE_EXPONENTS
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2
 from identifier.uncertainty import ValidBand, element_variance
@@ -66,6 +67,9 @@ class IdentifiedModel:
         Noise and nonlinear distortion apart; None where the experiment does not tell them apart.
     drive_map
         Change of drive coordinates, which ``H`` goes with; None where none was asked for.
+    response_damage
+        Shape (responses, 3), unit^slope: pseudo-damage of each response over the whole run, as measured, for S-N lines
+        of slope 3, 5 and 8; None in a model of an older recording.
     id
         Hash of all the rest; empty before `with_id`.
     """
@@ -97,6 +101,7 @@ class IdentifiedModel:
     verdicts: tuple[str, ...]
     distortion: identifier_pb2.Distortion | None
     drive_map: identifier_pb2.DriveMap | None = None
+    response_damage: NDArray[np.float64] | None = None
     id: str = ""
 
     def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -202,6 +207,7 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         plan=model.plan,
         verdicts=model.verdicts,
         drive_map=model.drive_map,
+        response_damage=None if model.response_damage is None else to_array(model.response_damage),
     )
 
 
@@ -269,6 +275,7 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         verdicts=tuple(message.verdicts),
         distortion=message.distortion if message.HasField("distortion") else None,
         drive_map=_drive_map(message),
+        response_damage=_response_damage(message),
     )
 
 
@@ -277,6 +284,13 @@ def _drive_map(message: identifier_pb2.Model) -> identifier_pb2.DriveMap | None:
         return None
     drive_map_from_message(message.drive_map, drives=message.drives, sample_rate=message.sample_rate)
     return message.drive_map
+
+
+def _response_damage(message: identifier_pb2.Model) -> NDArray[np.float64] | None:
+    if not message.HasField("response_damage"):
+        return None
+    shape = (len(message.responses), len(DAMAGE_EXPONENTS))
+    return from_array(message.response_damage, field="response_damage", shape=shape, dtype=np.float64)
 
 
 def _interpolated(message: identifier_pb2.Model, lines: int) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from identifier.uncertainty.convergence import Convergence, predict_convergence,
 from identifier.uncertainty.covariance import element_variance, relative_magnitude_variance, row_covariance
 from identifier.uncertainty.differences import ModelDifference, difference_sentences, model_difference
 from identifier.uncertainty.distortion import DistortionLevels, can_separate, has_other_phases, separate_distortion
-from identifier.uncertainty.level_advice import CREST_FACTOR, LevelAdvice, advise_levels
+from identifier.uncertainty.level_advice import CREST_FACTOR, LevelAdvice, advise_levels, damage_at_levels
 from identifier.uncertainty.prediction import Prediction, predict_response
 from identifier.uncertainty.valid_band import ValidBand
 from identifier.uncertainty.verdict import (
@@ -28,6 +28,7 @@ __all__ = [
     "ValidBand",
     "advise_levels",
     "can_separate",
+    "damage_at_levels",
     "difference_sentences",
     "distortion_shares",
     "element_variance",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_loads import DAMAGE_EXPONENTS, channel_damage
 from duralab_settings import SettingsError
 from duralab_spectra import as_record, dynamic_part, pseudo_inverse
 from identifier.uncertainty.valid_band import ValidBand
@@ -27,12 +28,14 @@ class LevelAdvice:
     `rms`: Shape (drives): proposed, the smaller of the next two. `wanted_rms`: Shape (drives): of the drive that the
     model says makes the target. `largest_rms`: Shape (drives): at which a drive of that crest factor just reaches its
     limit. `response_ratio`: Shape (responses): RMS of each response expected at the proposed levels, over the target's.
+    `target_damage`: Shape (responses, 3): pseudo-damage of the target in the band for S-N lines of slope 3, 5 and 8.
     """
 
     rms: NDArray[np.float64]
     wanted_rms: NDArray[np.float64]
     largest_rms: NDArray[np.float64]
     response_ratio: NDArray[np.float64]
+    target_damage: NDArray[np.float64]
 
     @property
     def limited(self) -> NDArray[np.bool_]:
@@ -115,7 +118,33 @@ def advise_levels(
     proposed = np.minimum(wanted, largest)
     scaled = needed * np.divide(proposed, wanted, out=np.zeros(drives), where=wanted > 0.0)
     reached = _rms(np.einsum("fij,fj->fi", matrix, scaled), record.shape[1])
-    return LevelAdvice(rms=proposed, wanted_rms=wanted, largest_rms=largest, response_ratio=reached / target_rms)
+    return LevelAdvice(
+        rms=proposed,
+        wanted_rms=wanted,
+        largest_rms=largest,
+        response_ratio=reached / target_rms,
+        target_damage=channel_damage(np.fft.irfft(np.where(inside, spectrum, 0.0), n=record.shape[1], axis=1)),
+    )
+
+
+def damage_at_levels(
+    damage: NDArray[np.float64], frf: NDArray[np.complex128], *, drive_psd: NDArray[np.float64], levels: ArrayLike
+) -> NDArray[np.float64]:
+    """Predict the pseudo-damage of an experiment at other drive levels.
+
+    Exact for a linear rig without noise where all levels change alike; otherwise the responses keep the shape of their
+    cycles and change in size.
+
+    `damage`: Shape (responses, exponents), of `DAMAGE_EXPONENTS`: of the experiment as it was. `frf`: Shape (lines,
+    responses, drives). `drive_psd`: Shape (lines, drives): of the experiment as it was. `levels`: Shape (drives): over
+    those of the experiment.
+    Returns: As `damage`.
+    """
+    power = np.einsum("fij,fj->ij", np.abs(frf) ** 2, drive_psd)
+    before = power.sum(axis=1)
+    after = power @ np.square(levels)
+    size = np.sqrt(np.divide(after, before, out=np.zeros_like(before), where=before > 0.0))
+    return damage * size[:, None] ** np.array(DAMAGE_EXPONENTS)
 
 
 def _rms(lines: NDArray[np.complex128], samples: int) -> NDArray[np.float64]:

@@ -30,10 +30,14 @@ class IterationMetrics:
     damage_ratio : ndarray, shape (n_y, exponents)
         Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
     specimen_damage : ndarray, shape (n_y, exponents)
-        What this playback is taken to have put into the specimen, in multiples of the whole target's pseudo-damage:
-        `damage_ratio`, 1 at least, and less of both for a playback at partial level.
+        Damage spent by this playback, in passes of the target: pseudo-damage of the response as measured, whatever the
+        control band and the level, over that of the target in the control band. The target at its level counts at
+        least: a dead sensor does not mean an unharmed specimen.
     controlled : ndarray of bool, shape (n_y,), optional
         False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
+    identification_damage : ndarray, shape (n_y, exponents), optional
+        Damage spent by the identification, counted as `specimen_damage`; the same in every playback. Not a number for a
+        watched response whose target is silent; None where it is not known.
     """
 
     relative_rms_error: NDArray[np.float64]
@@ -44,6 +48,7 @@ class IterationMetrics:
     damage_ratio: NDArray[np.float64]
     specimen_damage: NDArray[np.float64]
     controlled: NDArray[np.bool_] | None = None
+    identification_damage: NDArray[np.float64] | None = None
 
     @property
     def correlation(self) -> NDArray[np.float64]:
@@ -62,6 +67,7 @@ def judge_response(
     *,
     level: float = 1.0,
     controlled: NDArray[np.bool_] | None = None,
+    measured: NDArray[np.float64] | None = None,
 ) -> IterationMetrics:
     """Compare a response with the target.
 
@@ -73,6 +79,9 @@ def judge_response(
         Share of the target that was played for and by which the response was divided, above 0 to 1.
     controlled : ndarray of bool, shape (n_y,), optional
         False for a response that is watched; all are controlled where not given.
+    measured : ndarray, shape (n_y, samples), optional
+        Response as it was measured, neither limited to the control band nor divided by the level: the specimen's damage
+        is counted there. Left out: `level` times `response`.
 
     Returns
     -------
@@ -86,8 +95,10 @@ def judge_response(
         Shapes that differ, values that are not finite, or a silent target of a controlled response.
     """
     if controlled is not None and not controlled.all():
-        return _judge_with_watched(target, response, level=level, controlled=controlled)
+        return _judge_with_watched(target, response, level=level, controlled=controlled, measured=measured)
     damage = damage_ratio(target, response)
+    least = level ** np.asarray(DAMAGE_EXPONENTS)
+    spent = damage * least if measured is None else damage_ratio(target, measured)
     moves = np.any(response != 0.0, axis=1)
     crest = np.zeros(target.shape[0])
     crest[moves] = crest_factor(response[moves]) / crest_factor(target[moves]) if moves.any() else 0.0
@@ -99,16 +110,23 @@ def judge_response(
         crest_ratio=crest,
         damage_ratio=damage,
         # A dead sensor does not mean a specimen unharmed: what was asked of the rig counts at least.
-        specimen_damage=np.maximum(1.0, damage) * level ** np.asarray(DAMAGE_EXPONENTS),
+        specimen_damage=np.maximum(least, spent),
     )
 
 
 def _judge_with_watched(
-    target: NDArray[np.float64], response: NDArray[np.float64], *, level: float, controlled: NDArray[np.bool_]
+    target: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    level: float,
+    controlled: NDArray[np.bool_],
+    measured: NDArray[np.float64] | None,
 ) -> IterationMetrics:
     # A silent target of a controlled response goes in all the same, and is refused there.
     judged = controlled | np.any(target != 0.0, axis=1)
-    found = judge_response(target[judged], response[judged], level=level)
+    found = judge_response(
+        target[judged], response[judged], level=level, measured=None if measured is None else measured[judged]
+    )
 
     def of_all(figures: NDArray[np.float64]) -> NDArray[np.float64]:
         result = np.full((judged.size, *figures.shape[1:]), np.nan)

@@ -19,7 +19,7 @@ class Outcome(enum.Enum):
     ITERATIONS_USED = "all playbacks were used"
     DIVERGED = "a channel's error grew beyond the allowed multiple of its best"
     NO_IMPROVEMENT = "the last playbacks did not improve the best error by the asked share"
-    DAMAGE_BUDGET_USED = "one more playback would put more damage into the specimen than was allowed"
+    DAMAGE_BUDGET_USED = "identification and playbacks left no room in the damage budget for one more playback"
     RESPONSE_STOOD_STILL = "a controlled response stood still while its target moved"
     BOUND_PASSED = "a playback passed a bound of error, peak or damage"
 
@@ -62,7 +62,7 @@ def judge_end(
 
 
 def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> NDArray[np.float64]:
-    """Return the damage that playbacks have put into the specimen.
+    """Return the damage that the identification and the playbacks have put into the specimen.
 
     Parameters
     ----------
@@ -74,14 +74,17 @@ def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> N
     Returns
     -------
     ndarray, shape (n_y,)
-        At each response, in multiples of the whole target's; each playback counts as the target at its level at least.
+        At each response, in passes of the target; each playback counts as the target at its level at least. An
+        identification whose damage is not known does not count.
 
     Raises
     ------
     ValueError
         Another exponent.
     """
-    return np.sum([figures.specimen_damage[:, _column(exponent)] for figures in metrics], axis=0)
+    spent = np.sum([figures.specimen_damage[:, _column(exponent)] for figures in metrics], axis=0)
+    before = metrics[-1].identification_damage
+    return spent if before is None else spent + before[:, _column(exponent)]
 
 
 def would_overspend(metrics: tuple[IterationMetrics, ...], criteria: StopCriteria) -> bool:

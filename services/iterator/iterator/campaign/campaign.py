@@ -36,6 +36,12 @@ from iterator.campaign.remarks import map_remarks, remarks_of
 from iterator.campaign.resumption import Resumption
 from iterator.campaign.rig_halt import bring_to_rest, latch_rig
 from iterator.campaign.rig_playback import RigPlayback, words_of
+from iterator.campaign.specimen_cost import (
+    budget_remarks,
+    identification_damage,
+    identification_remarks,
+    require_budget,
+)
 from iterator.campaign.status_board import StatusBoard
 from iterator.iteration_loop import Iteration, iterate
 from iterator.limits import DriveLimitError, DriveOverrunError
@@ -154,6 +160,10 @@ class Campaign:
             drive_map = checked_drive_map(model, start, plan=plan)
             self._board.add_remarks(map_remarks(model.drive_map))
             recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
+            spent_before = identification_damage(model, plan=plan)
+            self._board.add_remarks(identification_remarks(spent_before, plan=plan))
+            if not recorded:
+                require_budget(spent_before, plan=plan)
         iterations = iterate(
             self._play,
             plan.target_in_band,
@@ -162,6 +172,7 @@ class Campaign:
             limits=plan.limits,
             recorded=recorded,
             drive_map=drive_map,
+            identification_damage=spent_before,
             on_forecast=self._foretell,
         )
         last: Iteration | None = None
@@ -183,6 +194,7 @@ class Campaign:
                 best = last
             remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
             self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
+        self._board.add_remarks(budget_remarks(last.outcome, tuple(self._metrics), plan=plan))
         if best is not None:
             self._confirm(last.outcome, best)
         return last

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,9 @@ def confirmed(
             yield ConfirmationReport(metrics=step.metrics, remarks=remarks)
             return
         responses.append(response)
-        spent = (*spent, judge_confirmation(response, plan=plan))
+        measured = from_array(step.response.samples, field="response.samples", dtype=np.float64)
+        judged = judge_confirmation(response, measured, plan=plan)
+        spent = (*spent, replace(judged, identification_damage=spent[-1].identification_damage))
         yield ConfirmationReport(
             repeatability_message(responses, iteration=best.number, plan=plan), step.metrics, remarks
         )
@@ -103,9 +105,13 @@ def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criter
     return None
 
 
-def judge_confirmation(response_in_band: NDArray[np.float64], *, plan: CampaignPlan) -> IterationMetrics:
+def judge_confirmation(
+    response_in_band: NDArray[np.float64], measured: NDArray[np.float64], *, plan: CampaignPlan
+) -> IterationMetrics:
     """Return the figures of a playback that confirms the result."""
-    return judge_response(plan.target_in_band, response_in_band, controlled=plan.response_weight > 0.0)
+    return judge_response(
+        plan.target_in_band, response_in_band, controlled=plan.response_weight > 0.0, measured=measured
+    )
 
 
 def confirmation_message(
@@ -119,7 +125,7 @@ def confirmation_message(
     plan: CampaignPlan,
 ) -> iterator_pb2.ConfirmationStep:
     """Return a playback of the best drive as it is committed: it names the samples of its run."""
-    metrics = judge_confirmation(response_in_band, plan=plan)
+    metrics = judge_confirmation(response_in_band, response, plan=plan)
     return iterator_pb2.ConfirmationStep(
         number=number,
         run=played.run,

@@ -42,6 +42,10 @@ def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[it
             peak_ratio=float(metrics.peak_ratio[i]),
             crest_ratio=float(metrics.crest_ratio[i]),
             damage_ratio=metrics.damage_ratio[i].tolist(),
+            specimen_damage=metrics.specimen_damage[i].tolist(),
+            identification_damage=(
+                () if metrics.identification_damage is None else metrics.identification_damage[i].tolist()
+            ),
             watched=bool(plan.response_weight[i] == 0.0),
             target_energy_outside_band=float(plan.target_energy_outside_band[i]),
         )

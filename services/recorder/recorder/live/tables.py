@@ -34,6 +34,9 @@ _MODES = {
     rig_pb2.RIG_MODE_RAMPING_DOWN: "ramping down",
 }
 
+_EXPONENTS = (3.0, 5.0, 8.0)
+"""Slopes of the S-N lines of the contract's damage figures, in its order."""
+
 _OVER = (iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.CAMPAIGN_PHASE_FAULTED)
 
 COLUMNS_SHOWN = 7
@@ -87,6 +90,42 @@ def error_table(
     return "\n".join(lines)
 
 
+def damage_table(
+    iterations: Sequence[iterator_pb2.IterationMetrics],
+    confirmations: Sequence[iterator_pb2.IterationMetrics] = (),
+    *,
+    exponent: float,
+) -> str:
+    """Return the damage spent on the specimen in passes of the target, a row for each channel.
+
+    `exponent`: Slope of the S-N line: 3, 5 or 8.
+    """
+    column = _EXPONENTS.index(exponent)
+    playbacks = (*iterations, *confirmations)
+    if any(len(channel.specimen_damage) <= column for metrics in playbacks for channel in metrics.channels):
+        return "Damage spent on the specimen: not stated in this recording."
+    lines = [f"| damage spent [passes of the target], k = {exponent:g} | identification | playbacks | sum |"]
+    lines.append("|---|---:|---:|---:|")
+    for row, channel in enumerate(iterations[-1].channels):
+        known = len(channel.identification_damage) > column
+        identification = channel.identification_damage[column] if known else math.nan
+        played = sum(metrics.channels[row].specimen_damage[column] for metrics in playbacks)
+        cells = map(_passes, (identification, played, played + (identification if known else 0.0)))
+        lines.append(f"| {channel.channel} | " + " | ".join(cells) + " |")
+    if any(not channel.identification_damage for channel in iterations[-1].channels):
+        lines.append("\nThe recording does not state the damage of the identification, so that is not counted.")
+    return "\n".join(lines)
+
+
+def _passes(damage: float) -> str:
+    if math.isnan(damage):
+        # No target, or not stated.
+        return "–"
+    if 0.0 < damage < 0.1:
+        return "< 0.1"
+    return f"{damage:.1f}" if damage < 100 else f"{float(f'{damage:.3g}'):,.0f}"
+
+
 def status_line(status: iterator_pb2.CampaignStatus) -> str:
     """Return the phase and what is done now, or the fault, in one line."""
     what = status.fault.message if status.HasField("fault") else status.activity
@@ -107,8 +146,9 @@ def status_document(
     iterations: Sequence[iterator_pb2.IterationMetrics],
     *,
     state: rig_pb2.RigState | None = None,
+    exponent: float = 5.0,
 ) -> str:
-    """Return the rig's state, the phase in a sentence, what it does now, and the error table."""
+    """Return the rig's state, the phase in a sentence, what it does now, the errors, and the damage at a slope."""
     lines = []
     if state is not None:
         # What stops everybody's work stands out.
@@ -125,4 +165,5 @@ def status_document(
     if iterations:
         lines.append("Curves: grey the target, orange the newest playback, thin blue the first.")
         lines.append(error_table(iterations, status))
+        lines.append(damage_table(iterations, () if status is None else status.confirmations, exponent=exponent))
     return "\n\n".join(lines) or "Waiting for the campaign."

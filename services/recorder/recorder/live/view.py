@@ -263,7 +263,9 @@ class LiveView:
         )
 
     def _write_status(self) -> None:
-        self._write(STATUS, status_document(self._status, self._iterations, state=self._state))
+        asked = 0.0 if self._specification is None else self._specification.stop.damage_exponent
+        document = status_document(self._status, self._iterations, state=self._state, exponent=asked or 5.0)
+        self._write(STATUS, document)
 
     def _write(self, path: str, markdown: str) -> None:
         self._stream.log(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
