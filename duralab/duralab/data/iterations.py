@@ -380,8 +380,7 @@ def damage_note(table: IterationTable) -> str:
     """
     counted = "as measured, inside and outside the control band" if table.damage_as_measured else "in the control band"
     sentences = [
-        f"Damage spent: pseudo-damage of each response {counted}, in passes of the target (over the damage of the "
-        "target in the control band).",
+        f"Damage spent: pseudo-damage of each response {counted}, over that of the target counted alike.",
         "A playback counts as the target at its level at least.",
     ]
     if not table.counts_identification:

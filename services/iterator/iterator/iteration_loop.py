@@ -216,6 +216,7 @@ def iterate(
     update: Update | None = None,
     drive_map: DriveMap | MapFromFirstPlayback | None = None,
     identification_damage: NDArray[np.float64] | None = None,
+    target_damage: NDArray[np.float64] | None = None,
     on_forecast: Callable[[Forecast], None] | None = None,
 ) -> Iterator[Iteration]:
     """Iterate from `U_0 = 0`, one playback for each value yielded.
@@ -249,6 +250,8 @@ def iterate(
     identification_damage : ndarray, shape (n_y, exponents), optional
         Damage spent by the identification, in passes of the target: it counts for the damage budget. Not a number for a
         response without a target.
+    target_damage : ndarray, shape (n_y, exponents), optional
+        Pseudo-damage of one pass of the target as measured; that of the target in the band where not given.
     on_forecast : callable, optional
         Called before each playback with what is predicted of it.
 
@@ -312,7 +315,14 @@ def iterate(
         held = limits is not None and held_share(drive, limits) > _MOST_HELD
         response_in_band = settings.update.band.limit_response(response) / level
         judged = replace(
-            judge_response(target, response_in_band, level=level, controlled=controlled, measured=response),
+            judge_response(
+                target,
+                response_in_band,
+                level=level,
+                controlled=controlled,
+                measured=response,
+                target_damage=target_damage,
+            ),
             identification_damage=identification_damage,
         )
         metrics = (*metrics, judged)

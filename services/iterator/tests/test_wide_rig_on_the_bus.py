@@ -123,8 +123,7 @@ def test_nothing_is_confirmed_beyond_the_damage_budget(lab):
 def costly(lab, spec, *multiples):
     """Let the identifier state damages that are these multiples of the target's, whatever the slope."""
     target = from_record(spec.target)[2]
-    band = control_band(spec.lowest_frequency, spec.highest_frequency, sample_rate=SAMPLE_RATE, excited=(1.0, 70.0))
-    damage = channel_damage(band.limit_target(target)) * np.array(multiples)[:, np.newaxis]
+    damage = channel_damage(target) * np.array(multiples)[:, np.newaxis]
     damage[2] = 123.0
 
     def answer(request):

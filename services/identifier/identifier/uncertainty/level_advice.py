@@ -28,7 +28,7 @@ class LevelAdvice:
     `rms`: Shape (drives): proposed, the smaller of the next two. `wanted_rms`: Shape (drives): of the drive that the
     model says makes the target. `largest_rms`: Shape (drives): at which a drive of that crest factor just reaches its
     limit. `response_ratio`: Shape (responses): RMS of each response expected at the proposed levels, over the target's.
-    `target_damage`: Shape (responses, 3): pseudo-damage of the target in the band for S-N lines of slope 3, 5 and 8.
+    `target_damage`: Shape (responses, 3): pseudo-damage of the target as measured for S-N lines of slope 3, 5 and 8.
     """
 
     rms: NDArray[np.float64]
@@ -123,7 +123,7 @@ def advise_levels(
         wanted_rms=wanted,
         largest_rms=largest,
         response_ratio=reached / target_rms,
-        target_damage=channel_damage(np.fft.irfft(np.where(inside, spectrum, 0.0), n=record.shape[1], axis=1)),
+        target_damage=channel_damage(record),
     )
 
 

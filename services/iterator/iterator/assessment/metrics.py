@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_loads import DAMAGE_EXPONENTS, damage_ratio
+from duralab_loads import DAMAGE_EXPONENTS, channel_damage, damage_ratio
 from duralab_spectra import crest_factor, overall_relative_rms_error, peak_ratio, relative_rms_error, rms_response
 
 
@@ -31,8 +31,8 @@ class IterationMetrics:
         Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
     specimen_damage : ndarray, shape (n_y, exponents)
         Damage spent by this playback, in passes of the target: pseudo-damage of the response as measured, whatever the
-        control band and the level, over that of the target in the control band. The target at its level counts at
-        least: a dead sensor does not mean an unharmed specimen.
+        control band and the level, over that of the target as measured. The target at its level counts at least: a
+        dead sensor does not mean an unharmed specimen.
     controlled : ndarray of bool, shape (n_y,), optional
         False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
     identification_damage : ndarray, shape (n_y, exponents), optional
@@ -68,6 +68,7 @@ def judge_response(
     level: float = 1.0,
     controlled: NDArray[np.bool_] | None = None,
     measured: NDArray[np.float64] | None = None,
+    target_damage: NDArray[np.float64] | None = None,
 ) -> IterationMetrics:
     """Compare a response with the target.
 
@@ -82,6 +83,8 @@ def judge_response(
     measured : ndarray, shape (n_y, samples), optional
         Response as it was measured, neither limited to the control band nor divided by the level: the specimen's damage
         is counted there. Left out: `level` times `response`.
+    target_damage : ndarray, shape (n_y, exponents), optional
+        Pseudo-damage of the target as measured, for the slopes `DAMAGE_EXPONENTS`; that of `target` where left out.
 
     Returns
     -------
@@ -95,10 +98,17 @@ def judge_response(
         Shapes that differ, values that are not finite, or a silent target of a controlled response.
     """
     if controlled is not None and not controlled.all():
-        return _judge_with_watched(target, response, level=level, controlled=controlled, measured=measured)
+        return _judge_with_watched(
+            target, response, level=level, controlled=controlled, measured=measured, target_damage=target_damage
+        )
     damage = damage_ratio(target, response)
     least = level ** np.asarray(DAMAGE_EXPONENTS)
-    spent = damage * least if measured is None else damage_ratio(target, measured)
+    if measured is None:
+        spent = damage * least
+    elif target_damage is None:
+        spent = damage_ratio(target, measured)
+    else:
+        spent = channel_damage(measured) / target_damage
     moves = np.any(response != 0.0, axis=1)
     crest = np.zeros(target.shape[0])
     crest[moves] = crest_factor(response[moves]) / crest_factor(target[moves]) if moves.any() else 0.0
@@ -121,11 +131,16 @@ def _judge_with_watched(
     level: float,
     controlled: NDArray[np.bool_],
     measured: NDArray[np.float64] | None,
+    target_damage: NDArray[np.float64] | None,
 ) -> IterationMetrics:
     # A silent target of a controlled response goes in all the same, and is refused there.
     judged = controlled | np.any(target != 0.0, axis=1)
     found = judge_response(
-        target[judged], response[judged], level=level, measured=None if measured is None else measured[judged]
+        target[judged],
+        response[judged],
+        level=level,
+        measured=None if measured is None else measured[judged],
+        target_damage=None if target_damage is None else target_damage[judged],
     )
 
     def of_all(figures: NDArray[np.float64]) -> NDArray[np.float64]:

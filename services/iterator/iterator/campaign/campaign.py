@@ -173,6 +173,7 @@ class Campaign:
             recorded=recorded,
             drive_map=drive_map,
             identification_damage=spent_before,
+            target_damage=plan.target_damage,
             on_forecast=self._foretell,
         )
         last: Iteration | None = None

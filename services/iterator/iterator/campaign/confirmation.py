@@ -110,7 +110,11 @@ def judge_confirmation(
 ) -> IterationMetrics:
     """Return the figures of a playback that confirms the result."""
     return judge_response(
-        plan.target_in_band, response_in_band, controlled=plan.response_weight > 0.0, measured=measured
+        plan.target_in_band,
+        response_in_band,
+        controlled=plan.response_weight > 0.0,
+        measured=measured,
+        target_damage=plan.target_damage,
     )
 
 

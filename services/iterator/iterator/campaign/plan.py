@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from duralab_bus import FaultError
+from duralab_loads import channel_damage
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_settings import Acceptance, PlaybackSettings, ResolvedUpdate, SettingsError, StopCriteria, UpdateKind
@@ -46,7 +47,8 @@ class CampaignPlan:
     the identification, as the identifier answered. `response_weight`, shape (n_y,): The specification's over the
     target's RMS, so that responses count alike whatever their units; 0 for a response that is watched.
     `target_energy_outside_band`, shape (n_y,): Share of the energy of each target's dynamic part outside the control
-    band, 0 to 1. `remarks`: What a person should know before it begins, one sentence each.
+    band, 0 to 1. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass of the target as measured; 0 for a
+    silent one. `remarks`: What a person should know before it begins, one sentence each.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -57,6 +59,7 @@ class CampaignPlan:
     experiment: identifier_pb2.ExperimentPlan
     response_weight: NDArray[np.float64]
     target_energy_outside_band: NDArray[np.float64]
+    target_damage: NDArray[np.float64]
     remarks: tuple[str, ...] = ()
 
     @property
@@ -123,6 +126,7 @@ def plan_campaign(
         experiment=experiment,
         response_weight=np.divide(weight, rms(target_in_band), out=np.zeros_like(weight), where=weight > 0.0),
         target_energy_outside_band=outside.below + outside.above,
+        target_damage=np.where(silent[:, None], 0.0, channel_damage(target)),
         remarks=(
             *_outside_the_band(outside, band, description),
             *static_remarks(target, target_in_band, band=band, description=description),

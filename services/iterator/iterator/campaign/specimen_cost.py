@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_bus import FaultError
-from duralab_loads import DAMAGE_EXPONENTS, channel_damage
+from duralab_loads import DAMAGE_EXPONENTS
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.v1 import identifier_pb2, query_pb2
 from iterator.assessment import IterationMetrics, Outcome, damage_spent
@@ -16,8 +16,7 @@ from iterator.campaign.plan import CampaignPlan
 def identification_damage(model: identifier_pb2.Model, *, plan: CampaignPlan) -> NDArray[np.float64] | None:
     """Return the damage of the identification in passes of the target.
 
-    The response is counted as measured, over the whole run: that is what the specimen bears. The target is counted in
-    the control band, as for every other damage ratio.
+    Response and target are both counted as measured, the response over the whole run: that is what the specimen bears.
 
     `model`: As received; nothing in it is trusted. `plan`: Of the campaign.
     Returns: Shape (n_y, exponents), not a number for a response whose target is silent; None where the model does not
@@ -37,7 +36,7 @@ def identification_damage(model: identifier_pb2.Model, *, plan: CampaignPlan) ->
             f"The identifier answered a damaged model: {error}",
             field=error.field,
         ) from error
-    target = channel_damage(plan.target_in_band)
+    target = plan.target_damage
     return np.divide(damage, target, out=np.full(shape, np.nan), where=target > 0.0)
 
 
