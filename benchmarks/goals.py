@@ -7,9 +7,11 @@ from typing import Any
 
 SUSPENSION_RIGS = (
     "front_axle",
+    "front_axle_compliant",
     "front_axle_sensors",
     "full_vehicle",
     "macpherson",
+    "macpherson_compliant",
     "predecessor",
     "spindle_coupled",
     "spindle_coupled_braking",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import duralab
 
+RIG = "front_axle_compliant"
 out = Path("out")
 out.mkdir(exist_ok=True)
 
@@ -23,8 +24,8 @@ excitation = duralab.ExcitationSettings(
 estimator = duralab.EstimatorSettings(block_samples=2048)
 
 with duralab.connect(*sys.argv[1:2]) as lab:
-    print(lab.identifier.plan("front_axle", excitation, estimator))
-    model = lab.identify("front_axle", excitation, estimator, seed=1, on_progress=print, timeout_seconds=300.0)
+    print(lab.identifier.plan(RIG, excitation, estimator))
+    model = lab.identify(RIG, excitation, estimator, seed=1, on_progress=print, timeout_seconds=300.0)
     print(model)
     (out / "frf.html").write_text(duralab.to_html(model), encoding="utf-8")
 

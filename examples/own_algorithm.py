@@ -15,7 +15,7 @@ from iterator import apply_inverse, control_band, judge_response, rig_model
 settings = duralab.load_campaign(Path(__file__).with_name("short_campaign.yaml"))
 
 with duralab.connect(*sys.argv[1:2]) as lab:
-    rig = lab.describe("front_axle")
+    rig = lab.describe("front_axle_compliant")
     model = lab.identify(rig.name, settings.excitation, settings.estimator, seed=1)
     inverse = rig_model(model.frequency, model.frf, identified_band=(0.25, 46.0))
     band = control_band(0.5, 40.0, sample_rate=rig.sample_rate)

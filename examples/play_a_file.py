@@ -16,7 +16,7 @@ out = Path("out")
 out.mkdir(exist_ok=True)
 
 with duralab.connect(*sys.argv[1:2]) as lab:
-    rig = lab.describe("front_axle")
+    rig = lab.describe("front_axle_compliant")
 
     # A file as another lab would send it: in millimetres, its channels in another order.
     time = np.arange(4096) / rig.sample_rate

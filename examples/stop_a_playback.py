@@ -11,7 +11,7 @@ import numpy as np
 import duralab
 
 with duralab.connect(*sys.argv[1:2]) as lab:
-    rig = lab.describe("front_axle")
+    rig = lab.describe("front_axle_compliant")
     time = np.arange(int(60 * rig.sample_rate)) / rig.sample_rate
     drive = 0.005 * np.sin(2 * np.pi * time) * np.minimum(1.0, np.minimum(time, time[-1] - time))
     drives = np.tile(drive, (len(rig.drives), 1))

@@ -13,7 +13,7 @@ import duralab
 
 async def main() -> None:
     async with duralab.async_connect(*sys.argv[1:2]) as lab:
-        axle, car = await asyncio.gather(lab.describe("front_axle"), lab.describe("predecessor"))
+        axle, car = await asyncio.gather(lab.describe("front_axle_compliant"), lab.describe("predecessor"))
         shake = np.zeros((len(axle.drives), 4000))
         # The predecessor is driven over a flat road at 15 m/s.
         road = np.stack([np.full(4000, 15.0 if name.endswith("speed") else 0.0) for name in names(car)])

@@ -17,7 +17,7 @@ with duralab.connect(*sys.argv[1:2]) as lab, lab.watch(timeout_seconds=60.0) as 
     largest = 0.0
     for event in events:
         match event:
-            case duralab.SignalsEvent(rig="front_axle", response=response):
+            case duralab.SignalsEvent(rig="front_axle_compliant", response=response):
                 largest = max(largest, abs(response.samples).max())
             case duralab.RigEvent(state):
                 print(state)

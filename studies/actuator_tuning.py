@@ -40,7 +40,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullFormatter
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "rigs"
-RIGS = ("front_axle", "spindle_coupled", "spindle_coupled_braking")
+RIGS = ("front_axle", "front_axle_compliant", "macpherson", "spindle_coupled", "spindle_coupled_braking")
 #: The rig with all force actuators, as delivered with other oil and a wrong compensation.
 TOLERANT = "spindle_coupled_braking"
 DELIVERED = ((1.0, 1.0), (0.8, 1.0), (1.2, 1.0), (1.0, 1.1), (1.0, 0.95), (1.0, 0.9))

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from studied_rigs import AXLE_BLOCK, front_axle
+from studied_rigs import AXLE_BLOCK, front_axle_compliant
 
 import duralab_roads
 from duralab_settings import (
@@ -135,7 +135,7 @@ def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | 
 @cache
 def identified(share: float, seed: int) -> RigModel:
     """Identify the rig at a share of the operational drive RMS; the seed is of phases and noise."""
-    return identify(front_axle().rig, levels=share * OPERATIONAL, seed=seed)
+    return identify(front_axle_compliant().rig, levels=share * OPERATIONAL, seed=seed)
 
 
 def identify(
@@ -191,7 +191,7 @@ def campaign(
     The rig is the front axle unless another one is given. Drives beyond its limits are refused, unless limits are given
     that they are projected to.
     """
-    played_on = front_axle().rig if rig is None else rig
+    played_on = front_axle_compliant().rig if rig is None else rig
     noise = iter(range(_PLAYBACK_NOISE, _PLAYBACK_NOISE + playbacks))
     policy = LimitPolicy.REFUSE if projected_to is None else LimitPolicy.PROJECT
     done: list[Iteration] = []

@@ -15,7 +15,7 @@ from low_level_campaigns import BAND, Trial, campaign, identified, limits_of, pl
 from low_level_comparison import ADAPTIVE, BASIC_TWR, SECANT, error_after
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from studied_rigs import front_axle
+from studied_rigs import front_axle_compliant
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from iterator import DriveLimits, Iteration, Repeatability, judge_repeatability, judge_response, project_drive
@@ -87,7 +87,7 @@ def study(quick: bool) -> Findings:
 @cache
 def rig_with_noise(times: float) -> PlayableRig:
     """Return the rig with so many times its sensors' noise."""
-    rig = front_axle().rig
+    rig = front_axle_compliant().rig
     if times == 1.0:
         return rig
     added = np.sqrt(times**2 - 1.0)
@@ -114,7 +114,7 @@ def repeats(rig: PlayableRig, drive: NDArray[np.float64], extent: Extent) -> lis
 
 def own_target(drive: NDArray[np.float64], extent: Extent) -> NDArray[np.float64]:
     """Return what the rig itself does with a drive, so that there is one that reaches it: mean of several playbacks."""
-    return np.mean(repeats(front_axle().rig, drive, extent), axis=0)
+    return np.mean(repeats(front_axle_compliant().rig, drive, extent), axis=0)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Limited:
 
 def under_limits(target: NDArray[np.float64], drive: NDArray[np.float64], share: float, extent: Extent) -> Limited:
     """Iterate under limits that leave a share of each channel's largest drive."""
-    rig = front_axle().rig
+    rig = front_axle_compliant().rig
     peak = share * np.abs(drive).max(axis=1)
     limits = replace(limits_of(rig), minimum=-peak, maximum=peak)
     carried = project_drive(drive, limits=limits, band=BAND).drive
@@ -170,7 +170,7 @@ class Throttled:
 
 def throttled_valves(target: NDArray[np.float64], opening: float, extent: Extent) -> Throttled:
     """Iterate with valves of which no limit of a drive tells anything."""
-    rig = front_axle().rig
+    rig = front_axle_compliant().rig
     if opening < 1.0:
         rig = _broken(
             [ValveSaturation(kind=FaultKind.VALVE_SATURATION, actuator_kind=kind, opening=opening) for kind in _KINDS]
@@ -187,7 +187,7 @@ def throttled_valves(target: NDArray[np.float64], opening: float, extent: Extent
 
 
 def _broken(faults: Sequence[Fault]) -> PlayableRig:
-    name = front_axle().rig.specimen.name
+    name = front_axle_compliant().rig.specimen.name
     return load_any_rig(shipped_specimens()[name], faults={name: faults})
 
 
@@ -276,7 +276,7 @@ def noise_table(noisy: dict[str, list[Approach]], extent: Extent) -> str:
 
 def channels_table(noisy: dict[str, list[Approach]]) -> str:
     """Write for every response what the best drive leaves, at the rig's own noise."""
-    names = [channel.name.replace("_", " ") for channel in front_axle().rig.specimen.responses]
+    names = [channel.name.replace("_", " ") for channel in front_axle_compliant().rig.specimen.responses]
     rows = []
     for name, found in noisy.items():
         repeated = found[0].repeated

@@ -319,8 +319,10 @@ def label(axes: Axes, title: str, horizontal: str, upright: str) -> None:
 
 PICTURES = {
     "front_axle": draw_front_axle,
+    "front_axle_compliant": draw_front_axle,
     "front_axle_sensors": draw_sensors,
     "macpherson": draw_front_axle,
+    "macpherson_compliant": draw_front_axle,
     "predecessor": draw_predecessor,
     "spindle_coupled": draw_spindle_coupled,
     "spindle_coupled_braking": draw_spindle_coupled,

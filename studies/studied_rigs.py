@@ -33,9 +33,11 @@ FADE_SHARE = 0.125
 REFERENCE_SEEDS = (1001, 1002)
 
 
-def front_axle(block_samples: int = AXLE_BLOCK) -> RigCell:
-    """Load the rig with six displacements, at the levels of the shipped demo campaign."""
-    return _load("front_axle", [DISPLACEMENT] * 6, levels=[0.004, 0.003, 0.001] * 2, block_samples=block_samples)
+def front_axle_compliant(block_samples: int = AXLE_BLOCK) -> RigCell:
+    """Load the rig whose lateral and longitudinal actuators give way under load, at the levels of its campaigns."""
+    return _load(
+        "front_axle_compliant", [DISPLACEMENT] * 6, levels=[0.004, 0.003, 0.001] * 2, block_samples=block_samples
+    )
 
 
 def spindle_coupled(block_samples: int = AXLE_BLOCK) -> RigCell:

@@ -13,6 +13,8 @@ import yaml
 
 import duralab
 
+RIGS = ("front_axle", "front_axle_compliant", "predecessor")
+
 # What tests of this folder share lies beside them.
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -27,9 +29,12 @@ def no_lab_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
 
 @pytest.fixture(scope="session")
 def short_document() -> dict[str, Any]:
-    """The shipped demo campaign, cut down to a few seconds of everything."""
+    """The shipped demo campaign on the compliant rig, cut down to a few seconds of everything."""
     shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     document = yaml.safe_load(shipped.read_text())
+    # Converges without a drive map.
+    document["rig"] = "front_axle_compliant"
+    document["excitation"]["rms"] = dict(zip(document["excitation"]["rms"], [0.004, 0.003, 0.001] * 2, strict=True))
     document["target"]["road"].update(duration=12.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
     document["excitation"]["duration"] = 40.0
     document["stop"]["iterations"] = 3
@@ -58,5 +63,5 @@ def campaign(tmp_path: Path, short_document: dict[str, Any]) -> Callable[..., Pa
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[duralab.Lab]:
     """A lab of four service processes for one module."""
-    with duralab.start(tmp_path_factory.mktemp("lab")) as started:
+    with duralab.start(tmp_path_factory.mktemp("lab"), rigs=RIGS) as started:
         yield started

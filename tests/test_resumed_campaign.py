@@ -65,7 +65,7 @@ def test_killed_stopped_and_resumed_the_result_is_the_same(
             while ("iterator", "main") not in other._bus.live("iterator") and time.monotonic() < deadline:
                 time.sleep(0.05)
             # The rig ramped down when its commander died; somebody has looked at it.
-            assert command_line("reset", "front_axle", "--connect", endpoint)[0] == 0
+            assert command_line("reset", "front_axle_compliant", "--connect", endpoint)[0] == 0
             code, said = command_line("resume", "broken", "--connect", endpoint, "--out", str(tmp_path / "resumed"))
             assert code in (0, 3), said
             resumed = duralab.open_recording(tmp_path / "resumed" / "recording.mcap")

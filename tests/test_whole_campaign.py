@@ -79,7 +79,7 @@ def test_the_target_is_another_vehicle_s_load(lab, finished):
     target = duralab.Signals.from_message(spec.target)
     assert again.names == target.names
     assert again.samples.tobytes() == target.samples.tobytes()
-    vehicle, rig = lab.describe("predecessor"), lab.describe("front_axle")
+    vehicle, rig = lab.describe("predecessor"), lab.describe("front_axle_compliant")
     assert vehicle.content_hash != rig.content_hash
 
 

@@ -54,7 +54,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory, short_document: dict[str, 
             assert service.trouble == ""
             found.update({figure.name: figure for figure in service.figures})
 
-    with duralab.start(folder / "out") as lab:
+    with duralab.start(folder / "out", rigs=("front_axle_compliant", "predecessor")) as lab:
         result = lab.run(file, on_progress=lambda _progress: look(lab))
         look(lab)
         campaign = result.recording.specification.id
@@ -105,13 +105,13 @@ def test_logs_name_the_run_the_campaign_and_the_recording(watched: Watched) -> N
         assert all({"event", "level", "timestamp", "service"} <= set(line) for line in lines)
         assert {line["service"] for line in lines} == {service}
     played = [line for line in watched.logs["rig_sim"] if line["event"] == "played"]
-    of_campaign = [line["run"] for line in played if line["rig"] == "front_axle"]
+    of_campaign = [line["run"] for line in played if line["rig"] == "front_axle_compliant"]
     # The experiment and three playbacks.
     assert len(of_campaign) == len(set(of_campaign)) == 4
     assert all(run.startswith(f"{watched.campaign}.") for run in of_campaign)
     identified = [line for line in watched.logs["identifier"] if line["event"] == "identified"]
     assert [line["run"] for line in identified] == [run for run in of_campaign if run == identified[0]["run"]]
     ended = [line for line in watched.logs["iterator"] if line["event"] == "campaign ended"]
-    assert [(line["campaign"], line["rig"]) for line in ended] == [(watched.campaign, "front_axle")]
+    assert [(line["campaign"], line["rig"]) for line in ended] == [(watched.campaign, "front_axle_compliant")]
     closed = [line for line in watched.logs["recorder"] if line["event"] == "recording closed"]
     assert [line["recording"] for line in closed] == [watched.campaign]

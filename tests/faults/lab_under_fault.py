@@ -23,7 +23,7 @@ from duralab_proto.v1 import health_pb2
 
 from .cuttable_link import CuttableLink
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 VEHICLE = "predecessor"
 HUB = "hub"
 SERVICES = ("rig_sim", "identifier", "iterator", "recorder")

@@ -16,7 +16,7 @@ import duralab
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2
 
-from .lab_under_fault import LabUnderFault
+from .lab_under_fault import RIG, LabUnderFault
 
 NAME = "undisturbed"
 
@@ -52,6 +52,8 @@ def campaign_document(iterations: int) -> dict[str, Any]:
     shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     document: dict[str, Any] = yaml.safe_load(shipped.read_text())
     document["name"] = NAME
+    document["rig"] = RIG
+    document["excitation"]["rms"] = dict(zip(document["excitation"]["rms"], [0.004, 0.003, 0.001] * 2, strict=True))
     document["target"]["road"].update(duration=10.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
     document["excitation"]["duration"] = 40.0
     document["estimator"]["block_samples"] = 1024

@@ -19,7 +19,7 @@ import yaml
 
 import duralab
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 ROAD = {"iso_class": "C", "seed": 1, "duration": 60.0}
 """Long enough that what is done to a playback falls into it, wherever this machine is busy."""
 
@@ -93,7 +93,7 @@ def end_campaigns_badly(plan: Path, folder: Path) -> dict[str, tuple[str, Path]]
         told[kind] = (str(caught.value), how.get("out", Path()))
         lab.reset(RIG)
 
-    with duralab.start() as lab:
+    with duralab.start(rigs=(RIG, "predecessor")) as lab:
         end("stopped", duralab.StoppedError, lab.run, on_progress=enough, cancel=cancel)
         end("faulted", duralab.CampaignFaultError, lab.run, on_progress=break_off)
         out = folder / "given"

@@ -25,14 +25,18 @@ LONGEST = 45
 
 # What a reader of its output must find; `run_a_campaign` leaves the recording that `read_a_recording` reads.
 PRINTS = {
-    "list_rigs": (r"front_axle .*1000 Hz", r"predecessor is idle"),
+    "list_rigs": (r"front_axle_compliant .*1000 Hz", r"predecessor is idle"),
     "play_a_file": (r"4096 samples at 1000 Hz", r"heave\.rsp"),
     "identify_and_plot": (r"independent averages", r"largest at [\d.]+ Hz"),
     "own_algorithm": (r"gain 0\.9: relative RMS error",),
-    "watch_a_campaign": (r"front_axle is playing", r"finished after 3 iterations", r"largest force \d{4,} N"),
-    "stop_a_playback": (r"longer than the 0\.5 s allowed", r"interlocked: the strut looks hot", r"front_axle is idle"),
+    "watch_a_campaign": (r"front_axle_compliant is playing", r"finished after 3 iterations", r"largest force \d{4,} N"),
+    "stop_a_playback": (
+        r"longer than the 0\.5 s allowed",
+        r"interlocked: the strut looks hot",
+        r"front_axle_compliant is idle",
+    ),
     "compare_algorithms": (r"secant: overall", r"basic_twr: overall", r"left vertical"),
-    "two_rigs_at_once": (r"CancelledError", r"front_axle is interlocked", r"front_axle is idle"),
+    "two_rigs_at_once": (r"CancelledError", r"front_axle_compliant is interlocked", r"front_axle_compliant is idle"),
 }
 
 
@@ -91,7 +95,7 @@ def test_bare_scripts_need_zenoh_and_the_generated_messages_and_nothing_else_of_
 
 def test_a_bare_script_lists_the_rigs(lab, tmp_path: Path):
     printed = run(BARE / "list_rigs.py", lab.endpoints[0], folder=tmp_path)
-    assert re.search(r"^front_axle: .*, 1000 Hz$", printed, flags=re.M)
+    assert re.search(r"^front_axle_compliant: .*, 1000 Hz$", printed, flags=re.M)
     assert "  left_vertical: -0.115 to 0.115 m\n" in printed
 
 
@@ -104,8 +108,8 @@ def test_a_bare_script_follows_what_happens(lab, tmp_path: Path):
             seen: list[str] = []
             # It meets the rig within a second or two: played until it has.
             for attempt in range(20):
-                lab.play("front_axle", np.zeros((6, 1000)), run=f"followed-{attempt}", real_time=True)
-                if lab.state("front_axle").resting and _ready(script.stdout):
+                lab.play("front_axle_compliant", np.zeros((6, 1000)), run=f"followed-{attempt}", real_time=True)
+                if lab.state("front_axle_compliant").resting and _ready(script.stdout):
                     break
             while not any("the last" in line for line in seen):
                 seen.append(script.stdout.readline())

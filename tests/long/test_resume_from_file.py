@@ -45,6 +45,9 @@ def command_line(*arguments: str, folder: Path) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+RIGS = ("front_axle_compliant", "predecessor")
+
+
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory, short_document: dict[str, object]) -> Path:
     """The folder of a short campaign that was run to its end, in a lab that has ended."""
@@ -94,12 +97,12 @@ def test_a_recording_that_a_kill_broke_off_goes_on_in_a_copy_of_it(
         if "playing iteration 2" in progress.activity:
             psutil.Process(lab.process_ids["recorder"]).send_signal(signal.SIGKILL)
 
-    with pytest.raises(duralab.LabError, match="recorder"), duralab.start(tmp_path / "broken") as lab:
+    with pytest.raises(duralab.LabError, match="recorder"), duralab.start(tmp_path / "broken", rigs=RIGS) as lab:
         lab.run(campaign(name="short"), out=tmp_path / "broken", on_progress=follow)
     given = tmp_path / "broken" / "recordings" / "short.mcap"
     before = state_of(tmp_path / "broken")
     assert not duralab.open(given).whole
-    with duralab.start(tmp_path / "mended") as lab:
+    with duralab.start(tmp_path / "mended", rigs=RIGS) as lab:
         result = lab.resume(given, out=tmp_path / "mended")
         result.report()
     assert state_of(tmp_path / "broken") == before

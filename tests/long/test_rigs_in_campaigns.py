@@ -29,7 +29,7 @@ def test_a_car_is_replicated_by_displacement_and_force_control(tmp_path: Path):
 
 
 def test_another_suspension_takes_the_same_campaign(campaign, tmp_path: Path):
-    plan = duralab.load_campaign(campaign(rig="macpherson", update__iteration_gain=0.5, stop__iterations=7))
+    plan = duralab.load_campaign(campaign(rig="macpherson_compliant", update__iteration_gain=0.5, stop__iterations=7))
     with duralab.start(tmp_path, rigs=plan.rigs) as lab:
         result = lab.run(plan)
     errors = result.iterations.relative_rms_error

@@ -32,13 +32,13 @@ def duralab_command(*arguments: str | Path) -> None:
 @pytest.fixture(scope="module")
 def measured(lab: duralab.Lab, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the wheels of the rig felt, written as another system would have: other names, units, signs and rate."""
-    rig = lab.describe("front_axle")
+    rig = lab.describe("front_axle_compliant")
     time = np.arange(16_000) / rig.sample_rate
     sweep = 0.006 * np.sin(2 * np.pi * (1.0 + 0.5 * time) * time) * np.sin(np.pi * time / 16.0) ** 2
     drive = np.zeros((len(rig.drives), time.size))
     drive[[0, 3]] = sweep, sweep[::-1]
     drive[[1, 4]] = 0.3 * sweep[::-1], 0.3 * sweep
-    forces = lab.play("front_axle", drive).response
+    forces = lab.play("front_axle_compliant", drive).response
     stride = round(forces.sample_rate / FILE_RATE)
     samples = SIGNS * forces.samples[:, ::stride] / 1e3
     signals = Signals(tuple(Channel(name, "kN") for name in NAMES), FILE_RATE, np.ascontiguousarray(samples))
@@ -87,7 +87,9 @@ def test_a_file_of_another_system_becomes_a_drive_file_and_a_report(
     steps = np.abs(played.drive.samples).max(axis=1, keepdims=True) / 32752
     assert np.all(np.abs(exported.samples - played.drive.samples) <= 0.51 * steps)
     # Another lab plays the file: with the same noise it gets the same response, but for the file's quantisation.
-    own, others = (lab.play("front_axle", drive, seed=7).response.samples for drive in (played.drive, exported))
+    own, others = (
+        lab.play("front_axle_compliant", drive, seed=7).response.samples for drive in (played.drive, exported)
+    )
     assert np.all(np.std(others - own, axis=1) < 1e-2 * np.std(own, axis=1))
 
     for step in ("cut", "remove mean", "resample", "taper"):

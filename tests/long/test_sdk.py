@@ -11,7 +11,7 @@ import pytest
 
 import duralab
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 MINUTE = np.zeros((6, 60_000))
 
 
@@ -21,6 +21,7 @@ def campaign() -> duralab.Campaign:
     return shipped.model_copy(
         update={
             "name": "sdk",
+            "rig": RIG,
             "target": shipped.target.model_copy(update={"road": road}),
             "excitation": shipped.excitation.model_copy(update={"duration": 40.0}),
             "stop": shipped.stop.model_copy(update={"iterations": 2}),

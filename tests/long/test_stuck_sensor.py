@@ -54,7 +54,7 @@ def identified(rig: Rig) -> RigModel:
 
 
 def test_the_shipped_rigs_stuck_sensor_ends_the_iteration_at_its_first_playback_with_it() -> None:
-    path = shipped_specimens()["front_axle"]
+    path = shipped_specimens()["front_axle_compliant"]
     good = load_rig(path)
     bad = load_rig(path, faults=[StuckSensor(kind=FaultKind.STUCK_SENSOR, channel=CHANNEL, start=4.0)])
     # A target that the rig reaches: its response to other noise.

@@ -140,7 +140,7 @@ def test_a_wrong_campaign_does_not_move_the_rig_beyond_its_bounds(
         row.sentence = str(error)
         if isinstance(error, InputError):
             assert not list(out.rglob("*.mcap"))
-    state = lab.state("front_axle")
+    state = lab.state("front_axle_compliant")
     assert state.resting, state
     for recording in map(duralab.open, out.rglob("recording.mcap")):
         figures(row, recording)

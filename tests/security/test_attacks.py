@@ -25,7 +25,7 @@ from .access_trials import secured_config
 from .secured_lab import running, secured_bus
 from .secured_router import SecuredRouter
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 LARGEST = 4 * 1024 * 1024
 SECONDS = 10.0
 PLAY = encoding_of(rig_pb2.PlayRequest)

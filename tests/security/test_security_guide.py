@@ -109,13 +109,13 @@ def test_a_campaign_in_the_secured_lab_gives_the_bytes_of_one_on_one_machine(
 ):
     campaign = tmp_path / "campaign.yaml"
     campaign.write_text(yaml.safe_dump(short_document))
-    with duralab.start(tmp_path / "embedded") as lab:
+    with duralab.start(tmp_path / "embedded", rigs=("front_axle_compliant", "predecessor")) as lab:
         alone = lab.run(campaign)
     services = {name: {} for name in ROLES} | {
-        "rig_sim": {"rigs": ["front_axle", "predecessor"]},
+        "rig_sim": {"rigs": ["front_axle_compliant", "predecessor"]},
         "recorder": {"folder": str(tmp_path / "recordings")},
     }
-    wanted = [("rig_sim", "front_axle"), ("rig_sim", "predecessor")]
+    wanted = [("rig_sim", "front_axle_compliant"), ("rig_sim", "predecessor")]
     wanted += [(name, "main") for name in ROLES if name != "rig_sim"]
     with (
         running(services, endpoint=router.endpoint, certificates=certificates, folder=tmp_path, wanted=wanted),

@@ -23,6 +23,12 @@ def front_axle():
 
 
 @pytest.fixture(scope="session")
+def front_axle_compliant():
+    """The axle whose wheels bear millimetres of lateral stroke; on `front_axle` these pass the limits of force."""
+    return load_rig(shipped_specimens()["front_axle_compliant"])
+
+
+@pytest.fixture(scope="session")
 def predecessor():
     return load_rig(shipped_specimens()["predecessor"])
 

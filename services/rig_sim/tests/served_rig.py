@@ -13,7 +13,7 @@ from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import rig_pb2
 from rig_sim.bus import SimulatedRig
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 WAIT = 120.0
 
 

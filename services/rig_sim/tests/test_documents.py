@@ -56,21 +56,33 @@ def test_what_only_follows_from_a_wrong_entry_is_not_said(tmp_path):
 
 def test_a_rigs_hash_follows_what_it_is_a_variant_of(tmp_path):
     shipped = shipped_specimens()
-    for name in ("front_axle.yaml", "front_axle.sdf", "front_axle_sensors.yaml"):
-        shutil.copy(shipped["front_axle"].with_name(name), tmp_path)
+    for name in ("front_axle_compliant.yaml", "front_axle.sdf", "front_axle_sensors.yaml"):
+        shutil.copy(shipped["front_axle_sensors"].with_name(name), tmp_path)
     before = load_rig(tmp_path / "front_axle_sensors.yaml").content_hash
-    base = tmp_path / "front_axle.yaml"
+    base = tmp_path / "front_axle_compliant.yaml"
     base.write_text(base.read_text().replace("preload: 5800.0", "preload: 5801.0"))
     assert load_rig(tmp_path / "front_axle_sensors.yaml").content_hash != before
 
 
-def test_front_axle_sensors_is_front_axle_with_more_responses():
-    whole, more = (load_specimen(shipped_specimens()[name]) for name in ("front_axle", "front_axle_sensors"))
+def test_front_axle_sensors_is_the_compliant_axle_with_more_responses():
+    names = ("front_axle_compliant", "front_axle_sensors")
+    whole, more = (load_specimen(shipped_specimens()[name]) for name in names)
     assert more.responses[: len(whole.responses)] == whole.responses
     same = {"name": whole.name, "title": whole.title, "responses": whole.responses, "watchdogs": whole.watchdogs}
     assert more.watchdogs.responses.items() > whole.watchdogs.responses.items()
     assert more.watchdogs.following_errors == whole.watchdogs.following_errors
     assert more.model_copy(update=same) == whole
+
+
+@pytest.mark.parametrize("name", ["front_axle", "macpherson"])
+def test_a_stiff_rig_differs_from_its_compliant_twin_by_the_horizontal_actuators_alone(name):
+    stiff, compliant = (load_specimen(shipped_specimens()[rig]) for rig in (name, f"{name}_compliant"))
+    differing = {kind for kind, values in stiff.actuator_kinds.items() if values != compliant.actuator_kinds[kind]}
+    assert differing == {"lateral", "longitudinal"}
+    # Every actuator is to follow its drive, so all are watched.
+    assert set(stiff.watchdogs.following_errors) == {channel.name for channel in stiff.drives}
+    same = {"name": name, "title": stiff.title, "actuator_kinds": stiff.actuator_kinds, "watchdogs": stiff.watchdogs}
+    assert compliant.model_copy(update=same) == stiff
 
 
 @pytest.mark.parametrize("content", ["a: 1\nb: 2\na: 3\n", "map: {x: 1, x: 2}\n", "list:\n  - {x: 1, x: 1}\n"])

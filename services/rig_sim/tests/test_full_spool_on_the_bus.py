@@ -11,7 +11,7 @@ from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 from rig_sim.bus import SimulatedRig
 
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 WAIT = 120.0
 #: Of about 10 KB each, with an eighth more for the way down.
 ROOM_BLOCKS = 100
@@ -69,12 +69,12 @@ class Lab:
 
 
 @pytest.fixture
-def lab(front_axle):
+def lab(front_axle_compliant):
     with (
         duralab_bus.open_bus(service=SERVICE) as rig_bus,
         duralab_bus.open_bus(duralab_bus.BusConfig(connect=rig_bus.listening), service="client") as bus,
     ):
-        lab = Lab(rig_bus, bus, front_axle)
+        lab = Lab(rig_bus, bus, front_axle_compliant)
         yield lab
         lab.server.close()
 

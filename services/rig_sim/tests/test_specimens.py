@@ -13,7 +13,7 @@ from duralab_proto.keys import check_rig
 from rig_sim.loading import rig_name
 from rig_sim.model.assembly import assemble
 from rig_sim.playing.player import load_rig
-from rig_sim.specimen.specimen import SpecimenError, load_specimen, shipped_specimens
+from rig_sim.specimen.specimen import SpecimenError, load_specimen, read_document, shipped_specimens
 
 
 @pytest.mark.parametrize("axle", DOUBLE_WISHBONES, ids=lambda axle: axle.name)
@@ -54,7 +54,7 @@ def test_actuators_load_the_wheel_through_its_centre(front_axle):
 
 
 def document(name="front_axle"):
-    return yaml.safe_load(shipped_specimens()[name].read_text())
+    return read_document(shipped_specimens()[name])
 
 
 def written(folder, content, name="front_axle"):

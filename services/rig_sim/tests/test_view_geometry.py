@@ -111,8 +111,8 @@ def test_the_left_and_the_right_are_mirror_images(described):
 
 
 def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(tmp_path):
-    path = shipped_specimens()["front_axle"]
-    text = path.with_suffix(".sdf").read_text()
+    path = shipped_specimens()["front_axle_compliant"]
+    text = path.with_name("front_axle.sdf").read_text()
     body = text.index('<link name="rack">')
     place = text.index("<visual", body)
     (tmp_path / "front_axle.sdf").write_text(text[:place] + VISUALS + text[place:])

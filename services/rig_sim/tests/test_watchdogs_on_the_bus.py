@@ -40,8 +40,8 @@ def tripped_at(values, limit):
 
 
 @pytest.mark.parametrize("what", ["force", "following error", "pressure", "noisy sensor"])
-def test_a_watchdog_ramps_down_and_latches_with_value_limit_and_time(front_axle, what):
-    drive, rig = wave(4.0), front_axle
+def test_a_watchdog_ramps_down_and_latches_with_value_limit_and_time(front_axle_compliant, what):
+    drive, rig = wave(4.0), front_axle_compliant
     if what == "noisy sensor":
         rig = dataclasses.replace(
             rig, faults=(NoisySensor(kind="noisy_sensor", channel="left_lateral", rms=5e3, start=2.0),)
@@ -89,8 +89,8 @@ def test_a_watchdog_ramps_down_and_latches_with_value_limit_and_time(front_axle,
 
 
 @pytest.fixture(scope="module")
-def client(front_axle):
-    with served(front_axle) as client:
+def client(front_axle_compliant):
+    with served(front_axle_compliant) as client:
         yield client
 
 
@@ -124,13 +124,13 @@ def test_a_valve_that_hardly_opens_trips_the_following_error():
         DriftingGain(kind="drifting_gain", channel="left_lateral", rate=5.0),
     ],
 )
-def test_a_sensor_that_lies_within_its_limits_is_played_on(front_axle, broken):
+def test_a_sensor_that_lies_within_its_limits_is_played_on(front_axle_compliant, broken):
     """Sticking and drifting are what a campaign has to find out; no limit is passed."""
     drive = wave(0.5, size=0.004)
-    healthy = front_axle.playback(drive, seed=1)
+    healthy = front_axle_compliant.playback(drive, seed=1)
     for _ in healthy.blocks():
         pass
-    with served(dataclasses.replace(front_axle, faults=(broken,))) as client:
+    with served(dataclasses.replace(front_axle_compliant, faults=(broken,))) as client:
         _, _, response = from_record(client.play("lies", drive).response)
         assert client.state().mode == rig_pb2.RIG_MODE_IDLE
     np.testing.assert_array_equal(np.delete(response, 1, axis=0), np.delete(healthy.response, 1, axis=0))

@@ -23,7 +23,7 @@ const ROOT: &str = "duralab/v1/local";
 fn main() -> Outcome<()> {
     let mut given = env::args().skip(1);
     let endpoint = given.next().unwrap_or("tcp/127.0.0.1:7474".into());
-    let rig = given.next().unwrap_or("front_axle".into());
+    let rig = given.next().unwrap_or("front_axle_compliant".into());
     let session = join(&endpoint)?;
     wait_for(&session, &rig)?;
 

@@ -19,7 +19,7 @@ GOOD = "predecessor"
 #: Name: the shipped rig that is spoiled, which pattern in its YAML and in its SDF becomes what, and what is said of it.
 SPOILED = {
     "swings": (
-        "macpherson",
+        "macpherson_compliant",
         ("proportional: 65.0", "proportional: 650.0"),
         None,
         r"the rig is unstable: from its rest, '\w+ state \d' swings up at 9\d\.\d Hz, growing e-fold in ",
@@ -36,27 +36,32 @@ SPOILED = {
         ("<drake:bushing_force_stiffness>", "<drake:bushing_force_stiffness>-"),
         r"force_stiffness of a linear_bushing_rpy is '-1000000 2200000 2200000'; it takes 3 constants of 0 or more",
     ),
-    "massless": ("macpherson", None, ("<mass>", "<mass>0.0</mass><mass>"), r"link 'body' has the mass '0\.0'"),
+    "massless": (
+        "macpherson_compliant",
+        None,
+        ("<mass>", "<mass>0.0</mass><mass>"),
+        r"link 'body' has the mass '0\.0'",
+    ),
     "unknown_tag": (
-        "macpherson",
+        "macpherson_compliant",
         None,
         ('<link name="left_knuckle">', '<link name="left_knuckle"><spring>3</spring>'),
         r"Element\[spring\], child of element\[link\], not defined in SDF",
     ),
     "unconnected": (
-        "macpherson",
+        "macpherson_compliant",
         None,
         ("_body_A>left_lateral_piston<", "_body_A>left_knuckle<"),
         r"actuator 'left_lateral' moves 'left_lateral_piston', to which nothing is connected",
     ),
     "twins": (
-        "macpherson",
+        "macpherson_compliant",
         ("name: right_lateral, transducer", "name: left_lateral, transducer"),
         None,
         r"two responses are called 'left_lateral'; names must differ",
     ),
     "too_stiff": (
-        "front_axle",
+        "front_axle_compliant",
         (r"sample_rate: .*\nsubsteps: \d+", "sample_rate: 400.0\nsubsteps: 1"),
         None,
         r"the step of 2\.5 ms \(1 substeps\) is unstable: '\w+ velocity 0' is too stiff for it .* take substeps: \d",
@@ -81,7 +86,7 @@ def write_all(folder):
         source = shipped_specimens()[base]
         text = source.read_text().replace(f"name: {base}\n", f"name: {name}\n", 1)
         (place / f"{name}.yaml").write_text(spoil(text, in_yaml))
-        sdf = source.with_suffix(".sdf")
+        sdf = source.with_name(yaml.safe_load(text)["sdf"])
         (place / sdf.name).write_text(spoil(sdf.read_text(), in_sdf))
         paths.append(str(place / f"{name}.yaml"))
     broken = folder / "Not a rig.yaml"

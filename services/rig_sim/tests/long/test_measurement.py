@@ -18,7 +18,7 @@ from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant
 from rig_sim.multibody.kinematics import move
 from rig_sim.specimen.responses import SpindleChannel
-from rig_sim.specimen.specimen import SpecimenError, load_specimen
+from rig_sim.specimen.specimen import SpecimenError, load_specimen, read_document
 
 MOMENTS = tuple(
     SpindleChannel(
@@ -163,7 +163,7 @@ def test_a_strut_that_gets_shorter_shows_a_positive_travel(model):
 )
 def test_a_sensor_that_does_not_fit_is_named(tmp_path, change, said):
     shutil.copy(shipped_specimens()["front_axle"].with_suffix(".sdf"), tmp_path)
-    document = yaml.safe_load(shipped_specimens()["front_axle"].read_text())
+    document = read_document(shipped_specimens()["front_axle"])
     document["responses"].append({"name": "extra", "range": 1.0, "noise_rms": 0.0, "label": "extra"} | change)
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(document))

@@ -17,7 +17,7 @@ from rig_sim import shipped_specimens
 
 HERE = Path(__file__).parents[1]
 WAIT = 120.0
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 
 
 def start(folder, config, **options):
@@ -101,7 +101,7 @@ class Lab:
 def lab(tmp_path_factory):
     with duralab_bus.open_bus(service="client") as bus:
         process = start(tmp_path_factory.mktemp("rig"), {"bus": {"connect": list(bus.listening)}})
-        bus.wait_for_live({("rig_sim", "front_axle"), ("rig_sim", "predecessor")}, WAIT)
+        bus.wait_for_live({("rig_sim", "front_axle_compliant"), ("rig_sim", "predecessor")}, WAIT)
         yield Lab(bus)
         process.terminate()
         assert process.wait(WAIT) == 0
@@ -111,18 +111,18 @@ def wave(samples, amplitude=0.005):
     return amplitude * np.sin(2 * np.pi * 2.0 * np.arange(samples) / 1000.0) * np.ones((6, 1))
 
 
-def test_description_tells_channels_limits_and_static_forces(lab, front_axle):
+def test_description_tells_channels_limits_and_static_forces(lab, front_axle_compliant):
     told = lab.description
-    assert [channel.name for channel in told.drives] == list(front_axle.model.input_names)
-    assert [channel.name for channel in told.responses] == list(front_axle.model.response_names)
+    assert [channel.name for channel in told.drives] == list(front_axle_compliant.model.input_names)
+    assert [channel.name for channel in told.responses] == list(front_axle_compliant.model.response_names)
     assert {(channel.unit, channel.minimum < 0 < channel.maximum) for channel in told.drives} == {("m", True)}
     assert {channel.unit for channel in told.responses} == {"N"}
     assert (told.rig, told.engine, told.sample_rate, told.block_samples) == (RIG, "compiled", 1000.0, 400)
-    np.testing.assert_array_equal(from_array(told.static_response), front_axle.static_response)
-    assert told.content_hash == front_axle.content_hash
+    np.testing.assert_array_equal(from_array(told.static_response), front_axle_compliant.static_response)
+    assert told.content_hash == front_axle_compliant.content_hash
 
 
-def test_stream_blocks_are_contiguous_and_equal_the_result(lab, front_axle):
+def test_stream_blocks_are_contiguous_and_equal_the_result(lab, front_axle_compliant):
     drive = wave(2345)
     result = lab.play("blocks", drive, seed=7)
     lab.wait_for(lambda: len(lab.blocks_of("blocks")) == result.blocks)
@@ -137,11 +137,11 @@ def test_stream_blocks_are_contiguous_and_equal_the_result(lab, front_axle):
     np.testing.assert_array_equal(np.hstack([from_array(item.message.response) for item in items]), response)
     np.testing.assert_array_equal(np.hstack([from_array(item.message.drive) for item in items]), drive)
     # What came over the bus are the bytes that a notebook gets.
-    playback = front_axle.playback(drive, seed=7)
+    playback = front_axle_compliant.playback(drive, seed=7)
     for _ in playback.blocks():
         pass
     assert playback.response.tobytes() == response.tobytes()
-    assert [use.drive for use in result.actuators] == list(front_axle.model.input_names)
+    assert [use.drive for use in result.actuators] == list(front_axle_compliant.model.input_names)
     assert result.real_time_factor > 0.0
     assert lab.state() == rig_pb2.RigState(rig=RIG, mode=rig_pb2.RIG_MODE_IDLE)
     lab.wait_for(lambda: lab.last_state("blocks")[-1:] == [rig_pb2.RIG_MODE_IDLE])
@@ -178,7 +178,7 @@ def test_a_rig_that_plays_is_busy_and_a_stop_ramps_it_down_and_latches_it(lab):
     assert not from_array(messages[-1].drive)[:, -1].any()
     latched = lab.refused("after", wave(100))
     assert latched.code_name == "FAILED_PRECONDITION"
-    assert latched.message == "front_axle is interlocked (somebody is in the cell); reset it before it plays."
+    assert latched.message == "front_axle_compliant is interlocked (somebody is in the cell); reset it before it plays."
     assert lab.reset() == rig_pb2.RigState(rig=RIG, mode=rig_pb2.RIG_MODE_IDLE)
     assert lab.play("after", wave(100)).run == "after"
 
@@ -240,7 +240,7 @@ def test_a_drive_at_all_limits_saturates_the_valve_and_leaves_the_rig_whole(lab)
         ("Bad Name", {}, "run", "'Bad Name'"),
         ("short", {"rows": 5}, "drive.channels", "the drive has 5 channels"),
         ("renamed", {"name": "left_up"}, "drive.channels", "in this order: left_vertical"),
-        ("rate", {"rate": 500.0}, "drive.sample_rate", "500 Hz; front_axle plays 1000 Hz only"),
+        ("rate", {"rate": 500.0}, "drive.sample_rate", "500 Hz; front_axle_compliant plays 1000 Hz only"),
         ("nan", {"value": np.nan}, "drive.samples", "nan"),
         ("far", {"value": 0.2}, "drive.samples", "left_longitudinal is 0.2 m"),
         ("unit", {"unit": "mm"}, "drive.channels", "left_vertical is in 'mm' instead of 'm'"),
@@ -286,7 +286,9 @@ def test_both_rigs_play_at_once(lab):
 def test_a_service_that_ends_in_mid_play_ramps_down_and_says_so(tmp_path):
     with duralab_bus.open_bus(service="client") as bus:
         process = start(
-            tmp_path, {"bus": {"connect": list(bus.listening)}, "rigs": ["front_axle"]}, stderr=subprocess.DEVNULL
+            tmp_path,
+            {"bus": {"connect": list(bus.listening)}, "rigs": ["front_axle_compliant"]},
+            stderr=subprocess.DEVNULL,
         )
         bus.wait_for_live({("rig_sim", RIG)}, WAIT)
         lab = Lab(bus)
@@ -302,8 +304,8 @@ def test_a_service_that_ends_in_mid_play_ramps_down_and_says_so(tmp_path):
 def mule(tmp_path):
     """A rig of a user's own: the axle under another name, its drives as long as its cylinders."""
     folder = shipped_specimens()[RIG].parent
-    (tmp_path / "front_axle.sdf").write_text((folder / "front_axle.sdf").read_text())
-    text = (folder / "front_axle.yaml").read_text().replace("name: front_axle\n", "name: mule\n", 1)
+    (tmp_path / "front_axle_compliant.sdf").write_text((folder / "front_axle_compliant.sdf").read_text())
+    text = (folder / "front_axle_compliant.yaml").read_text().replace("name: front_axle_compliant\n", "name: mule\n", 1)
     text = text.replace("minimum: -0.115, maximum: 0.115", "minimum: -0.125, maximum: 0.125")
     (tmp_path / "my mule.yaml").write_text(text)
     with duralab_bus.open_bus(service="client") as bus:

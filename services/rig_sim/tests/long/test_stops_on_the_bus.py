@@ -19,8 +19,8 @@ from rig_sim.playing.player import Playback
 
 
 @pytest.fixture(scope="module")
-def client(front_axle):
-    with served(front_axle) as client:
+def client(front_axle_compliant):
+    with served(front_axle_compliant) as client:
         yield client
 
 
@@ -32,7 +32,7 @@ def in_background(client, run, drive, *, real_time):
 
 
 @pytest.mark.parametrize("real_time", [True, False])
-def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle, real_time, monkeypatch):
+def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle_compliant, real_time, monkeypatch):
     """Whatever this machine does meanwhile: counted in samples played after the stop was heard."""
     looked = []
     watched = duralab_gateway.playback_session.WatchdogMonitor.first_trip
@@ -220,10 +220,12 @@ def test_a_paced_playback_has_the_same_bytes_in_blocks_of_a_tenth_of_a_second(cl
         assert told.blocks == len(sizes)
 
 
-def test_a_rig_of_a_lab_in_real_time_paces_every_drive_and_answers_the_same_bytes(client, front_axle, monkeypatch):
+def test_a_rig_of_a_lab_in_real_time_paces_every_drive_and_answers_the_same_bytes(
+    client, front_axle_compliant, monkeypatch
+):
     drive = wave(0.75)
     fast = client.play("at-full-speed", drive)
-    with served(front_axle, real_time=True) as paced:
+    with served(front_axle_compliant, real_time=True) as paced:
         ends = []
         real = duralab_gateway.publishing.Clock.ahead
 
