@@ -63,6 +63,13 @@ def test_a_valid_campaign_keeps_its_text_and_folder(tmp_path):
     assert campaign.excitation.highest_frequency == 40.0
 
 
+def test_a_control_band_from_0_needs_holds_and_may_reach_below_the_excited_band():
+    content = deepcopy(CONTENT)
+    content["control_band"]["lowest_frequency"], content["excitation"]["static_hold"] = 0, 4.0
+    campaign = parse_campaign(yaml.safe_dump(content), name="mine.yaml")
+    assert campaign.control_band.lowest_frequency == 0.0 < campaign.excitation.lowest_frequency
+
+
 @pytest.mark.parametrize("name", shipped_campaigns())
 def test_shipped_campaigns_are_valid_and_comment_every_key(name):
     campaign = load_campaign(name)
@@ -128,6 +135,9 @@ def test_every_field_says_what_it_is():
         ("excitation.corner_frequency", 99, ["excitation has", "must rise in this order"]),
         ("control_band.highest_frequency", 60.0, ["control_band reaches from 0.7 to 60 Hz", "0.5 to 40 Hz"]),
         ("control_band.lowest_frequency", 36.0, ["control_band reaches from 36 to 35 Hz"]),
+        ("control_band.lowest_frequency", 0.0, ["control_band at 0 Hz", "excitation.static_hold 0", "e.g. 4 s"]),
+        ("control_band", {"lowest_frequency": 0, "highest_frequency": 35, "lower_flank": 0.1}, ["lower_flank 0.1 Hz"]),
+        ("excitation.static_hold", -1.0, ["excitation.static_hold"]),
         ("target.road.iso_class", "Q", ["target.road.iso_class is 'Q'", "A (very good) to E"]),
         ("target.vehicle", None, ["target has a road but no vehicle"]),
         ("target.file", "x.csv", ["target has road and file", "exactly one"]),

@@ -13,6 +13,7 @@ from duralab_settings import (
     ControlBandSettings,
     EstimatorSettings,
     ExcitationSettings,
+    MisfitError,
     PlaybackSettings,
     Positive,
     Range,
@@ -132,7 +133,14 @@ class Campaign(PlaybackSettings, Sections):
         band, excited = self.control_band, self.excitation
         lowest = band.lowest_frequency - (band.lower_flank or 0.0)
         highest = band.highest_frequency + (band.upper_flank or 0.0)
-        if lowest < excited.lowest_frequency or highest > excited.highest_frequency:
+        static = band.lowest_frequency == 0.0
+        if static and excited.static_hold == 0.0:
+            raise MisfitError(
+                "begins its control_band at 0 Hz and has excitation.static_hold 0, so that the static gain would not "
+                "be measured; hold each drive as long as the rig needs to settle, e.g. 4 s",
+                field="excitation.static_hold",
+            )
+        if (lowest < excited.lowest_frequency and not static) or highest > excited.highest_frequency:
             flanks = "" if band.lower_flank is None and band.upper_flank is None else " with its flanks"
             raise ValueError(
                 f"control_band reaches{flanks} from {lowest:g} to {highest:g} Hz; it must lie in "

@@ -12,8 +12,9 @@ class BandNote:
     """What signals of a recording are, and whether they are in the control band: targets and responses differ in it.
 
     `quantity`: "target", "response" or "error". `in_band`: Whether they are as they are judged: in the control band,
-    without their static part. `lowest_frequency`, `highest_frequency`: Edges of the control band, in hertz. `level`:
-    How a playback at partial level is scaled; empty for a target.
+    without their static part, or, where the band begins at 0 Hz, without the rig's static response.
+    `lowest_frequency`, `highest_frequency`: Edges of the control band, in hertz. `level`: How a playback at partial
+    level is scaled; empty for a target.
     """
 
     quantity: str
@@ -28,6 +29,13 @@ class BandNote:
         return "in band" if self.in_band else "as measured"
 
     @property
+    def static_part(self) -> str:
+        """What became of the static part: a control band from 0 Hz counts from the rig's static response."""
+        if not self.in_band:
+            return "kept"
+        return "removed" if self.lowest_frequency > 0.0 else "relative to the rig's static response"
+
+    @property
     def attributes(self) -> dict[str, str | float]:
         """What labelled arrays say of themselves in their attributes; the edges are those of in-band signals only."""
         edges = {"lowest_frequency": self.lowest_frequency, "highest_frequency": self.highest_frequency}
@@ -35,7 +43,7 @@ class BandNote:
             "quantity": self.quantity,
             "band": self.band,
             **(edges if self.in_band else {}),
-            "static_part": "removed" if self.in_band else "kept",
+            "static_part": self.static_part,
             **({"level": self.level} if self.level else {}),
         }
 

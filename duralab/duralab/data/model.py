@@ -98,6 +98,8 @@ class Model:
     drive_map : tuple of str
         Which drives follow products of others, e.g. "lateral follows −1.71 /m × vertical²". Where there is one, `frf`
         is from mapped drives to responses.
+    static_gain : np.ndarray or None, shape (responses, drives)
+        Gain at 0 Hz, response unit per drive unit; None where the experiment does not measure it.
     """
 
     id: str
@@ -116,6 +118,7 @@ class Model:
     warnings: tuple[str, ...]
     distortion: Distortion | None = None
     drive_map: tuple[str, ...] = ()
+    static_gain: np.ndarray | None = None
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
@@ -157,6 +160,11 @@ class Model:
                 else None
             ),
             drive_map=tuple(term.sentence for term in message.drive_map.terms),
+            static_gain=(
+                from_array(message.static_gain, field="static_gain", shape=(n_y, n_u))
+                if message.HasField("static_gain")
+                else None
+            ),
         )
 
     def to_xarray(self) -> xarray.Dataset:

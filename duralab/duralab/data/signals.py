@@ -48,6 +48,10 @@ class Channel:
         What it is and where it acts.
     watchdog : float
         Of a response: magnitude at which the rig's watchdog ends a run, in `unit`; 0 where none is stated.
+    holds_static : bool
+        Of a drive: whether the rig states that it holds a constant value of it, as displacement control does.
+    ac_coupled : bool
+        Of a response: whether the sensor does not measure a constant value.
     """
 
     name: str
@@ -58,6 +62,8 @@ class Channel:
     slew_limit: float = 0.0
     label: str = ""
     watchdog: float = 0.0
+    holds_static: bool = False
+    ac_coupled: bool = False
 
     @property
     def title(self) -> str:
@@ -76,6 +82,8 @@ class Channel:
             slew_limit=message.slew_limit,
             label=message.label,
             watchdog=message.watchdog,
+            holds_static=message.holds_static,
+            ac_coupled=message.ac_coupled,
         )
 
     def to_message(self) -> array_pb2.Channel:
@@ -89,6 +97,8 @@ class Channel:
             slew_limit=self.slew_limit,
             label=self.label,
             watchdog=self.watchdog,
+            holds_static=self.holds_static,
+            ac_coupled=self.ac_coupled,
         )
 
 

@@ -194,6 +194,8 @@ class LinearRig:
 def _channels(what: str, unit: str, limit: float, count: int) -> list[array_pb2.Channel]:
     kind = array_pb2.CHANNEL_KIND_DISPLACEMENT if unit == "m" else array_pb2.CHANNEL_KIND_FORCE
     return [
-        array_pb2.Channel(name=f"{what}_{number}", unit=unit, kind=kind, minimum=-limit, maximum=limit)
+        array_pb2.Channel(
+            name=f"{what}_{number}", unit=unit, kind=kind, minimum=-limit, maximum=limit, holds_static=unit == "m"
+        )
         for number in range(1, count + 1)
     ]

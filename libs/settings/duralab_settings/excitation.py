@@ -193,6 +193,13 @@ class ExcitationMethod(Section):
     burst_share: Annotated[float, Field(gt=0, le=1), Wire(zero=0.5)] = Field(
         default=0.5, description="Bursts and sweeps: share of a block in motion."
     )
+    static_hold: float = Field(
+        default=0.0,
+        ge=0,
+        le=600,
+        description="Seconds for which each drive alone is held up, then down, after the rest of the experiment, to "
+        "measure the static gain; control_band.lowest_frequency 0 needs it; 0: not measured.",
+    )
 
     @model_validator(mode="after")
     def _check_fade(self) -> Self:

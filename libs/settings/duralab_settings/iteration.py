@@ -436,7 +436,10 @@ class PlaybackSettings(Section):
 class ControlBandSettings(Section):
     """Where the target is reproduced and judged; it is whole between the two edges."""
 
-    lowest_frequency: Positive = Field(description="Lower edge in hertz; the target holds one period of it at least.")
+    lowest_frequency: NotNegative = Field(
+        description="Lower edge in hertz; the target holds one period of it at least. 0: means and slow parts are "
+        "reproduced, too, from the rig's static response on; it needs excitation.static_hold."
+    )
     highest_frequency: Positive = Field(description="Upper edge in hertz.")
     lower_flank: Positive | None = Field(
         default=None,

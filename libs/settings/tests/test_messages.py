@@ -154,6 +154,8 @@ def consistent(model, found, draw):
             found |= {"spectrum": WhitePinkSpectrum(**PINK), "drive_spectra": ()}
         else:
             found |= {"spectrum": None, "drive_spectra": tuple(draw(instances(Spectrum)) for _ in levels)}
+        # Half of the shortest float rounds to the whole of it.
+        found["duration"] = max(found["duration"], 1e-300)
         found["fade"] = found["duration"] * draw(st.floats(0.0, 0.49))
         if not found["kind"].is_multisine:
             found |= {"odd_lines": False, "detection_share": 0.0, "minimise_crest_factor": False}

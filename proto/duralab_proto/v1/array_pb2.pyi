@@ -50,7 +50,7 @@ class Array(_message.Message):
     def __init__(self, element_type: _Optional[_Union[ElementType, str]] = ..., shape: _Optional[_Iterable[int]] = ..., data: _Optional[bytes] = ...) -> None: ...
 
 class Channel(_message.Message):
-    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label", "watchdog")
+    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label", "watchdog", "holds_static", "ac_coupled")
     NAME_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
@@ -59,6 +59,8 @@ class Channel(_message.Message):
     SLEW_LIMIT_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
     WATCHDOG_FIELD_NUMBER: _ClassVar[int]
+    HOLDS_STATIC_FIELD_NUMBER: _ClassVar[int]
+    AC_COUPLED_FIELD_NUMBER: _ClassVar[int]
     name: str
     unit: str
     kind: ChannelKind
@@ -67,7 +69,9 @@ class Channel(_message.Message):
     slew_limit: float
     label: str
     watchdog: float
-    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ..., watchdog: _Optional[float] = ...) -> None: ...
+    holds_static: bool
+    ac_coupled: bool
+    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ..., watchdog: _Optional[float] = ..., holds_static: _Optional[bool] = ..., ac_coupled: _Optional[bool] = ...) -> None: ...
 
 class Record(_message.Message):
     __slots__ = ("channels", "sample_rate", "samples")

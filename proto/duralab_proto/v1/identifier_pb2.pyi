@@ -37,6 +37,7 @@ class ModelWarningCode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MODEL_WARNING_CODE_FEW_AVERAGES: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_SMOOTHED: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_STUCK: _ClassVar[ModelWarningCode]
+    MODEL_WARNING_CODE_STATIC_GAIN: _ClassVar[ModelWarningCode]
 EXCITATION_KIND_UNSPECIFIED: ExcitationKind
 EXCITATION_KIND_PURE_RANDOM: ExcitationKind
 EXCITATION_KIND_BURST_RANDOM: ExcitationKind
@@ -58,6 +59,7 @@ MODEL_WARNING_CODE_CLIPPED: ModelWarningCode
 MODEL_WARNING_CODE_FEW_AVERAGES: ModelWarningCode
 MODEL_WARNING_CODE_SMOOTHED: ModelWarningCode
 MODEL_WARNING_CODE_STUCK: ModelWarningCode
+MODEL_WARNING_CODE_STATIC_GAIN: ModelWarningCode
 
 class WhitePinkSpectrum(_message.Message):
     __slots__ = ("lowest_frequency", "highest_frequency", "corner_frequency", "decibels_per_octave")
@@ -88,7 +90,7 @@ class Spectrum(_message.Message):
     def __init__(self, white_pink: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., table: _Optional[_Union[TabulatedSpectrum, _Mapping]] = ...) -> None: ...
 
 class Excitation(_message.Message):
-    __slots__ = ("kind", "spectrum", "rms", "duration", "fade", "seed", "drive_spectra", "peak", "delay_blocks", "capture_blocks", "repeats", "realisations", "odd_lines", "detection_share", "minimise_crest_factor", "burst_share")
+    __slots__ = ("kind", "spectrum", "rms", "duration", "fade", "seed", "drive_spectra", "peak", "delay_blocks", "capture_blocks", "repeats", "realisations", "odd_lines", "detection_share", "minimise_crest_factor", "burst_share", "static_hold")
     KIND_FIELD_NUMBER: _ClassVar[int]
     SPECTRUM_FIELD_NUMBER: _ClassVar[int]
     RMS_FIELD_NUMBER: _ClassVar[int]
@@ -105,6 +107,7 @@ class Excitation(_message.Message):
     DETECTION_SHARE_FIELD_NUMBER: _ClassVar[int]
     MINIMISE_CREST_FACTOR_FIELD_NUMBER: _ClassVar[int]
     BURST_SHARE_FIELD_NUMBER: _ClassVar[int]
+    STATIC_HOLD_FIELD_NUMBER: _ClassVar[int]
     kind: ExcitationKind
     spectrum: WhitePinkSpectrum
     rms: _array_pb2.Array
@@ -121,7 +124,8 @@ class Excitation(_message.Message):
     detection_share: float
     minimise_crest_factor: bool
     burst_share: float
-    def __init__(self, kind: _Optional[_Union[ExcitationKind, str]] = ..., spectrum: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., duration: _Optional[float] = ..., fade: _Optional[float] = ..., seed: _Optional[int] = ..., drive_spectra: _Optional[_Iterable[_Union[Spectrum, _Mapping]]] = ..., peak: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., delay_blocks: _Optional[int] = ..., capture_blocks: _Optional[int] = ..., repeats: _Optional[int] = ..., realisations: _Optional[int] = ..., odd_lines: _Optional[bool] = ..., detection_share: _Optional[float] = ..., minimise_crest_factor: _Optional[bool] = ..., burst_share: _Optional[float] = ...) -> None: ...
+    static_hold: float
+    def __init__(self, kind: _Optional[_Union[ExcitationKind, str]] = ..., spectrum: _Optional[_Union[WhitePinkSpectrum, _Mapping]] = ..., rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., duration: _Optional[float] = ..., fade: _Optional[float] = ..., seed: _Optional[int] = ..., drive_spectra: _Optional[_Iterable[_Union[Spectrum, _Mapping]]] = ..., peak: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., delay_blocks: _Optional[int] = ..., capture_blocks: _Optional[int] = ..., repeats: _Optional[int] = ..., realisations: _Optional[int] = ..., odd_lines: _Optional[bool] = ..., detection_share: _Optional[float] = ..., minimise_crest_factor: _Optional[bool] = ..., burst_share: _Optional[float] = ..., static_hold: _Optional[float] = ...) -> None: ...
 
 class Estimator(_message.Message):
     __slots__ = ("kind", "block_samples", "overlap", "local_order", "local_half_width")
@@ -372,7 +376,7 @@ class ModelRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map", "response_damage")
+    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map", "response_damage", "static_gain")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     DRIVES_FIELD_NUMBER: _ClassVar[int]
@@ -404,6 +408,7 @@ class Model(_message.Message):
     VERDICTS_FIELD_NUMBER: _ClassVar[int]
     DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    STATIC_GAIN_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
@@ -435,4 +440,5 @@ class Model(_message.Message):
     verdicts: _containers.RepeatedScalarFieldContainer[str]
     drive_map: DriveMap
     response_damage: _array_pb2.Array
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ..., response_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    static_gain: _array_pb2.Array
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ..., response_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., static_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...

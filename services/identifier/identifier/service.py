@@ -34,6 +34,7 @@ from identifier.experiment import (
     check_against_rig,
     estimate_experiment,
     make_experiment,
+    measured_static_gain,
     with_names,
 )
 from identifier.modelling import (
@@ -182,9 +183,13 @@ class IdentifierService:
     ) -> identifier_pb2.Model:
         rig, layout, drive = prepared.rig, prepared.experiment.layout, prepared.experiment.drive
         log = self._log.bind(run=request.run, rig=request.rig)
-        log.info("playing", seconds=layout.samples / layout.sample_rate, drives=len(rig.drives))
+        log.info("playing", seconds=drive.shape[1] / layout.sample_rate, drives=len(rig.drives))
         played, response = play_experiment(self._bus, request, rig=rig, drive=drive, call=call, progress=progress)
         call.progress("estimating the FRF", progress[1])
+        excitation = prepared.settings.excitation
+        static = measured_static_gain(drive, response, excitation, sample_rate=layout.sample_rate)
+        # The holds lie behind the record of the FRF.
+        drive, response = drive[:, : layout.samples], response[:, : layout.samples]
         try:
             estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=progress[1])
             levels = distortion_of(mapped, response, layout)
@@ -192,10 +197,11 @@ class IdentifierService:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, with_names(str(error), rig)) from error
         model = model_of(
             request,
-            settings=prepared.settings.excitation,
+            settings=excitation,
             rig=rig,
             layout=layout,
             estimate=estimate,
+            static=static,
             played=played,
             response=response,
             levels=levels,

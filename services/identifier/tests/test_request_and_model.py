@@ -250,6 +250,7 @@ def make_model(message=None, *, warnings=()):
         rig=RIG,
         layout=layout,
         estimate=replace(found, warnings=(*found.warnings, *warnings)),
+        static=None,
         played=rig_pb2.PlayResult(epoch=2**63 + 1, blocks=200),
         response=response,
         levels=distortion_of(drive, response, layout),

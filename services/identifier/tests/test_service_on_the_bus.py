@@ -140,3 +140,15 @@ def test_a_client_that_gives_up_frees_the_identifier_and_a_rig_that_dies_is_repo
     # And the identifier works on, on a rig that was latched when its commander went.
     bus.query(bus.keys.rig_reset("linear"), rig_pb2.ResetRequest(), rig_pb2.RigState)
     assert identify(bus, request("after", seconds=20.0)).blocks > 0
+
+
+@pytest.mark.usefixtures("lab")
+def test_with_holds_the_model_has_the_gain_at_rest_and_the_same_frf(bus, linear_rig):
+    plain, held = request("test.plain"), request("test.held")
+    held.excitation.static_hold = 1.0
+    without, model = (from_message(identify(bus, message)) for message in (plain, held))
+    true = linear_rig.true_frf(np.zeros(1))[0].real
+    np.testing.assert_allclose(model.static_gain, true, atol=0.01 * np.max(np.abs(true)))
+    assert without.static_gain is None
+    np.testing.assert_array_equal(model.frf, without.frf)
+    assert model.plan.samples > without.plan.samples

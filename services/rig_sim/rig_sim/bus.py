@@ -86,4 +86,6 @@ def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
         maximum=channel.maximum,
         slew_limit=channel.slew_limit,
         label=channel.label,
+        # A loop on displacement holds the specimen in place; a force on a loose one moves it without end.
+        holds_static=channel.quantity is Quantity.DISPLACEMENT,
     )

@@ -146,3 +146,10 @@ def test_before_it_plays_a_drive_is_held_to_stroke_velocity_force_and_slew(rig, 
     with pytest.raises(FaultError) as caught:
         check_against(specimen, names, units, specimen.sample_rate, drive)
     assert str(caught.value) == f"the drive is beyond the limits of {rig}: {said}."
+
+
+@pytest.mark.parametrize("name", sorted(shipped_specimens()))
+def test_displacement_control_states_that_it_holds_a_constant_value_and_force_control_does_not(name):
+    specimen = StructureSpecimen if name == "aerospace" else Specimen
+    drives = [_drive_channel(channel) for channel in read_specimen(shipped_specimens()[name], specimen).drives]
+    assert [drive.holds_static for drive in drives] == [drive.unit == "m" for drive in drives]

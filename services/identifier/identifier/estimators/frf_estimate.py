@@ -22,6 +22,8 @@ class WarningCode(Enum):
     """No more averages than drives, or hardly more equations than unknowns of a local method."""
     SMOOTHED = "smoothed"
     """A local method is biased: it differs from H1 of captures without a window, or from itself over fewer lines."""
+    STATIC_GAIN = "static_gain"
+    """A response had not settled when its static gain was measured, or this does not continue the FRF."""
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,17 @@
 from identifier.experiment.estimate import estimate_experiment
 from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, make_experiment, with_names
 from identifier.experiment.settings import IdentificationSettings
+from identifier.experiment.static_gain import StaticGain, measured_static_gain, static_samples, static_warnings
 
 __all__ = [
     "IdentificationSettings",
     "RigUnderTest",
+    "StaticGain",
     "check_against_rig",
     "estimate_experiment",
     "make_experiment",
+    "measured_static_gain",
+    "static_samples",
+    "static_warnings",
     "with_names",
 ]

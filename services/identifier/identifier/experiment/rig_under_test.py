@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from duralab_spectra import count_blocks
 from identifier.estimators import Estimation, EstimatorOptions
 from identifier.excitation import Experiment, ExperimentSettings, check_levels, design_experiment, schedule_experiment
 from identifier.experiment.settings import IdentificationSettings
+from identifier.experiment.static_gain import static_samples, with_static_steps
 
 LARGEST_AVERAGED_SAMPLES = 2**28
 """Blocks times samples of a block: about half a minute of transforms."""
@@ -119,9 +120,11 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
             f"({_names(rig.drives)}) and needs one for each.",
             field=f"excitation.{excitation.level_kind.value}",
         )
-    if excitation.duration > rig.longest_drive_seconds:
+    holds = static_samples(excitation, drives=len(rig.drives), sample_rate=rig.sample_rate) / rig.sample_rate
+    if excitation.duration + holds > rig.longest_drive_seconds:
+        with_holds = f", and its static holds {holds:g} s" if holds else ""
         raise SettingsError(
-            f"The excitation lasts {excitation.duration:g} s; rig {rig.name!r} plays at most "
+            f"The excitation lasts {excitation.duration:g} s{with_holds}; rig {rig.name!r} plays at most "
             f"{rig.longest_drive_seconds:g} s.",
             field="excitation.duration",
         )
@@ -160,7 +163,7 @@ def make_experiment(settings: ExperimentSettings, rig: RigUnderTest) -> Experime
     Returns
     -------
     Experiment
-        Drive and layout.
+        Drive and layout; behind the layout's samples the drive has the holds of the static gain, where it is measured.
 
     Raises
     ------
@@ -168,14 +171,15 @@ def make_experiment(settings: ExperimentSettings, rig: RigUnderTest) -> Experime
         Where a drive would pass a limit.
     """
     experiment = design_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    drive = with_static_steps(experiment.drive, settings, sample_rate=rig.sample_rate)
     check_levels(
-        experiment.drive,
+        drive,
         channels=rig.drives,
         levels=settings.levels,
         sample_rate=rig.sample_rate,
         level_kind=settings.level_kind,
     )
-    return experiment
+    return replace(experiment, drive=drive)
 
 
 def _check_blocks(excitation: ExperimentSettings, sample_rate: float) -> None:

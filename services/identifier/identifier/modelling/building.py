@@ -10,7 +10,7 @@ from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
 from identifier.excitation import ExperimentSettings, plan_experiment
-from identifier.experiment import RigUnderTest, with_names
+from identifier.experiment import RigUnderTest, StaticGain, static_samples, static_warnings, with_names
 from identifier.layout import Layout
 from identifier.modelling.line_filling import fill_lines, valid_band
 from identifier.modelling.model import IdentifiedModel, with_id
@@ -34,6 +34,7 @@ _WARNING_CODES: Final = {
     WarningCode.FEW_AVERAGES: identifier_pb2.MODEL_WARNING_CODE_FEW_AVERAGES,
     WarningCode.SMOOTHED: identifier_pb2.MODEL_WARNING_CODE_SMOOTHED,
     WarningCode.STUCK: identifier_pb2.MODEL_WARNING_CODE_STUCK,
+    WarningCode.STATIC_GAIN: identifier_pb2.MODEL_WARNING_CODE_STATIC_GAIN,
 }
 
 
@@ -44,9 +45,10 @@ def plan_message(settings: ExperimentSettings, *, rig: RigUnderTest, band: Valid
     Returns: As a message.
     """
     plan = plan_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
+    holds = static_samples(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
     return identifier_pb2.ExperimentPlan(
-        duration_seconds=plan.duration_seconds,
-        samples=plan.samples,
+        duration_seconds=plan.duration_seconds + holds / rig.sample_rate,
+        samples=plan.samples + holds,
         realisations=plan.realisations,
         experiments_per_realisation=plan.experiments_per_realisation,
         periods=plan.periods,
@@ -67,6 +69,7 @@ def model_of(
     rig: RigUnderTest,
     layout: Layout,
     estimate: FrfEstimate,
+    static: StaticGain | None,
     played: rig_pb2.PlayResult,
     response: NDArray[np.float64],
     levels: DistortionLevels | None,
@@ -75,12 +78,13 @@ def model_of(
     """Put together what was asked, played and estimated.
 
     `request`: What was asked for. `settings`: The same, read. `rig`: What it was played on. `layout`: Of the drive.
-    `estimate`: From that playback. `played`: The playback's result, for its epoch and number of signal blocks.
+    `estimate`, `static`: From that playback. `played`: Its result, for its epoch and number of signal blocks.
     `response`: Shape (responses, samples), as measured. `levels`: From `distortion_of`. `drive_map`: Of the drives that
     `estimate` is made from; None where none was asked for.
     Returns: With its id.
     """
     filled, band = fill_lines(estimate), valid_band(layout)
+    warnings = (*estimate.warnings, *static_warnings(static, estimate, hold=settings.static_hold))
     names = [channel.name for channel in rig.responses]
     if levels is not None:
         transients = [warning.channel for warning in estimate.warnings if warning.code is WarningCode.TRANSIENT]
@@ -121,7 +125,8 @@ def model_of(
             signal_epoch=played.epoch,
             signal_blocks=played.blocks,
             plan=plan_message(settings, rig=rig, band=band),
-            warnings=tuple(_warning(warning, rig) for warning in estimate.warnings),
+            warnings=tuple(_warning(warning, rig) for warning in warnings),
+            static_gain=None if static is None else static.gain,
             verdicts=verdicts,
             distortion=None if levels is None else _distortion(levels),
             drive_map=drive_map,

@@ -70,6 +70,8 @@ class IdentifiedModel:
     response_damage
         Shape (responses, 3), unit^slope: pseudo-damage of each response over the whole run, as measured, for S-N lines
         of slope 3, 5 and 8; None in a model of an older recording.
+    static_gain
+        Shape (responses, drives), response unit per drive unit; None where the experiment does not measure it.
     id
         Hash of all the rest; empty before `with_id`.
     """
@@ -102,6 +104,7 @@ class IdentifiedModel:
     distortion: identifier_pb2.Distortion | None
     drive_map: identifier_pb2.DriveMap | None = None
     response_damage: NDArray[np.float64] | None = None
+    static_gain: NDArray[np.float64] | None = None
     id: str = ""
 
     def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -208,6 +211,7 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         verdicts=model.verdicts,
         drive_map=model.drive_map,
         response_damage=None if model.response_damage is None else to_array(model.response_damage),
+        static_gain=None if model.static_gain is None else to_array(model.static_gain),
     )
 
 
@@ -276,6 +280,9 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         distortion=message.distortion if message.HasField("distortion") else None,
         drive_map=_drive_map(message),
         response_damage=_response_damage(message),
+        static_gain=from_array(message.static_gain, field="static_gain", shape=(n_y, n_u), dtype=np.float64)
+        if message.HasField("static_gain")
+        else None,
     )
 
 

@@ -19,6 +19,8 @@ _MOVING_SHARE: Final = 0.2
 _MOVING_STEPS: Final = 20.0
 # A converter's step comes again and again. A dead channel that jumps once or twice, because a plug came off, has none.
 _FEWEST_CHANGES: Final = 10
+# What a band from 0 Hz has in place of the period of its lower edge: a manoeuvre is faster.
+_STATIC_BAND_SECONDS: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ def standstills(
             "instants."
         )
     # A record that is shorter than the period still stands still where it does so throughout.
-    longest = min(band.sample_rate / band.lowest, wanted.shape[1] - 1.5)
+    period = 1.0 / band.lowest if band.lowest > 0.0 else _STATIC_BAND_SECONDS
+    longest = min(period * band.sample_rate, wanted.shape[1] - 1.5)
     level = rms(wanted)
     found: list[Standstill] = []
     for i in range(wanted.shape[0]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, cast
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from duralab_spectra import band_mask, dynamic_part, static_levels
+from duralab_spectra import as_record, band_mask, dynamic_part, static_levels
 from iterator.band.banded_transform import BandedTransform
 from iterator.band.rest import TARGET_FADE_SECONDS, faded
 
@@ -35,15 +35,20 @@ class ControlBand:
     Where the target has energy the drive mask is therefore exactly 1, and the error of a linear plant with an exact
     model shrinks by exactly `1 - q` at every line; with one mask for both, the lines of its flanks would never follow.
 
+    A band from 0 Hz has no lower flank: means and slow parts are in the band, too. Records then count from the rig's
+    static response, not from the line between their own levels at start and end.
+
     Parameters
     ----------
     lowest, highest : float
-        Edges, Hz; `0 < lowest < highest < sample_rate / 2`.
+        Edges, Hz; `0 <= lowest < highest < sample_rate / 2`.
     sample_rate : float
         Of all records, Hz.
     lower_flank, upper_flank : float
-        Width of the flank below `lowest` and of the one above `highest`, Hz, greater than 0; they end at 0 Hz or above
-        and at half the sample rate or below. See `control_band` for the usual ones.
+        Width of the flank below `lowest` and of the one above `highest`, Hz, greater than 0, but 0 below a band from 0
+        Hz; they end at 0 Hz or above and at half the sample rate or below. See `control_band` for the usual ones.
+    static_response : tuple of float, optional
+        Level of each channel of a record at drive 0, response units; given where `lowest` is 0, and only there.
 
     Raises
     ------
@@ -56,16 +61,28 @@ class ControlBand:
     sample_rate: float
     lower_flank: float
     upper_flank: float
+    static_response: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sample_rate) and self.sample_rate > 0.0):
             raise ValueError(f"The sample rate is {self.sample_rate} Hz; it must be greater than 0.")
-        if not 0.0 < self.lowest < self.highest <= self.sample_rate / 2.0:
+        if not 0.0 <= self.lowest < self.highest <= self.sample_rate / 2.0:
             raise ValueError(
-                f"The control band is {self.lowest:g} to {self.highest:g} Hz; it must lie above 0 and up to half the "
+                f"The control band is {self.lowest:g} to {self.highest:g} Hz; it must lie from 0 up to half the "
                 f"sample rate, {self.sample_rate / 2.0:g} Hz."
             )
-        if not (0.0 < self.lower_flank <= self.lowest and self.upper_flank > 0.0):
+        if (self.static_response is None) == (self.lowest == 0.0):
+            given = "not given" if self.static_response is None else "given"
+            raise ValueError(
+                f"The static response is {given} for a control band from {self.lowest:g} Hz; give it with a band from "
+                "0 Hz, and only there."
+            )
+        if self.lowest == 0.0 and self.lower_flank != 0.0:
+            raise ValueError(
+                f"The flank below a control band from 0 Hz is {self.lower_flank:g} Hz wide; there is no room for one, "
+                "leave it out."
+            )
+        if not (self.upper_flank > 0.0 and (self.lowest == 0.0 or 0.0 < self.lower_flank <= self.lowest)):
             raise ValueError(
                 f"The flanks of the control band are {self.lower_flank:g} and {self.upper_flank:g} Hz wide; both must "
                 f"be greater than 0 and the lower at most the band's lower edge, {self.lowest:g} Hz."
@@ -79,7 +96,7 @@ class ControlBand:
 
     @property
     def lowest_driven(self) -> float:
-        """Frequency at and below which drives have no energy, Hz: the lower flank's end."""
+        """Frequency below which drives have no energy, Hz: the lower flank's end."""
         return self.lowest - self.lower_flank
 
     @property
@@ -121,6 +138,8 @@ class ControlBand:
         """Mask whose flanks, half as wide as the band's, begin at a share of these from the band's edges."""
         lower, upper = 0.5 * self.lower_flank, 0.5 * self.upper_flank
         start, end = self.lowest - begins * self.lower_flank, self.highest + begins * self.upper_flank
+        if self.lowest == 0.0:
+            return band_mask(frequency, 0.0, end, edge=upper)
         # spectra's mask has edges of one width; a lower edge is what a mask with an upper edge only leaves.
         below = band_mask(frequency, 0.0, start + lower, edge=lower)
         return (1.0 - below) * band_mask(frequency, 0.0, end, edge=upper)
@@ -128,8 +147,9 @@ class ControlBand:
     @property
     def ringing_samples(self) -> int:
         """Number of zeros in which what rings at the narrower flank has died out."""
+        narrower = min(self.lower_flank or self.upper_flank, self.upper_flank)
         # One mask's flank is half of the band's.
-        return math.ceil(_PADDING_PERIODS * self.sample_rate / (0.5 * min(self.lower_flank, self.upper_flank)))
+        return math.ceil(_PADDING_PERIODS * self.sample_rate / (0.5 * narrower))
 
     def transform_samples(self, samples: int) -> int:
         """Length of a transform in which a record of so many samples is filtered without wrap-around.
@@ -173,7 +193,7 @@ class ControlBand:
         Parameters
         ----------
         target : ndarray, shape (channels, samples)
-            As measured; the static part, between its levels at start and end, is left out, and the first and the last
+            As measured; what is static is left out as `dynamic_part` does, and the first and the last
             `TARGET_FADE_SECONDS` fade, because a rig begins and ends at rest.
 
         Returns
@@ -190,7 +210,7 @@ class ControlBand:
         Parameters
         ----------
         response : ndarray, shape (channels, samples)
-            As measured; the static part, between its levels at start and end, is left out.
+            As measured; what is static is left out as `dynamic_part` does.
 
         Returns
         -------
@@ -220,13 +240,27 @@ class ControlBand:
         Parameters
         ----------
         samples : ndarray, shape (channels, samples)
-            As measured; the static part is between its levels at start and end.
+            As measured; the static part is between its levels at start and end. For a band from 0 Hz it is the static
+            response alone: a mean or a drift beside it stays.
 
         Returns
         -------
         ndarray, shape (channels, samples)
             In the record's units.
+
+        Raises
+        ------
+        ValueError
+            The record is none, or has not one channel for each value of `static_response`.
         """
+        if self.static_response is not None:
+            record = as_record(samples, name="record")
+            if record.shape[0] != len(self.static_response):
+                raise ValueError(
+                    f"The record has {record.shape[0]} channels; the control band from 0 Hz has the static response of "
+                    f"{len(self.static_response)}."
+                )
+            return record - np.array(self.static_response)[:, None]
         return dynamic_part(samples, lowest=self.lowest, sample_rate=self.sample_rate)
 
     def _limit(
@@ -242,7 +276,7 @@ class ControlBand:
         return limited
 
     def static_levels(self, samples: np.ndarray) -> NDArray[np.float64]:
-        """Return the levels at start and end between which a record's static part lies.
+        """Return the levels at start and end between which a record's static part lies; for a band above 0 Hz.
 
         Parameters
         ----------
@@ -265,20 +299,24 @@ def control_band(
     excited: tuple[float, float] | None = None,
     lower_flank: float | None = None,
     upper_flank: float | None = None,
+    static_response: Iterable[float] | None = None,
 ) -> ControlBand:
     """Return a control band whose flanks fit into the excited band.
 
     Parameters
     ----------
     lowest, highest : float
-        Edges, Hz; `0 < lowest < highest < sample_rate / 2`. The target is whole between them.
+        Edges, Hz; `0 <= lowest < highest < sample_rate / 2`. The target is whole between them.
     sample_rate : float
         Of all records, Hz.
     excited : tuple of float, optional
-        Lowest and highest frequency at which the rig is identified, Hz; the band and its flanks must lie within.
+        Lowest and highest frequency at which the rig is identified, Hz, the lowest 0 where its static gain is; the band
+        and its flanks must lie within.
     lower_flank, upper_flank : float, optional
         Width of the flank below and above, Hz. Not given: half of `lowest` and a tenth of `highest`, or the room that
         the excited band leaves, where that is less and at least a quarter of it. A narrow flank rings longer.
+    static_response : iterable of float, optional
+        Response of each channel at drive 0, for a band from 0 Hz; see `ControlBand`.
 
     Returns
     -------
@@ -290,17 +328,18 @@ def control_band(
     ValueError
         Edges or flanks out of range, or outside the excited band.
     """
+    rest = None if static_response is None else tuple(float(level) for level in static_response)
     usual = _LOWER_FLANK_SHARE * lowest, _UPPER_FLANK_SHARE * highest
     given = lower_flank, upper_flank
     if excited is None:
         flanks = [wanted if width is None else width for wanted, width in zip(usual, given, strict=True)]
-        return ControlBand(lowest, highest, sample_rate, *flanks)
+        return ControlBand(lowest, highest, sample_rate, *flanks, static_response=rest)
     room = lowest - excited[0], excited[1] - highest
     flanks = [
         min(wanted, max(left, _NARROWEST_SHARE * wanted)) if width is None else width
         for wanted, width, left in zip(usual, given, room, strict=True)
     ]
-    band = ControlBand(lowest, highest, sample_rate, *flanks)
+    band = ControlBand(lowest, highest, sample_rate, *flanks, static_response=rest)
     for width, left, side, edge in zip(flanks, room, ("below", "above"), excited, strict=True):
         if width > left * (1.0 + _ROUNDING):
             remedy = "excite a wider band or control a narrower one"

@@ -13,7 +13,7 @@ from iterator.band.band import ControlBand
 
 @dataclass(frozen=True)
 class OutsideBand:
-    """Energy of a target's dynamic part, without its mean, that lies outside the control band.
+    """Energy of a target's dynamic part, without its mean but for a band from 0 Hz, that lies outside the control band.
 
     Parameters
     ----------
@@ -51,8 +51,9 @@ def energy_outside_band(target: NDArray[np.float64], band: ControlBand) -> Outsi
     Source: Parseval's theorem on the zero-padded record.
     """
     dynamic = band.dynamic_part(target)
-    # The mean of a ride beside the rest around it is static, too.
-    dynamic -= dynamic.mean(axis=1, keepdims=True)
+    if band.lowest > 0.0:
+        # The mean of a ride beside the rest around it is static, too.
+        dynamic -= dynamic.mean(axis=1, keepdims=True)
     length = band.transform_samples(dynamic.shape[1])
     frequency = line_frequencies(length, band.sample_rate)
     energy = np.abs(np.fft.rfft(dynamic, length, axis=1)) ** 2

@@ -193,6 +193,9 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
         shape = (lines, len(description.responses), len(description.drives))
         frf = from_array(model.frf, field="frf", shape=shape, dtype=np.complex128, finite=False)
         uncertainty = _uncertainty(model, lines=lines, responses=shape[1], drives=shape[2])
+        static_gain = None
+        if plan.settings.update.band.lowest == 0.0:
+            static_gain = from_array(model.static_gain, field="static_gain", shape=shape[1:], dtype=np.float64)
     except ArrayError as error:
         raise _damaged(f"The identifier answered a damaged model: {error}", field=error.field) from error
     try:
@@ -202,6 +205,7 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
             identified_band=plan.identified_band,
             response_weight=plan.response_weight,
             uncertainty=uncertainty,
+            static_gain=static_gain,
         )
     except ValueError as error:
         raise FaultError(

@@ -19,7 +19,7 @@ from duralab_settings import Acceptance, PlaybackSettings, ResolvedUpdate, Setti
 from duralab_settings.messages import from_message
 from duralab_spectra import count_blocks, rms
 from iterator.band import ControlBand, OutsideBand, control_band, energy_outside_band
-from iterator.campaign.static_part import static_remarks
+from iterator.campaign.static_part import require_static_hold, static_remarks, static_response_of
 from iterator.campaign.target_reach import require_reach, tiny_target_remarks
 from iterator.iteration_loop import CampaignSettings
 from iterator.limits import DriveLimits
@@ -98,6 +98,8 @@ def plan_campaign(
     band = _checked_band(spec, description, experiment, samples=target.shape[1])
     resolved = _settings(spec.update, ResolvedUpdate, field="update")
     weight = _checked_weight(resolved, description)
+    if band.lowest == 0.0:
+        require_static_hold(spec, description=description, controlled=weight > 0.0)
     update = UpdateSettings.model_construct(band=band, **dict(resolved))
     settings = CampaignSettings.model_construct(update=update, **_checked_playbacks(spec))
     if spec.HasField("accept"):
@@ -260,14 +262,17 @@ def _checked_band(
     *,
     samples: int,
 ) -> ControlBand:
+    # A band from 0 Hz needs the static gain, which is measured there: see `require_static_hold`.
+    static = spec.lowest_frequency == 0.0
     try:
         band = control_band(
             spec.lowest_frequency,
             spec.highest_frequency,
             sample_rate=description.sample_rate,
-            excited=(experiment.lowest_frequency, experiment.highest_frequency),
+            excited=(0.0 if static else experiment.lowest_frequency, experiment.highest_frequency),
             lower_flank=spec.lower_flank or None,
             upper_flank=spec.upper_flank or None,
+            static_response=static_response_of(description) if static else None,
         )
     except ValueError as error:
         raise invalid(str(error), field=_band_field(spec, description, experiment)) from error
@@ -288,7 +293,7 @@ def _band_field(
 def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
     """Bound the zeros that a low edge asks for: without, a tiny one would ask for more memory than there is."""
     seconds = samples / band.sample_rate
-    if band.lowest * seconds < 1.0:
+    if 0.0 < band.lowest * seconds < 1.0:
         raise invalid(
             f"The control band begins at {band.lowest:g} Hz, of which a period lasts {1.0 / band.lowest:g} s; the "
             f"target lasts {seconds:g} s and must hold one: take a higher edge or a longer target.",

@@ -1,4 +1,4 @@
-"""The static part of a target: what of it the rig does not carry at rest, and how far it drifts."""
+"""The static part of a target: reproduced by a control band from 0 Hz where the rig can hold it, else reported."""
 
 from __future__ import annotations
 
@@ -7,13 +7,64 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from duralab_bus import FaultError
 from duralab_proto.arrays import from_array
-from duralab_proto.v1 import rig_pb2
+from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_spectra import rms
-from iterator.band import ControlBand
+from iterator.band import TARGET_FADE_SECONDS, ControlBand
 
 # Relative to the RMS of what is reproduced; less is not reported.
 _REPORTED_SHARE: Final = 0.1
+# Of a specimen at rest these are 0, whatever the drives hold.
+_ZERO_AT_REST: Final = {
+    array_pb2.CHANNEL_KIND_ACCELERATION: "is an acceleration, which is 0 at rest",
+    array_pb2.CHANNEL_KIND_VELOCITY: "is a velocity, which is 0 at rest",
+}
+
+
+def static_response_of(description: rig_pb2.RigDescription) -> NDArray[np.float64]:
+    """Return the responses of a rig at drive 0, shape (n_y,): what a control band from 0 Hz counts from."""
+    shape = (len(description.responses),)
+    return from_array(description.static_response, field="static_response", shape=shape, dtype=np.float64)
+
+
+def require_static_hold(
+    spec: iterator_pb2.CampaignSpec, *, description: rig_pb2.RigDescription, controlled: NDArray[np.bool_]
+) -> None:
+    """Refuse a control band from 0 Hz on a rig that cannot hold or measure a static part, or without a static gain.
+
+    `controlled`, shape (n_y,): Whether each response is controlled; those that are watched may be what they are.
+    Raises `FaultError`: FAILED_PRECONDITION with the field `lowest_frequency`, INVALID_ARGUMENT with the field
+    `excitation.static_hold`.
+    """
+    loose = [channel.name for channel in description.drives if not channel.holds_static]
+    if loose:
+        raise _not_static(
+            f"rig {description.rig!r} does not state that it holds a constant {', '.join(loose)}, as displacement "
+            "control does and force control without a reference does not: begin above 0 Hz, or let the rig's "
+            "description state holds_static where it is true"
+        )
+    for channel, counts in zip(description.responses, controlled, strict=True):
+        why = "is AC-coupled and measures no constant value" if channel.ac_coupled else _ZERO_AT_REST.get(channel.kind)
+        if counts and why is not None:
+            raise _not_static(
+                f"the response {channel.name} of rig {description.rig!r} {why}: begin above 0 Hz, or watch it only"
+            )
+    if spec.excitation.static_hold == 0.0:
+        raise FaultError(
+            query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+            "The control band begins at 0 Hz and the excitation has static_hold 0, so that the static gain would not "
+            "be measured; hold each drive as long as the rig needs to settle, e.g. 4 s.",
+            field="excitation.static_hold",
+        )
+
+
+def _not_static(why: str) -> FaultError:
+    return FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        f"The control band begins at 0 Hz and {why}.",
+        field="lowest_frequency",
+    )
 
 
 def static_remarks(
@@ -23,25 +74,35 @@ def static_remarks(
     band: ControlBand,
     description: rig_pb2.RigDescription,
 ) -> tuple[str, ...]:
-    """Say which static part of the target is not reproduced: a model in a band tells nothing of 0 Hz."""
-    levels = band.static_levels(target)
-    rest = from_array(description.static_response, field="static_response", shape=(target.shape[0],), dtype=np.float64)
+    """Say which static part of the target is not reproduced, or at the ends of a target from 0 Hz not as it is."""
     dynamic = rms(target_in_band)
-    offset, drift = levels.mean(axis=1) - rest, levels[:, 1] - levels[:, 0]
+    if band.lowest == 0.0:
+        ends = band.dynamic_part(target)[:, [0, -1]].T
+        fade = f"{TARGET_FADE_SECONDS:g} s"
+        parts = (
+            (ends[0], f"The target does not begin at the rig's static response; it rises from it within {fade} to"),
+            (ends[1], f"The target does not end at the rig's static response; it returns to it within {fade} from"),
+        )
+    else:
+        levels = band.static_levels(target)
+        parts = (
+            (
+                levels.mean(axis=1) - static_response_of(description),
+                "The static part of the target is not reproduced, the rig keeps what it carries at rest; it differs by",
+            ),
+            (
+                levels[:, 1] - levels[:, 0],
+                "The static part of the target drifts from start to end, which is not reproduced; it drifts by",
+            ),
+        )
     remarks: list[str] = []
-    for values, beginning in (
-        (
-            offset,
-            "The static part of the target is not reproduced, the rig keeps what it carries at rest; it differs by",
-        ),
-        (drift, "The static part of the target drifts from start to end, which is not reproduced; it drifts by"),
-    ):
+    for values, beginning in parts:
         reported = np.flatnonzero((dynamic > 0.0) & (np.abs(values) > _REPORTED_SHARE * dynamic))
         # Three digits, without an exponent: -3100, not -3.1e+03.
-        parts = (
+        sizes = (
             f"{float(f'{values[i]:.3g}'):+g} {description.responses[i].unit} in {description.responses[i].name}"
             for i in reported
         )
         if reported.size:
-            remarks.append(f"{beginning} {', '.join(parts)}.")
+            remarks.append(f"{beginning} {', '.join(sizes)}.")
     return tuple(remarks)

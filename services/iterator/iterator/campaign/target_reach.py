@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_bus import FaultError
-from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
+from iterator.campaign.static_part import static_response_of
 
 # Of a response's range; a target that moves by less hardly leaves the sensor's noise.
 _TINY_SHARE: Final = 1e-3
@@ -24,7 +24,7 @@ def require_reach(
     controlled: NDArray[np.bool_],
 ) -> None:
     """Refuse a target beyond the range or the watchdog of a response."""
-    rest = from_array(description.static_response, field="static_response", shape=controlled.shape, dtype=np.float64)
+    rest = static_response_of(description)
     found: list[tuple[float, int, float, float, str]] = []
     for i in np.flatnonzero(controlled):
         channel = description.responses[i]

@@ -140,6 +140,11 @@ def _apply(
             f"The model is for records of {2.0 * model.frequency[-1]:g} Hz and the control band for those of "
             f"{band.sample_rate:g} Hz; take both of one sample rate."
         )
+    if band.lowest == 0.0 and known[0] > 0.0:
+        raise ValueError(
+            f"The control band begins at 0 Hz and the model's identified lines at {known[0]:g} Hz; give "
+            "rig_model the static_gain, or control a band above it."
+        )
     if band.lowest_driven < known[0] - spacing or band.highest_driven > known[-1] + spacing:
         raise ValueError(
             f"The control band and its flanks reach from {band.lowest_driven:g} to {band.highest_driven:g} Hz, past "

@@ -84,6 +84,7 @@ def rig_model(
     uncertainty: ModelUncertainty | None = None,
     caution: float = 0.0,
     regularisation: float = 0.0,
+    static_gain: ArrayLike | None = None,
 ) -> RigModel:
     """Make the model that a campaign starts from, with the (weighted) pseudo-inverse at each identified line.
 
@@ -105,6 +106,9 @@ def rig_model(
         doubtful. 0 is the plain pseudo-inverse.
     regularisation : float, optional
         Of the first inverse, relative to the median of `tr(ĤᴴĤ) / n_u`, 0 or more.
+    static_gain : array_like, shape (n_y, n_u), optional
+        Measured gain at 0 Hz, response unit per drive unit, finite. The model then reaches down to 0 Hz: lines between
+        0 Hz and the identified band are laid straight, and are as uncertain as the band's first line.
 
     Returns
     -------
@@ -126,6 +130,11 @@ def rig_model(
         )
     lowest, highest = identified_band
     inside = band_mask(lines, lowest, highest, edge=0.0)
+    if static_gain is not None and inside.any():
+        estimate, uncertainty = _from_static_gain(
+            estimate, np.asarray(static_gain, dtype=np.float64), uncertainty, first=int(np.argmax(inside))
+        )
+        lowest, inside = 0.0, band_mask(lines, 0.0, highest, edge=0.0)
     held = np.flatnonzero(inside)
     if held.size < FEWEST_LINES:
         raise ValueError(
@@ -154,6 +163,31 @@ def rig_model(
         response_weight=None if response_weight is None else weight,
         uncertainty=uncertainty,
     )
+
+
+def _from_static_gain(
+    frf: NDArray[np.complex128],
+    static_gain: NDArray[np.float64],
+    uncertainty: ModelUncertainty | None,
+    *,
+    first: int,
+) -> tuple[NDArray[np.complex128], ModelUncertainty | None]:
+    """Return FRF and uncertainty from 0 Hz on; `first` is the first identified line."""
+    if static_gain.shape != frf.shape[1:] or not np.isfinite(static_gain).all():
+        raise ValueError(
+            f"The static gain has the shape {static_gain.shape}; it must be {frf.shape[1:]} like a line of the FRF, "
+            "and finite."
+        )
+    share = (np.arange(first) / max(first, 1))[:, None, None]
+    whole = frf.copy()
+    whole[:first] = (1.0 - share) * static_gain + share * frf[first]
+    if first == 0:
+        whole[0] = static_gain
+    if uncertainty is None:
+        return whole, None
+    residual, covariance = uncertainty.residual_psd.copy(), uncertainty.row_covariance.copy()
+    residual[:first], covariance[:first] = residual[first], covariance[first]
+    return whole, ModelUncertainty(residual_psd=residual, row_covariance=covariance)
 
 
 def _first_cautious_inverse(
