@@ -46,5 +46,8 @@ class EstimatorSettings(BlockSettings):
     )
     local_order: int | None = Field(default=None, ge=1, le=6, description="Local methods: order of the polynomials.")
     local_half_width: int | None = Field(
-        default=None, ge=1, le=1000, description="Local methods: lines on either side of each that are fitted."
+        default=None,
+        ge=1,
+        le=1000,
+        description="Local methods: lines on either side of each that are fitted; left out: chosen at each line.",
     )

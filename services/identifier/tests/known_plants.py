@@ -39,6 +39,37 @@ def true_frf(frequency, plant=PLANT):
     return np.asarray(rows).transpose(2, 0, 1)
 
 
+class SixModes:
+    """A 6 x 6 plant with modes from 11 to 22 Hz at 256 Hz, each seen by every response and moved by every drive."""
+
+    RATE, BLOCK = 256.0, 1024
+
+    def __init__(self, *, damping=0.05, seed=1):
+        generator = np.random.default_rng(seed)
+        self._shapes, self._participation = generator.standard_normal((2, 6, 6))
+        self._sections = []
+        for frequency in np.linspace(11.0, 22.0, 6):
+            angle = 2 * np.pi * frequency / self.RATE
+            pole = np.exp(-damping * angle + 1j * angle)
+            denominator = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+            height = abs(np.polyval(denominator, np.exp(1j * angle)))
+            self._sections.append(([0.0, height], denominator))
+
+    def respond(self, drive):
+        modes = self._participation @ drive
+        return self._shapes @ np.stack(
+            [signal.lfilter(*section, mode) for section, mode in zip(self._sections, modes, strict=True)]
+        )
+
+    def error(self, estimate):
+        """Return the relative error of an FRF over 1 to 50 Hz."""
+        lines = estimate.valid & (estimate.frequency >= 1.0) & (estimate.frequency <= 50.0)
+        angle = 2 * np.pi * estimate.frequency[lines] / self.RATE
+        modes = np.stack([signal.freqz(*section, worN=angle)[1] for section in self._sections], axis=1)
+        expected = np.einsum("ir,fr,rj->fij", self._shapes, modes, self._participation)
+        return np.linalg.norm(estimate.frf[lines] - expected) / np.linalg.norm(expected)
+
+
 def error(estimate, plant=PLANT):
     """Return the relative error of an FRF at the valid lines."""
     expected = true_frf(estimate.frequency[estimate.valid], plant)

@@ -1,4 +1,4 @@
-"""A local method that smoothed a resonance says so."""
+"""A local method that smoothed a resonance with a width that was given says so."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,8 @@ def identified(damping, *, noise, kind=EstimatorKind.LOCAL_POLYNOMIAL):
     response = respond(experiment.drive, plant)
     level = noise * np.std(response, axis=1, keepdims=True)
     response += level * np.random.default_rng(3).standard_normal(response.shape)
-    return estimate(kind, experiment.drive, response, experiment.layout), plant
+    options = EstimatorOptions(half_width=16)
+    return estimate(kind, experiment.drive, response, experiment.layout, options), plant
 
 
 def smoothed(result):
@@ -58,7 +59,7 @@ def test_h1_has_nothing_to_smooth():
     assert smoothed(result) == []
 
 
-def played(kind, damping, *, estimator, noise=0.0, half_width=None, seconds=120.0, distort=None, **changes):
+def played(kind, damping, *, estimator, noise=0.0, half_width=16, seconds=120.0, distort=None, **changes):
     settings = settings_of(
         drives=2, drive_spectra=(WHITE, WHITE), rms=(1.0, 1.0), kind=kind, duration=seconds, **changes
     )

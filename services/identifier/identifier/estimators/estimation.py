@@ -1,24 +1,22 @@
 """An FRF from a record and its layout: whole, or piece by piece in bounded memory."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_settings import EstimatorKind
 from duralab_spectra import NotFiniteError, as_record, shaped_record
+from identifier.estimators.automatic_width import Widths, given_width, solve_widths, widths_to_try
 from identifier.estimators.averaged_spectra import AveragedSpectra, SpectralSums
 from identifier.estimators.condition import drive_condition, unit_diagonal
 from identifier.estimators.frf_estimate import FrfEstimate, ModelWarning, WarningCode
-from identifier.estimators.local_polynomial import local_polynomial_model
-from identifier.estimators.local_rational import local_rational_model
-from identifier.estimators.local_regression import LocalModel, LocalSums
-from identifier.estimators.local_solution import LocalSolution, degrees_of_freedom, solve_local
+from identifier.estimators.local_regression import DEFAULT_ORDER, LocalModel
+from identifier.estimators.local_solution import LocalSolution, solve_local
 from identifier.estimators.periodicity import PeriodicityCheck
 from identifier.estimators.record_checks import ChannelCheck
 from identifier.estimators.rest_check import RestCheck
 from identifier.estimators.smoothing_check import (
-    AMPLE_SURPLUS,
     Neighbourhood,
     differences_from_h1,
     differences_from_narrower,
@@ -39,7 +37,7 @@ class EstimatorOptions:
     order
         Of numerator, transient and denominator, 0 or more; None for 2.
     half_width
-        Lines of a segment to either side; None for the method's own.
+        Lines of a segment to either side; None: at each line those with the least expected error, see `solve_widths`.
     segment_blocks
         Blocks in a segment of noise, 1 or more.
 
@@ -98,16 +96,17 @@ class Estimation:
             )
         self._kind, self._layout = kind, layout
         self._spectral = SpectralSums(layout, drives=drives, responses=responses, full=kind is EstimatorKind.H2)
-        self._local = self._narrower = None
+        self._widths, self._automatic = None, options.half_width is None
         if kind.is_local:
-            model = _local_model(kind, layout, drives=drives, options=options)
-            self._local = LocalSums(layout, drives=drives, responses=responses, model=model)
-            degrees_of_freedom(self._local, equations=self._local.equations_to_come)
-            narrow = max(model.half_width // 2, self._local.fewest_half_width(AMPLE_SURPLUS))
-            # Without a window H1 is the better judge.
-            if layout.window is Window.HANN and narrow < model.half_width:
-                model = replace(model, half_width=narrow)
-                self._narrower = LocalSums(layout, drives=drives, responses=responses, model=model)
+            order = DEFAULT_ORDER if options.order is None else options.order
+            model = LocalModel(
+                order=order,
+                denominator_order=order if kind is EstimatorKind.LOCAL_RATIONAL else 0,
+                half_width=1 if options.half_width is None else options.half_width,
+                segment_blocks=options.segment_blocks,
+            )
+            choose = widths_to_try if self._automatic else given_width
+            self._widths = choose(layout, drives=drives, responses=responses, model=model)
         self._used = UsedStretches(layout)
         of_drives, of_responses = taken_off or (None, None)
         self._drive_check = ChannelCheck(drives, name="drive", of_drive=True, taken_off=of_drives)
@@ -142,9 +141,8 @@ class Estimation:
             as_record(outputs, name="response")
             raise
         self._spectral.add(inputs, outputs)
-        for sums in (self._local, self._narrower):
-            if sums is not None:
-                sums.add(inputs, outputs)
+        for sums in self._widths.regressions if self._widths else ():
+            sums.add(inputs, outputs)
         self._periodicity.add(outputs)
 
     def _check(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
@@ -180,23 +178,26 @@ class Estimation:
         checks = (self._drive_check, self._response_check, self._standstill, self._periodicity, self._rest)
         warnings = tuple(warning for check in checks for warning in check.warnings())
         spectra = self._spectral.averages()
-        if self._local is None:
+        if self._widths is None:
             return estimate_from_spectra(self._kind, spectra, warnings=warnings)
-        warnings += few_equations(self._local)
-        return self._local_estimate(self._local, spectra, warnings)
+        return self._local_estimate(self._widths, spectra, warnings)
 
     def _local_estimate(
-        self, sums: LocalSums, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...]
+        self, widths: Widths, spectra: AveragedSpectra, warnings: tuple[ModelWarning, ...]
     ) -> FrfEstimate:
-        lines, size = sums.lines, spectra.frequency.size
+        lines, size = np.flatnonzero(spectra.lines), spectra.frequency.size
         scale, scaled = unit_diagonal(spectra.s_uu[lines], spectra.frequency[lines])
         condition = drive_condition(scaled, spectra.frequency[lines])
-        solution = solve_local(sums)
-        warnings += self._smoothing_warnings(sums, spectra, solution, warnings)
+        if self._automatic:
+            solution, half_width = solve_widths(widths, spectra)
+        else:
+            sums = widths.candidates[0]
+            solution, half_width = solve_local(sums), np.full(lines.size, sums.model.half_width)
+        warnings += few_equations(widths.candidates[0])
+        warnings += self._smoothing_warnings(widths, spectra, solution, half_width, warnings)
         # As many averages as would give H1 the same variance, on the mean over the drives.
         of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
         averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)
-        freedom: NDArray[np.float64] = np.full(lines.size, float(solution.degrees_of_freedom))
         return FrfEstimate(
             frequency=spectra.frequency,
             frf=on_all_lines(solution.frf, lines, size),
@@ -208,17 +209,27 @@ class Estimation:
             independent_averages=spectra.independent_averages,
             valid=spectra.lines.copy(),
             residual_psd=on_all_lines(solution.residual_psd, lines, size),
-            degrees_of_freedom=on_all_lines(freedom, lines, size),
+            degrees_of_freedom=on_all_lines(solution.degrees_of_freedom, lines, size),
             averages=on_all_lines(averages, lines, size),
             kind=self._kind,
+            half_width=on_all_lines(half_width, lines, size),
             warnings=warnings,
         )
 
     def _smoothing_warnings(
-        self, sums: LocalSums, spectra: AveragedSpectra, solution: LocalSolution, warnings: tuple[ModelWarning, ...]
+        self,
+        widths: Widths,
+        spectra: AveragedSpectra,
+        solution: LocalSolution,
+        half_width: NDArray[np.int64],
+        warnings: tuple[ModelWarning, ...],
     ) -> tuple[ModelWarning, ...]:
+        sums = widths.candidates[0]
         neighbourhood = Neighbourhood.of(sums)
         if self._layout.window is Window.NONE:
+            if self._automatic:
+                # H1 stands wherever the local method is expected to err more.
+                return ()
             transients = np.zeros(sums.responses)
             for warning in warnings:
                 if warning.code is WarningCode.TRANSIENT and warning.channel is not None:
@@ -232,14 +243,14 @@ class Estimation:
                 other_phases=other_phases,
                 sweeps=not self._layout.periodic and not other_phases,
             )
-        if self._narrower is None:
+        if widths.narrower is None:
             return ()
         return differences_from_narrower(
             spectra,
             solution,
             neighbourhood,
-            narrower=solve_local(self._narrower),
-            share=self._narrower.reach / sums.reach,
+            narrower=solve_local(widths.narrower),
+            share=widths.narrower.model.half_width / half_width,
             bias_order=2 * (sums.model.order // 2) + 2,
         )
 
@@ -307,21 +318,3 @@ def _require_same_length(drive: NDArray[np.float64], response: NDArray[np.float6
         raise ValueError(
             f"{drive.shape[1]} samples were played and {response.shape[1]} measured; a playback gives as many back."
         )
-
-
-def _local_model(kind: EstimatorKind, layout: Layout, *, drives: int, options: EstimatorOptions) -> LocalModel:
-    segments = 0
-    for capture in layout.captures:
-        samples = layout.samples_of(capture)
-        if layout.window is Window.HANN:
-            segments += max(1, round(samples / (options.segment_blocks * layout.block_samples)))
-        else:
-            segments += 1 if layout.periodic else capture.periods
-    choose = local_polynomial_model if kind is EstimatorKind.LOCAL_POLYNOMIAL else local_rational_model
-    return choose(
-        drives=drives,
-        segments=segments,
-        order=options.order,
-        half_width=options.half_width,
-        segment_blocks=options.segment_blocks,
-    )

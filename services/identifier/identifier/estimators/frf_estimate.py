@@ -92,6 +92,8 @@ class FrfEstimate:
         Shape (lines): equivalent averages behind the FRF at each line, see the covariance above.
     kind
         The estimator.
+    half_width
+        Shape (lines): lines to either side that a local method fitted; 0 where it took H1. None of other estimators.
     warnings
         What is suspicious.
     """
@@ -109,6 +111,7 @@ class FrfEstimate:
     degrees_of_freedom: NDArray[np.float64]
     averages: NDArray[np.float64]
     kind: EstimatorKind = EstimatorKind.H1
+    half_width: NDArray[np.int64] | None = None
     warnings: tuple[ModelWarning, ...] = field(default=())
 
     @property

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from identifier.estimators.segments import Segments
 from identifier.layout import Layout
 
+DEFAULT_ORDER = 2
+
 _LINES_TOGETHER = 32
 
 
@@ -21,7 +23,8 @@ _LINES_TOGETHER = 32
 class LocalModel:
     """Which lines and which polynomials a local method takes.
 
-    `order`: Of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method.
+    `order`: Of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method (LPM); as
+    `order` for the local rational one (LRM): a common denominator for each response follows sharp resonances.
     `half_width`: Lines of a segment to either side; of a capture of P periods, P times as many. `segment_blocks`:
     Blocks in a segment of noise: more resolve a resonance more finely.
     """

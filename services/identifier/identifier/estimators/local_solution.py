@@ -22,15 +22,15 @@ class LocalSolution:
     `frf`: Complex, shape (excited lines, responses, drives). `residual_psd`: Shape (excited lines, responses), density
     of what is not explained, without the bias of the fit. `explained`: Share of each response's power that the fit
     explains, without what it explains of any noise, shape (excited lines, responses), 0 to 1. `drive_weight`: Shape
-    (excited lines, drives): variance of an FRF element over the residual density, by drive. `degrees_of_freedom`:
-    Complex, of the residual, greater than 0.
+    (excited lines, drives): variance of an FRF element over the residual density, by drive. `degrees_of_freedom`: Shape
+    (excited lines): complex, of the residual, greater than 0.
     """
 
     frf: NDArray[np.complex128]
     residual_psd: NDArray[np.float64]
     explained: NDArray[np.float64]
     drive_weight: NDArray[np.float64]
-    degrees_of_freedom: int
+    degrees_of_freedom: NDArray[np.float64]
 
 
 def solve_local(sums: LocalSums) -> LocalSolution:
@@ -66,7 +66,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
         # The unknowns explain their share of any noise.
         explained=np.clip(1.0 - unexplained / total * (sums.equations / freedom), 0.0, 1.0),
         drive_weight=np.sum(np.abs(inverse) ** 2, axis=2) / size[:, :n_u] ** 2,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=np.full(sums.lines.size, float(freedom)),
     )
 
 

@@ -14,7 +14,6 @@ from identifier.estimators.averaged_spectra import AveragedSpectra
 from identifier.estimators.condition import unit_diagonal
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
 from identifier.estimators.h1 import h1
-from identifier.estimators.local_polynomial import DEFAULT_HALF_WIDTH
 from identifier.estimators.local_regression import LocalSums
 from identifier.estimators.local_solution import LocalSolution
 
@@ -33,6 +32,9 @@ _SECOND_DIFFERENCE = 6.0
 """Power of the second difference of independent values over their own."""
 
 _FEWEST_LINES = 3
+
+_FEWEST_NEIGHBOURS = 16
+"""Lines to either side over which the median of what changes from line to line is taken, at least."""
 
 _LEFT_OUT = 0.05
 """Share of the difference below the band that a warning names, and above it."""
@@ -97,9 +99,9 @@ def differences_from_h1(
         explained = np.einsum("fij,fij->fi", unsmoothed, s_yu.conj()).real
         chance = drives / freedom * np.maximum(auto_y - explained, 0.0)
     if freedom <= 0.0 or not other_phases:
-        chance = np.maximum(chance, _jaggedness(unsmoothed, s_uu, neighbourhood.half_width))
+        chance = np.maximum(chance, jaggedness(unsmoothed, s_uu, neighbourhood.half_width))
     return _warnings(
-        _power(difference, s_uu),
+        predicted_power(difference, s_uu),
         chance,
         auto_y,
         frequency=spectra.frequency[lines],
@@ -117,18 +119,21 @@ def differences_from_narrower(
     neighbourhood: Neighbourhood,
     *,
     narrower: LocalSolution,
-    share: float,
+    share: NDArray[np.float64],
     bias_order: int,
 ) -> tuple[ModelWarning, ...]:
-    """Compare a local estimate with one over fewer lines; name the responses where they disagree."""
+    """Compare a local estimate with one over fewer lines; name the responses where they disagree.
+
+    `share`: Shape (excited lines): width of the narrower neighbourhood over that of `solution`, below 1.
+    """
     lines = np.flatnonzero(spectra.lines)
     s_uu, auto_y = spectra.s_uu[lines], spectra.auto_y[lines]
     # Least squares over more lines is the better one of two estimates: their difference varies by what it is better.
     weight = np.maximum(narrower.drive_weight - solution.drive_weight, 0.0)
     chance = np.sum(np.einsum("fjj->fj", s_uu).real * weight, axis=1)[:, None] * narrower.residual_psd
-    remaining = (1.0 - share**bias_order) ** 2
+    remaining = ((1.0 - share**bias_order) ** 2)[:, None]
     return _warnings(
-        _power(solution.frf - narrower.frf, s_uu) / remaining,
+        predicted_power(solution.frf - narrower.frf, s_uu) / remaining,
         chance / remaining,
         auto_y,
         frequency=spectra.frequency[lines],
@@ -139,12 +144,12 @@ def differences_from_narrower(
     )
 
 
-def _power(difference: NDArray[np.complex128], s_uu: NDArray[np.complex128]) -> NDArray[np.float64]:
+def predicted_power(difference: NDArray[np.complex128], s_uu: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Density of what an FRF, shape (lines, responses, drives), makes of the drives, shape (lines, responses)."""
     return np.einsum("fij,fjk,fik->fi", difference, s_uu, difference.conj(), optimize=True).real
 
 
-def _jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_width: int) -> NDArray[np.float64]:
+def jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_width: int) -> NDArray[np.float64]:
     """Power of what is independent from line to line, shape (lines, responses): neither bends nor a few narrow modes.
 
     Second differences take away what bends slowly, their median over the neighbourhood what stands at few lines.
@@ -152,8 +157,8 @@ def _jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_
     if frf.shape[0] < _FEWEST_LINES:
         return np.zeros(frf.shape[:2])
     bend = np.diff(frf, n=2, axis=0)
-    power = _power(np.concatenate([bend[:1], bend, bend[-1:]]), s_uu) / _SECOND_DIFFERENCE
-    return median_filter(power, size=(2 * max(half_width, DEFAULT_HALF_WIDTH) + 1, 1), mode="nearest")
+    power = predicted_power(np.concatenate([bend[:1], bend, bend[-1:]]), s_uu) / _SECOND_DIFFERENCE
+    return median_filter(power, size=(2 * max(half_width, _FEWEST_NEIGHBOURS) + 1, 1), mode="nearest")
 
 
 def _or_narrower(neighbourhood: Neighbourhood) -> str:
