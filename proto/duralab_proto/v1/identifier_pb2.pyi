@@ -38,6 +38,7 @@ class ModelWarningCode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MODEL_WARNING_CODE_SMOOTHED: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_STUCK: _ClassVar[ModelWarningCode]
     MODEL_WARNING_CODE_STATIC_GAIN: _ClassVar[ModelWarningCode]
+    MODEL_WARNING_CODE_LEVEL: _ClassVar[ModelWarningCode]
 EXCITATION_KIND_UNSPECIFIED: ExcitationKind
 EXCITATION_KIND_PURE_RANDOM: ExcitationKind
 EXCITATION_KIND_BURST_RANDOM: ExcitationKind
@@ -60,6 +61,7 @@ MODEL_WARNING_CODE_FEW_AVERAGES: ModelWarningCode
 MODEL_WARNING_CODE_SMOOTHED: ModelWarningCode
 MODEL_WARNING_CODE_STUCK: ModelWarningCode
 MODEL_WARNING_CODE_STATIC_GAIN: ModelWarningCode
+MODEL_WARNING_CODE_LEVEL: ModelWarningCode
 
 class WhitePinkSpectrum(_message.Message):
     __slots__ = ("lowest_frequency", "highest_frequency", "corner_frequency", "decibels_per_octave")
@@ -246,7 +248,7 @@ class AdviceRequest(_message.Message):
     def __init__(self, model_id: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., crest_factor: _Optional[float] = ...) -> None: ...
 
 class LevelAdvice(_message.Message):
-    __slots__ = ("rms", "wanted_rms", "largest_rms", "identified_rms", "response_ratio", "sentences", "identification_damage", "one_pass_factor")
+    __slots__ = ("rms", "wanted_rms", "largest_rms", "identified_rms", "response_ratio", "sentences", "identification_damage", "one_pass_factor", "linear_rms")
     RMS_FIELD_NUMBER: _ClassVar[int]
     WANTED_RMS_FIELD_NUMBER: _ClassVar[int]
     LARGEST_RMS_FIELD_NUMBER: _ClassVar[int]
@@ -255,6 +257,7 @@ class LevelAdvice(_message.Message):
     SENTENCES_FIELD_NUMBER: _ClassVar[int]
     IDENTIFICATION_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     ONE_PASS_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    LINEAR_RMS_FIELD_NUMBER: _ClassVar[int]
     rms: _array_pb2.Array
     wanted_rms: _array_pb2.Array
     largest_rms: _array_pb2.Array
@@ -263,7 +266,8 @@ class LevelAdvice(_message.Message):
     sentences: _containers.RepeatedScalarFieldContainer[str]
     identification_damage: _array_pb2.Array
     one_pass_factor: float
-    def __init__(self, rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., wanted_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., largest_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., identified_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_ratio: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., sentences: _Optional[_Iterable[str]] = ..., identification_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., one_pass_factor: _Optional[float] = ...) -> None: ...
+    linear_rms: _array_pb2.Array
+    def __init__(self, rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., wanted_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., largest_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., identified_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_ratio: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., sentences: _Optional[_Iterable[str]] = ..., identification_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., one_pass_factor: _Optional[float] = ..., linear_rms: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class PredictRequest(_message.Message):
     __slots__ = ("drive",)

@@ -12,8 +12,10 @@ from duralab_settings import SettingsError
 from identifier.modelling import IdentifiedModel
 from identifier.uncertainty import (
     CREST_FACTOR,
+    LevelCheck,
     ValidBand,
     advise_levels,
+    check_level,
     damage_at_levels,
     difference_sentences,
     model_difference,
@@ -126,22 +128,31 @@ def advise(
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
     band = _band(model, request.lowest_frequency, request.highest_frequency)
+    crest_factor = request.crest_factor or CREST_FACTOR
+    spacing = model.frequency[1] - model.frequency[0]
+    identified = np.sqrt(np.sum(model.drive_psd[band.lines], axis=0) * spacing)
+    linear = identified * _level_check(model, band).largest_factor
     advice = advise_levels(
         target,
         model.frf,
         band=band,
-        room=room,
-        crest_factor=request.crest_factor or CREST_FACTOR,
+        room=np.minimum(room, crest_factor * linear),
+        crest_factor=crest_factor,
         laid=model.interpolated,
     )
-    spacing = model.frequency[1] - model.frequency[0]
-    identified = np.sqrt(np.sum(model.drive_psd[band.lines], axis=0) * spacing)
+    largest = room / crest_factor
     sentences = [
         f"Identify {channel.name.replace('_', ' ')} at {rms:.3g} {channel.unit} RMS"
-        + (f", as far as its limit allows; the target needs {wanted:.3g} {channel.unit}" if limited else "")
+        + (f", as far as {bound}; the target needs {wanted:.3g} {channel.unit}" if limited else "")
         + f" (this model: {present:.3g} {channel.unit})."
-        for channel, rms, wanted, limited, present in zip(
-            model.drives, advice.rms, advice.wanted_rms, advice.limited, identified, strict=True
+        for channel, rms, wanted, limited, present, bound in zip(
+            model.drives,
+            advice.rms,
+            advice.wanted_rms,
+            advice.limited,
+            identified,
+            np.where(linear < largest, "this model's distortion allows", "its limit allows"),
+            strict=True,
         )
     ]
     damage, one_pass = None, 0.0
@@ -161,12 +172,27 @@ def advise(
     return identifier_pb2.LevelAdvice(
         rms=to_array(advice.rms),
         wanted_rms=to_array(advice.wanted_rms),
-        largest_rms=to_array(advice.largest_rms),
+        largest_rms=to_array(largest),
         identified_rms=to_array(identified),
         response_ratio=to_array(advice.response_ratio),
         sentences=sentences,
         identification_damage=None if damage is None else to_array(damage),
         one_pass_factor=one_pass,
+        linear_rms=to_array(advice.largest_rms),
+    )
+
+
+def _level_check(model: IdentifiedModel, band: ValidBand) -> LevelCheck:
+    noise = None
+    if model.distortion is not None:
+        noise = _array(model.distortion.noise_psd, field="distortion", shape=model.residual_psd.shape)
+        noise = noise / max(model.plan.periods, 1)
+    return check_level(
+        lines=band.lines & ~model.interpolated,
+        residual_psd=model.residual_psd,
+        response_psd=model.response_psd,
+        random_share=np.einsum("fj,fjj->f", model.drive_psd, model.row_covariance).real,
+        noise_psd=noise,
     )
 
 

@@ -18,8 +18,10 @@ from identifier.uncertainty import (
     DistortionLevels,
     ValidBand,
     can_separate,
+    check_level,
     distortion_shares,
     has_other_phases,
+    level_sentence,
     noise_shares,
     separate_distortion,
     separated_verdicts,
@@ -125,7 +127,10 @@ def model_of(
             signal_epoch=played.epoch,
             signal_blocks=played.blocks,
             plan=plan_message(settings, rig=rig, band=band),
-            warnings=tuple(_warning(warning, rig) for warning in warnings),
+            warnings=(
+                *(_warning(warning, rig) for warning in warnings),
+                *_level_warnings(estimate, rig=rig, levels=levels),
+            ),
             static_gain=None if static is None else static.gain,
             verdicts=verdicts,
             distortion=None if levels is None else _distortion(levels),
@@ -156,6 +161,38 @@ def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWa
         highest_frequency=highest,
         sentence=with_names(warning.sentence, rig),
     )
+
+
+def _level_warnings(
+    estimate: FrfEstimate, *, rig: RigUnderTest, levels: DistortionLevels | None
+) -> list[identifier_pb2.ModelWarning]:
+    """Warn where the level ruined the model; an experiment without degrees of freedom does not show it."""
+    drives = len(rig.drives)
+    held = estimate.valid & (estimate.degrees_of_freedom > 0.0)
+    if not held.any():
+        return []
+    check = check_level(
+        lines=held,
+        residual_psd=estimate.unexplained_psd,
+        response_psd=estimate.response_psd,
+        random_share=drives / np.where(held, estimate.averages, 1.0),
+        noise_psd=None if levels is None else levels.noise_psd / levels.periods,
+    )
+    if not check.ruined.any():
+        return []
+    spacing = estimate.frequency[1] - estimate.frequency[0]
+    sentence = level_sentence(
+        check,
+        drive_rms=np.sqrt(np.sum(estimate.drive_psd[held], axis=0) * spacing),
+        room=np.array([0.5 * (channel.maximum - channel.minimum) for channel in rig.drives]),
+    )
+    return [
+        identifier_pb2.ModelWarning(
+            code=identifier_pb2.MODEL_WARNING_CODE_LEVEL,
+            channel=rig.responses[int(np.argmax(check.miss))].name,
+            sentence=with_names(sentence, rig),
+        )
+    ]
 
 
 def _distortion(levels: DistortionLevels) -> identifier_pb2.Distortion:
