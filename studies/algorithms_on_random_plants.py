@@ -29,17 +29,19 @@ class Algorithm:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: plants, playbacks, length of the targets in seconds."""
+    """How much is played: plants, playbacks, length of the targets in seconds, seeds of other plants."""
 
     plants: int
     playbacks: int
     seconds: float
+    other_seeds: tuple[int, ...]
 
 
-FULL: Final = Extent(plants=56, playbacks=10, seconds=16.0)
-QUICK: Final = Extent(plants=2, playbacks=3, seconds=5.0)
+FULL: Final = Extent(plants=56, playbacks=10, seconds=16.0, other_seeds=(1001, 2002, 3003, 4004))
+QUICK: Final = Extent(plants=2, playbacks=3, seconds=5.0, other_seeds=(1001,))
 PLANT_SEED: Final = 1
 NOISE_SEED: Final = 2
+FORCED_SEED: Final = 7
 #: Playbacks after which the table tells the median.
 TOLD: Final = (3, 5, 7, 10)
 #: An end above this multiple of the best playback counts as run away.
@@ -86,6 +88,14 @@ ALGORITHMS: Final = (
 )
 
 
+_SECANT: Final = ALGORITHMS[0].settings
+#: The secant update with its nonlinear terms, and as a linear update.
+VARIANTS: Final = {
+    "nonlinear terms": _SECANT,
+    "no terms": _SECANT.without_terms,
+}
+
+
 def measure(bench: Bench, algorithm: Algorithm, extent: Extent) -> NDArray[np.float64]:
     """Return the relative RMS error over all channels, shape (plants, playbacks)."""
     return errors_of(bench, algorithm.settings, playbacks=extent.playbacks, seed=NOISE_SEED)
@@ -95,10 +105,41 @@ def study(quick: bool) -> Findings:
     """Measure, draw and tabulate."""
     extent = QUICK if quick else FULL
     bench = make_bench(extent.plants, samples=round(extent.seconds * SAMPLE_RATE), seed=PLANT_SEED)
-    return findings([measure(bench, algorithm, extent) for algorithm in ALGORITHMS], extent)
+    errors = [measure(bench, algorithm, extent) for algorithm in ALGORITHMS]
+    return findings(errors, terms_table(extent), extent)
 
 
-def findings(errors: list[NDArray[np.float64]], extent: Extent) -> Findings:
+def terms_table(extent: Extent) -> str:
+    """Tabulate what nonlinear terms do on other rigs of the same kind, and on rigs driven by force."""
+    rows: list[list[str]] = []
+    benches = [(f"seed {seed}", seed, False) for seed in extent.other_seeds]
+    for name, seed, forced in (*benches, ("driven by force", FORCED_SEED, True)):
+        bench = make_bench(extent.plants, samples=round(extent.seconds * SAMPLE_RATE), seed=seed, forced=forced)
+        for variant, settings in VARIANTS.items():
+            error = errors_of(bench, settings, playbacks=extent.playbacks, seed=NOISE_SEED)
+            rows.append([f"{name}, {variant}", *told_of(error)])
+    return markdown_table(["rigs, secant update with", *head_of(extent), "worst"], rows)
+
+
+def head_of(extent: Extent) -> list[str]:
+    """Return the heads of the columns that `told_of` fills."""
+    told = [number for number in TOLD if number <= extent.playbacks]
+    return [*(f"after {number}" for number in told), f"p90 after {told[-1]}", "ends above 1.1 times its best"]
+
+
+def told_of(error: NDArray[np.float64]) -> list[str]:
+    """Return medians, 90th percentile, ends that ran away and the worst end of one algorithm's errors."""
+    told = [number for number in TOLD if number <= error.shape[1]]
+    last = error[:, told[-1] - 1]
+    return [
+        *(percent(float(np.median(error[:, number - 1]))) for number in told),
+        percent(float(np.quantile(last, 0.9))),
+        f"{np.count_nonzero(error[:, -1] > RUN_AWAY * error.min(axis=1))} of {len(error)}",
+        percent(float(last.max())),
+    ]
+
+
+def findings(errors: list[NDArray[np.float64]], terms: str, extent: Extent) -> Findings:
     """Draw and tabulate what was measured, in the order of the algorithms."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained", sharey=True)
     playback = np.arange(1, extent.playbacks + 1)
@@ -108,23 +149,9 @@ def findings(errors: list[NDArray[np.float64]], extent: Extent) -> Findings:
             place.semilogy(playback, spread, "o-", ms=3.5, color=algorithm.colour, label=algorithm.name)
         label(place, f"{extent.plants} plants, {title}", across="playback", up="relative RMS error, all channels")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    told = [number for number in TOLD if number <= extent.playbacks]
-    head = [
-        "algorithm",
-        *(f"after {number}" for number in told),
-        f"p90 after {told[-1]}",
-        "ends above 1.1 times its best",
-    ]
-    rows = [
-        [
-            algorithm.name,
-            *(percent(float(np.median(error[:, number - 1]))) for number in told),
-            percent(float(np.quantile(error[:, told[-1] - 1], 0.9))),
-            f"{np.count_nonzero(error[:, -1] > RUN_AWAY * error.min(axis=1))} of {len(error)}",
-        ]
-        for algorithm, error in zip(ALGORITHMS, errors, strict=True)
-    ]
-    return Findings(figure, markdown_table(head, rows))
+    rows = [[algorithm.name, *told_of(error)] for algorithm, error in zip(ALGORITHMS, errors, strict=True)]
+    table = markdown_table(["algorithm", *head_of(extent), "worst"], rows)
+    return Findings(figure, f"{table}\n\n{terms}")
 
 
 if __name__ == "__main__":

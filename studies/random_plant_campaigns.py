@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -15,6 +16,7 @@ from random_plants import (
     another_vehicle,
     draw_plants,
     play,
+    play_forces,
     road_motion,
 )
 from scipy.signal import butter, sosfilt
@@ -35,6 +37,11 @@ BAND: Final = control_band(2.0, 30.0, sample_rate=SAMPLE_RATE)
 _EXPERIMENTS: Final = 12
 _CAPTURED: Final = 2
 _IDENTIFIED: Final = (0.5, 34.0)
+#: RMS of the motion that a target comes from, over the typical deflection: of rigs driven by strokes and by forces.
+_MOTION, _FORCED_MOTION = 1.6, 0.8
+
+PlayPlants = Callable[[Plants, NDArray[np.float64]], NDArray[np.float64]]
+"""Plays drives on plants: `play`, or `play_forces`."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +80,20 @@ class Bench:
         As identified.
     conditions : Conditions
         Of identification and playbacks.
+    play : callable
+        What the plants make of drives.
     """
 
     plants: Plants
     targets: NDArray[np.float64]
     models: tuple[RigModel, ...]
     conditions: Conditions
+    play: PlayPlants = play
 
 
-def make_bench(count: int, *, samples: int, seed: int, conditions: Conditions = Conditions()) -> Bench:
+def make_bench(
+    count: int, *, samples: int, seed: int, conditions: Conditions = Conditions(), forced: bool = False
+) -> Bench:
     """Draw plants and roads, measure the predecessors on them, identify the rigs.
 
     Parameters
@@ -94,6 +106,8 @@ def make_bench(count: int, *, samples: int, seed: int, conditions: Conditions = 
         Of everything.
     conditions : Conditions, optional
         The same plants and roads whatever they are.
+    forced : bool, optional
+        Whether forces drive masses on springs that stiffen, in place of strokes that drive suspensions.
 
     Returns
     -------
@@ -104,25 +118,33 @@ def make_bench(count: int, *, samples: int, seed: int, conditions: Conditions = 
     plants = draw_plants(count, rng=rng)
     passed = butter(2, 0.8, "high", fs=SAMPLE_RATE, output="sos")
     motion = np.stack([sosfilt(passed, road_motion(samples=samples, seed=seed + i), axis=1) for i in range(count)])
-    motion *= 1.6 * REFERENCE_DEFLECTION[:, None] / np.sqrt(np.mean(motion**2, axis=2, keepdims=True))
+    level = (_FORCED_MOTION if forced else _MOTION) * REFERENCE_DEFLECTION[:, None]
+    motion *= level / np.sqrt(np.mean(motion**2, axis=2, keepdims=True))
     rest = np.clip(np.minimum(np.arange(samples), np.arange(samples)[::-1]) / SAMPLE_RATE, 0.0, 1.0)
     motion *= rest
-    targets = play(another_vehicle(plants, rng=rng), motion)
+    played = play_forces if forced else play
+    targets = played(another_vehicle(plants, rng=rng), motion)
     speed = np.sqrt(np.mean(np.diff(motion, axis=2) ** 2, axis=2)).T * SAMPLE_RATE
     plants = replace(plants, valve_speed=rng.uniform(4.0, 8.0, speed.shape) * speed)
     return Bench(
         plants=plants,
         targets=np.stack([BAND.limit_target(target) for target in targets]),
-        models=_identified(plants, targets, conditions=conditions, rng=rng),
+        models=_identified(plants, targets, played=played, conditions=conditions, rng=rng),
         conditions=conditions,
+        play=played,
     )
 
 
 def measured(
-    plants: Plants, drive: NDArray[np.float64], *, noise: NDArray[np.float64], rng: np.random.Generator
+    plants: Plants,
+    drive: NDArray[np.float64],
+    *,
+    played: PlayPlants,
+    noise: NDArray[np.float64],
+    rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Play and add the sensors' noise of the given RMS, shape (plants, n_y)."""
-    return play(plants, drive) + noise[:, :, None] * rng.standard_normal(drive.shape)
+    return played(plants, drive) + noise[:, :, None] * rng.standard_normal(drive.shape)
 
 
 def softened(plants: Plants, share: float) -> Plants:
@@ -152,7 +174,7 @@ def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: i
             models[i] = step.model
             drives.append(step.drive)
         plants = softened(bench.plants, (1.0 - bench.conditions.softening) ** number)
-        responses = measured(plants, np.stack(drives), noise=noise, rng=rng)
+        responses = measured(plants, np.stack(drives), played=bench.play, noise=noise, rng=rng)
         for i in range(count):
             response = BAND.limit_response(responses[i])
             errors[i, number] = overall_relative_rms_error(bench.targets[i], response)
@@ -161,7 +183,12 @@ def errors_of(bench: Bench, settings: UpdateSettings, *, playbacks: int, seed: i
 
 
 def _identified(
-    plants: Plants, targets: NDArray[np.float64], *, conditions: Conditions, rng: np.random.Generator
+    plants: Plants,
+    targets: NDArray[np.float64],
+    *,
+    played: PlayPlants,
+    conditions: Conditions,
+    rng: np.random.Generator,
 ) -> tuple[RigModel, ...]:
     """H1 from softly played random-phase multisines, one block to settle and the others to average."""
     count, samples = targets.shape[0], conditions.block_samples
@@ -175,10 +202,10 @@ def _identified(
     for _ in range(_EXPERIMENTS):
         phase = rng.uniform(0.0, 2.0 * np.pi, (count, CHANNELS, frequency.size))
         block = np.fft.irfft(level * np.exp(1j * phase), n=samples, axis=2)
-        wanted = conditions.level * 1.6 * REFERENCE_DEFLECTION[:, None]
+        wanted = conditions.level * _MOTION * REFERENCE_DEFLECTION[:, None]
         block *= wanted / np.sqrt(np.mean(block**2, axis=2, keepdims=True))
         drive = np.tile(block, (1, 1, 1 + _CAPTURED))
-        response = measured(plants, drive, noise=conditions.noise * scale, rng=rng)
+        response = measured(plants, drive, played=played, noise=conditions.noise * scale, rng=rng)
         for k in range(1, 1 + _CAPTURED):
             piece = slice(k * samples, (k + 1) * samples)
             u, y = (np.fft.rfft(x[:, :, piece], axis=2).transpose(0, 2, 1) for x in (drive, response))

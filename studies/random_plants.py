@@ -19,6 +19,11 @@ _MASS: Final = np.tile([45.0, 45.0, 45.0], 2)
 _SUSPENSION: Final = np.tile([3.0e4, 3.0e5, 1.5e5], 2)
 _INTERFACE: Final = np.tile([2.5e5, 6.0e5, 5.0e5], 2)
 _DAMPING_RATIO: Final = np.tile([0.6, 0.18, 0.18], 2)
+#: Of plants driven by force: damping, and how much more their springs stiffen than those of rigs driven by strokes; one
+#: way, with the deflection, and both ways, with its square.
+_FORCED_DAMPING_RATIO: Final = 0.15
+_STIFFENING_ONE_WAY: Final = 50.0
+_STIFFENING_BOTH_WAYS: Final = 27.0
 #: Speed of the road vehicle, m/s.
 _SPEED: Final = 15.0
 
@@ -130,6 +135,35 @@ def play(plants: Plants, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         forces[sample] = force
         before = wanted[sample]
     return np.ascontiguousarray(forces.transpose(2, 1, 0))
+
+
+def play_forces(plants: Plants, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the accelerations, shape (plants, channels, samples), of masses on springs that forces drive, from rest.
+
+    A drive of shape (plants, channels, samples) is the force over the spring's stiffness, m. There is no friction and
+    no valve; springs stiffen one way and, less, both ways, so that the response is no polynomial of the drive.
+    """
+    step = 1.0 / (SAMPLE_RATE * SUBSTEPS)
+    wanted = np.ascontiguousarray(drive.transpose(2, 1, 0))
+    accelerations = np.empty_like(wanted)
+    position, speed, before = (np.zeros(wanted.shape[1:]) for _ in range(3))
+    damping = 2.0 * _FORCED_DAMPING_RATIO * np.sqrt(plants.mass * plants.stiffness)
+    deflection = REFERENCE_DEFLECTION[:, None]
+    progression = plants.progression * deflection**2
+    for sample in range(wanted.shape[0]):
+        increment, command = (wanted[sample] - before) / SUBSTEPS, before
+        for _ in range(SUBSTEPS):
+            command = command + increment
+            ratio = position / deflection
+            stiffening = progression * ratio * (_STIFFENING_ONE_WAY + _STIFFENING_BOTH_WAYS * ratio)
+            held = plants.stiffness * position * (1.0 + stiffening) + damping * speed
+            held += np.matmul(plants.coupling, position.T[:, :, None])[:, :, 0].T
+            acceleration = (plants.stiffness * command - held) / plants.mass
+            speed = speed + step * acceleration
+            position = position + step * speed
+            accelerations[sample] = acceleration
+        before = wanted[sample]
+    return np.ascontiguousarray(accelerations.transpose(2, 1, 0))
 
 
 def road_motion(*, samples: int, seed: int) -> NDArray[np.float64]:

@@ -50,6 +50,8 @@ def test_secant_update_is_told_with_schedule_curve_and_acceptance(specification)
         "secant update, forgetting 0.7, prior strength 1, caution 1, regularisation 1e-05, gain 1"
         in (told(specification)["Update"])
     )
+    update.secant.odd_terms = True
+    assert "regularisation 1e-05, odd terms, gain 1" in told(specification)["Update"]
 
 
 def test_gains_are_told_by_channel_where_they_differ(specification):

@@ -72,6 +72,7 @@ def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:
             f"prior strength {secant.prior_strength:g}",
             f"caution {secant.caution:g}",
             f"regularisation {secant.regularisation:g}",
+            *(["odd terms"] if secant.odd_terms else []),
         ]
     return []
 

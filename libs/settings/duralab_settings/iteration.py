@@ -82,6 +82,11 @@ class SecantSettings(Section):
     prior_strength: float = Field(default=1.0, ge=1e-6, le=1e6, description="Weight of the identified model.")
     caution: float = Field(default=1.0, ge=0, le=1e6, description="Share of the model's uncertainty that is minded.")
     regularisation: float = Field(default=1e-5, ge=0, le=1e6, description="Of the inverse, relative to the model.")
+    odd_terms: bool = Field(
+        default=True,
+        description="Learn what cubes and signed squares of the drives do, and use them while they foresee the "
+        "playbacks better than the drives alone.",
+    )
 
 
 class DriveMapSettings(Section):

@@ -88,16 +88,18 @@ OUTCOME_RESPONSE_STOOD_STILL: Outcome
 OUTCOME_BOUND_PASSED: Outcome
 
 class SecantSettings(_message.Message):
-    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation")
+    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms")
     FORGETTING_FIELD_NUMBER: _ClassVar[int]
     PRIOR_STRENGTH_FIELD_NUMBER: _ClassVar[int]
     CAUTION_FIELD_NUMBER: _ClassVar[int]
     REGULARISATION_FIELD_NUMBER: _ClassVar[int]
+    ODD_TERMS_FIELD_NUMBER: _ClassVar[int]
     forgetting: float
     prior_strength: float
     caution: float
     regularisation: float
-    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ...) -> None: ...
+    odd_terms: bool
+    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ..., odd_terms: _Optional[bool] = ...) -> None: ...
 
 class DriveMapSettings(_message.Message):
     __slots__ = ("learn",)

@@ -61,8 +61,8 @@ from iterator.updates import (
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
 
-# Share of the time that the last drive stood at a limit, above which its squares are not reckoned with: a drive that
-# is cut off does not do what its square foresees. With 85 % of the stroke that a target needs it is 0.6 to 1 %.
+# Share of the time that the last drive stood at a limit, above which its nonlinear terms are not used: a drive that is
+# cut off does not do what its square foresees. With 85 % of the stroke that a target needs it is 0.6 to 1 %.
 _MOST_HELD: Final = 0.002
 
 
@@ -289,7 +289,7 @@ def iterate(
     while outcome is None:
         number, projection = len(metrics) + 1, None
         level = level_of(number, settings.levels)
-        how = own_settings.model_copy(update={"squares": False}) if held else own_settings
+        how = own_settings.without_terms if held else own_settings
         step = make_step(comparable_history(history, settings.levels), model, how)
         model = step.model
         if number <= len(recorded):

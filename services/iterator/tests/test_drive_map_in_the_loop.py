@@ -26,6 +26,7 @@ from iterator import (
     predict,
     rig_model,
 )
+from iterator.model import DriveTerm
 
 from .arc_rig import BAND, IDENTIFIED, KAPPA, LEVEL, NAMES, UNITS, drive, exact_model, play_arc
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, play
@@ -96,7 +97,8 @@ def test_a_learned_map_and_the_squares_of_the_secant_update_go_together():
         steps = run(play_arc, given, model=learned.model, drive_map=learned.drive_map)
         assert steps[0].metrics.overall_relative_rms_error < 0.02
         assert steps[-1].metrics.overall_relative_rms_error < 1e-3
-        assert (steps[-1].model.square_frf is not None) is squares
+        # What the map leaves is noise to the squares: the gate shuts them out.
+        assert DriveTerm.SQUARE not in steps[-1].model.terms
 
 
 def test_squares_of_mapped_drives_meet_what_the_map_leaves():
@@ -197,7 +199,7 @@ def test_the_limits_of_a_follower_hold_for_what_is_played(quantity):
 def test_squares_are_left_out_while_a_drive_of_the_map_stands_at_its_limits():
     limits = limits_of((0.6 * np.abs(WANTED[0]).max(), 1.0))
     steps = run(play_arc, settings(accept_segments=True), limits=limits, drive_map=ARC)
-    assert all(step.model.square_frf is None for step in steps[1:])
+    assert all(step.model.terms == () for step in steps[1:])
 
 
 def test_a_first_drive_far_beyond_a_limit_is_refused_before_it_is_played():

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from iterator.model.interpolated_product import interpolated_product
+from iterator.model import InterpolatedMatrix
 
 
 def test_each_line_is_multiplied_with_the_matrix_that_a_spline_lays_there():
@@ -13,7 +13,7 @@ def test_each_line_is_multiplied_with_the_matrix_that_a_spline_lays_there():
     at = at[(at < known[8]) | (at > known[10])]
     spectrum = rng.standard_normal((2, at.size)) + 1j * rng.standard_normal((2, at.size))
     wider = np.zeros((3, at.size + 7), dtype=np.complex128)
-    interpolated_product(known, matrix, at=at, spectrum=spectrum, out=wider[:, 4:-3])
+    InterpolatedMatrix(known, matrix, at=at).times(spectrum, out=wider[:, 4:-3])
     expected = np.einsum("fij,jf->if", CubicSpline(known, matrix, axis=0)(at), spectrum)
     np.testing.assert_allclose(wider[:, 4:-3], expected, rtol=0.0, atol=1e-12 * np.max(np.abs(expected)))
     assert not wider[:, :4].any()

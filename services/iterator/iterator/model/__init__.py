@@ -1,17 +1,24 @@
 """The rig's model in the frequency domain: its inverse, both applied to records, and the playbacks that bend it."""
 
 from iterator.model.applied_model import apply_inverse, drive_without, predict, stepped_drive
+from iterator.model.drive_terms import ODD_TERMS, DriveTerm
 from iterator.model.history import IterationHistory, Playback
-from iterator.model.inversion import cautious_inverse, checked_response_weight
+from iterator.model.interpolated_product import InterpolatedMatrix
+from iterator.model.inversion import cautious_inverse, checked_response_weight, gram_and_ridge
 from iterator.model.rig import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
-from iterator.model.step_spectra import StepBlocks, StepSpectra, averaged_steps, seen_steps
+from iterator.model.step_spectra import ForeseenStep, SeenStep, StepBlocks, StepSpectra, averaged_steps, seen_steps
 
 __all__ = [
     "FEWEST_LINES",
+    "ODD_TERMS",
+    "DriveTerm",
+    "ForeseenStep",
+    "InterpolatedMatrix",
     "IterationHistory",
     "ModelUncertainty",
     "Playback",
     "RigModel",
+    "SeenStep",
     "StepBlocks",
     "StepSpectra",
     "apply_inverse",
@@ -20,6 +27,7 @@ __all__ = [
     "checked_response_weight",
     "drive_without",
     "driven_lines",
+    "gram_and_ridge",
     "predict",
     "rig_model",
     "seen_steps",

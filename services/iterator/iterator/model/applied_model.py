@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duralab_spectra import as_record
 from iterator.band import ControlBand
-from iterator.model.interpolated_product import interpolated_product
+from iterator.model.interpolated_product import InterpolatedMatrix
 from iterator.model.rig import RigModel
 
 # Two sample rates that differ by less are the same one, rounded.
@@ -161,8 +161,7 @@ def _apply(
     for row, samples_of_row in enumerate(record):
         np.subtract(samples_of_row, 0.0 if without is None else without[row], out=missing)
         transform.lines(missing, weight=mask, out=spectrum[row])
-    made = np.empty((matrix.shape[1], at.size), dtype=np.complex128)
-    interpolated_product(known, matrix[model.identified], at=at, spectrum=spectrum, out=made)
+    made = InterpolatedMatrix(known, matrix[model.identified], at=at).times(spectrum)
     result = np.empty((matrix.shape[1], count))
     for row in range(made.shape[0]):
         transform.samples(made[row], out=result[row])

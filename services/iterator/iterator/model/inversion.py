@@ -91,13 +91,10 @@ def cautious_inverse(
     """
     if not 0.0 <= regularisation < np.inf:
         raise ValueError(f"The regularisation is {regularisation:g}; it must be finite and 0 or more.")
-    n_u = frf.shape[2]
     scaled = frf * response_weight[:, None] * drive_scale
-    adjoint = np.ascontiguousarray(scaled.conj().transpose(0, 2, 1))
-    gram = np.matmul(adjoint, scaled)
-    typical = float(np.median(np.einsum("fii->f", gram).real)) / n_u
+    gram, ridge = gram_and_ridge(scaled, regularisation=regularisation)
     try:
-        inverse = np.linalg.solve(gram + uncertainty + regularisation * typical * np.eye(n_u), adjoint)
+        inverse = np.linalg.solve(gram + uncertainty + ridge, np.ascontiguousarray(scaled.conj().transpose(0, 2, 1)))
     except np.linalg.LinAlgError as error:
         raise ValueError(
             "The FRF is singular at a line and the regularisation is too small for it; raise it or narrow the band."
@@ -109,3 +106,13 @@ def cautious_inverse(
             "proportion to it; look at the identification."
         )
     return unscaled
+
+
+def gram_and_ridge(
+    scaled: NDArray[np.complex128], *, regularisation: float
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return `HᴴH` at each line and the ridge `ρ s̄ I` that regularises it, of an FRF in scaled units."""
+    n_u = scaled.shape[2]
+    gram = np.matmul(np.ascontiguousarray(scaled.conj().transpose(0, 2, 1)), scaled)
+    typical = float(np.median(np.einsum("fii->f", gram).real)) / n_u
+    return gram, regularisation * typical * np.eye(n_u)

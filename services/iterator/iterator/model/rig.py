@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from duralab_spectra import as_frf, band_mask
 from iterator.band import ControlBand
+from iterator.model.drive_terms import DriveTerm
 from iterator.model.inversion import cautious_inverse, weighted_inverse
-from iterator.model.step_spectra import SeenStep
+from iterator.model.step_spectra import ForeseenStep, SeenStep
 
 FEWEST_LINES: Final = 4
 """Lines that the identified band must hold: a cubic is laid through them."""
@@ -55,8 +56,13 @@ class RigModel:
         `H_0`, where an update bent `frf` away from it.
     seen_steps : tuple of SeenStep
         Of which an update bent it: the next one need not form their spectra again.
-    square_frf : ndarray, shape (lines, n_y, n_u), optional
-        What the squares of the drives add to the responses, response unit per drive unit², where an update learned it.
+    terms : tuple of DriveTerm
+        Nonlinear terms of the drives that an update learned.
+    term_frf : ndarray, shape (lines, n_y, terms n_u), optional
+        What they add to the responses, term after term, response unit per drive unit to the power of 2 or 3; None
+        where there are no terms.
+    foreseen_steps : tuple of ForeseenStep
+        How well the models before each of the seen steps foresaw it.
     """
 
     frequency: NDArray[np.float64]
@@ -67,7 +73,9 @@ class RigModel:
     uncertainty: ModelUncertainty | None = None
     identified_frf: NDArray[np.complex128] | None = None
     seen_steps: tuple[SeenStep, ...] = ()
-    square_frf: NDArray[np.complex128] | None = None
+    terms: tuple[DriveTerm, ...] = ()
+    term_frf: NDArray[np.complex128] | None = None
+    foreseen_steps: tuple[ForeseenStep, ...] = ()
 
     @property
     def block_samples(self) -> int:

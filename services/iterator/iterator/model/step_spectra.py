@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_spectra import CrossSpectra, count_blocks, hann_periodic, hop_samples, independent_averages, smooth_lines
+from iterator.model.drive_terms import DriveTerm
 from iterator.model.history import IterationHistory, Playback
 
 SMOOTHED_LINES: Final = 5
@@ -19,14 +20,28 @@ SMOOTHED_LINES: Final = 5
 class StepSpectra:
     """Averaged spectra of steps of drive and response, one-sided densities.
 
-    `response_with_drive`, shape (lines, n_y, n_u or 2 n_u): `S̄_ΔyΔu`; behind the drives their squares, where the steps
-    were cut with them. `drive`, shape (lines, n_u or 2 n_u, n_u or 2 n_u): `S̄_ΔuΔu`, likewise. `response`, shape
-    (lines, n_y): Diagonal of `S̄_ΔyΔy`.
+    `response_with_drive`, shape (lines, n_y, inputs): `S̄_ΔyΔu`; the inputs are the drives and behind them, term after
+    term, the nonlinear terms that the steps were cut with. `drive`, shape (lines, inputs, inputs): `S̄_ΔuΔu`, likewise.
+    `response`, shape (lines, n_y): Diagonal of `S̄_ΔyΔy`.
     """
 
     response_with_drive: NDArray[np.complex128]
     drive: NDArray[np.complex128]
     response: NDArray[np.float64]
+
+    def unexplained(self, by: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return what a matrix of all inputs leaves of the responses' energy; 0 where rounding makes it negative."""
+        explained = 2.0 * np.einsum("fij,fij->fi", by.conj(), self.response_with_drive).real
+        modelled = np.einsum("fij,fij->fi", np.matmul(by, self.drive), by.conj()).real
+        return np.maximum(self.response - explained + modelled, 0.0)
+
+    def of_inputs(self, kept: NDArray[np.intp]) -> StepSpectra:
+        """Return the spectra of some of the inputs."""
+        return StepSpectra(
+            np.ascontiguousarray(self.response_with_drive[:, :, kept]),
+            np.ascontiguousarray(self.drive[:, kept[:, None], kept]),
+            self.response,
+        )
 
 
 @dataclass(frozen=True)
@@ -35,8 +50,7 @@ class StepBlocks:
 
     `block_samples`: Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any
     length does. `overlap`: Of the blocks, 0 up to but not including 1. `sample_rate`: Hz. `first`, `last`: Lines
-    between which, and at which, the rig is fitted. `squares`: Whether the squares of the drives are further inputs, see
-    `drive_squares`.
+    between which, and at which, the rig is fitted. `terms`: Nonlinear terms of the drives that are further inputs.
     """
 
     block_samples: int
@@ -44,7 +58,7 @@ class StepBlocks:
     sample_rate: float
     first: int
     last: int
-    squares: bool = False
+    terms: tuple[DriveTerm, ...] = ()
 
     @property
     def around(self) -> slice:
@@ -75,6 +89,19 @@ class SeenStep:
     spectra: StepSpectra
 
 
+@dataclass(frozen=True)
+class ForeseenStep:
+    """A step, and how well models that were fitted to the steps before it foresee it.
+
+    `step`: It. `fitted_with`: Settings and weights of those fits. `left`: Share of the step's energy that each model
+    leaves unexplained; one value for each set of inputs.
+    """
+
+    step: SeenStep
+    fitted_with: object
+    left: tuple[float, ...]
+
+
 def seen_steps(
     history: IterationHistory, blocks: StepBlocks, *, before: tuple[SeenStep, ...] = ()
 ) -> tuple[SeenStep, ...]:
@@ -93,7 +120,7 @@ def seen_steps(
         step = known.get((id(start), id(end)))
         if step is None:
             if padded is None:
-                channels = end.response.shape[0] + end.drive.shape[0] * (2 if blocks.squares else 1)
+                channels = end.response.shape[0] + end.drive.shape[0] * (1 + len(blocks.terms))
                 padded = np.zeros((channels, end.drive.shape[1] + blocks.block_samples))
             step = _seen(start, end, blocks, padded)
         steps.append(step)
@@ -129,15 +156,17 @@ def averaged_steps(
 
 def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDArray[np.float64]) -> SeenStep:
     n_y, n_u, half = end.response.shape[0], end.drive.shape[0], blocks.block_samples // 2
-    step_y, step_u, step_q = (record[:, half:-half] for record in np.split(padded, (n_y, n_y + n_u)))
+    step_y, step_u, *of_terms = (
+        record[:, half:-half] for record in np.split(padded, np.arange(n_y, padded.shape[0], n_u))
+    )
     np.subtract(end.response, 0.0 if start is None else start.response, out=step_y)
     np.subtract(end.drive, 0.0 if start is None else start.drive, out=step_u)
-    if blocks.squares:
-        np.square(end.drive, out=step_q)
+    for term, step_f in zip(blocks.terms, of_terms, strict=True):
+        change = term.values(end.drive)
         if start is not None:
-            step_q -= np.square(start.drive)
+            change -= term.values(start.drive)
         # A square has a mean, which would leak into the lowest lines.
-        step_q -= np.mean(step_q, axis=1, keepdims=True)
+        np.subtract(change, np.mean(change, axis=1, keepdims=True), out=step_f)
     averages = CrossSpectra(
         n_y,
         padded.shape[0] - n_y,

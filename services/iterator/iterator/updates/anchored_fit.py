@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from iterator.model import StepSpectra
+
 # A fit that leaves less than this share of what the anchor does not explain contradicts it: its prior is weakened.
 _CONTRADICTED: Final = 0.3
 # Of the prior strength asked for: it never gets weaker than that, whatever the steps say.
@@ -71,9 +73,7 @@ class AnchoredSteps:
 
     def unexplained(self, by: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return what a matrix leaves of the responses' energy; 0 where rounding would make it negative."""
-        explained = 2.0 * np.einsum("fij,fij->fi", by.conj(), self.responses_with_inputs).real
-        modelled = np.einsum("fij,fij->fi", np.matmul(by, self.inputs), by.conj()).real
-        return np.maximum(self.responses - explained + modelled, 0.0)
+        return StepSpectra(self.responses_with_inputs, self.inputs, self.responses).unexplained(by)
 
     def _spread(self, strength: NDArray[np.float64]) -> NDArray[np.complex128]:
         """`P = (S̄_ΔuΔu + Λ)⁻¹`; of the drives the inverse of the prior at lines without any motion."""

@@ -12,7 +12,7 @@ from duralab_spectra import smooth_lines
 from iterator.model import StepSpectra
 from iterator.updates.anchored_fit import AnchoredSteps
 
-# Squares that leave more than the first share of what the drives alone leave of a response are noise; less than the
+# Terms that leave more than the first share of what the drives alone leave of a response are noise; less than the
 # second, and they are taken whole. Random plants converge alike with 0.6 and 0.2.
 _NOT_TRUSTED, _TRUSTED = 0.8, 0.4
 # Independent averages that the smoothing over lines with [1 2 3 2 1] / 9 makes of one: lines under a Hann window
@@ -26,14 +26,15 @@ _ROUNDING: Final = 1e-12
 class SecantFit:
     """The fitted FRF matrix and how little is known of it.
 
-    `frf`, shape (lines, n_y, n_u): `H_k`, response unit per drive unit. `uncertainty`, shape (lines, n_u, n_u): `E[δᴴδ]
-    = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages. `square_frf`, shape (lines,
-    n_y, n_u): What the squares of the drives add, response unit per drive unit²; None where the steps have none.
+    `frf`, shape (lines, n_y, n_u): `H_k`, response unit per drive unit. `term_frf`, shape (lines, n_y, further inputs):
+    What the nonlinear terms add, response unit per unit of theirs. `uncertainty`, shape (lines, inputs, inputs):
+    `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages; behind the drives the
+    terms, not scaled.
     """
 
     frf: NDArray[np.complex128]
+    term_frf: NDArray[np.complex128]
     uncertainty: NDArray[np.complex128]
-    square_frf: NDArray[np.complex128] | None = None
 
 
 def fit_secant(
@@ -55,12 +56,11 @@ def fit_secant(
     period, and the iteration crawls. Where the fit explains the steps far better than `H_0`, the prior is therefore
     weakened, down to a tenth; distortion and noise, which no FRF explains, leave it as it is.
 
-    Where the steps hold squares of the drives, both fits are made, with and without. At each line and for each response
-    the squares count by how much less they leave unexplained than as many inputs of noise would.
+    Where the steps hold nonlinear terms of the drives, both fits are made, with and without. At each line and for each
+    response the terms count by how much less they leave unexplained than as many inputs of noise would.
     """
     n_u, inputs = drive_scale.size, spectra.drive.shape[1]
-    scale = np.concatenate((drive_scale, *(drive_scale**2 for _ in range(inputs // n_u - 1))))
-    inverse_scale = 1.0 / scale
+    inverse_scale = np.concatenate((1.0 / drive_scale, np.ones(inputs - n_u)))
     steps = AnchoredSteps(
         inputs=spectra.drive * inverse_scale[:, None] * inverse_scale,
         responses_with_inputs=spectra.response_with_drive * inverse_scale,
@@ -74,29 +74,32 @@ def fit_secant(
     residual = (steps.unexplained(fitted) @ steps.weight) / averages
     return SecantFit(
         frf=np.ascontiguousarray(fitted[:, :, :n_u] / drive_scale),
+        term_frf=np.ascontiguousarray(fitted[:, :, n_u:]),
         uncertainty=np.where(moved[:, None, None], residual[:, None, None] * spread, 0.0),
-        square_frf=np.ascontiguousarray(fitted[:, :, n_u:] / drive_scale**2) if inputs > n_u else None,
     )
 
 
 def _fit_and_spread(
     steps: AnchoredSteps, prior_strength: float, *, averages: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the matrix of all inputs and `P` of the drives, from both fits as far as each is trusted."""
+    """Return the matrix of all inputs and `P`, from both fits as far as each is trusted."""
     n_u, inputs = steps.drives, steps.inputs.shape[1]
     alone, spread = steps.of_drives_alone().fit(prior_strength)
+    if inputs == n_u:
+        return alone, spread
     plain = np.concatenate((alone, np.zeros((*alone.shape[:2], inputs - n_u), dtype=np.complex128)), axis=2)
+    of_drives = np.zeros((spread.shape[0], inputs, inputs), dtype=np.complex128)
+    of_drives[:, :n_u, :n_u] = spread
     independent = _AVERAGES_BY_SMOOTHING * averages
-    if inputs == n_u or independent <= inputs + 1:
-        return plain, spread
-    squared, spread_with_squares = steps.fit(prior_strength)
-    left, left_with_squares = (smooth_lines(steps.unexplained(by)) for by in (plain, squared))
+    if independent <= inputs + 1:
+        return plain, of_drives
+    whole, whole_spread = steps.fit(prior_strength)
+    left, left_with_terms = (smooth_lines(steps.unexplained(by)) for by in (plain, whole))
     # Inputs of noise would take their degrees of freedom away, too.
     by_chance = (independent - inputs) / (independent - n_u)
     share = np.ones_like(left)
     known = left > _ROUNDING * smooth_lines(steps.responses)
-    np.divide(left_with_squares, by_chance * left, out=share, where=known)
+    np.divide(left_with_terms, by_chance * left, out=share, where=known)
     trust = np.clip((_NOT_TRUSTED - share) / (_NOT_TRUSTED - _TRUSTED), 0.0, 1.0)
     overall = np.mean(trust, axis=1)[:, None, None]
-    own = spread_with_squares[:, :n_u, :n_u]
-    return plain + trust[:, :, None] * (squared - plain), spread + overall * (own - spread)
+    return plain + trust[:, :, None] * (whole - plain), of_drives + overall * (whole_spread - of_drives)

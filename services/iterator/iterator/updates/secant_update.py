@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duralab_spectra import rms
 from iterator.model import (
+    ODD_TERMS,
+    DriveTerm,
     IterationHistory,
     RigModel,
+    SeenStep,
     StepBlocks,
     averaged_steps,
     cautious_inverse,
@@ -19,64 +23,144 @@ from iterator.model import (
 )
 from iterator.updates import basic_twr
 from iterator.updates.drive_squares import drive_for_squares
-from iterator.updates.secant_fit import fit_secant
+from iterator.updates.foresight import foreseen_steps, kept_inputs, terms_that_foresee
+from iterator.updates.gains import gain_at
+from iterator.updates.gauss_newton import StepProblem, gauss_newton_step
+from iterator.updates.secant_fit import SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
+
+# Weight of the identified model relative to `prior_strength` where odd terms are fitted: they take over what a change
+# of level does to the drives' own columns, and a strong prior keeps them from it.
+_PRIOR_WITH_TERMS: Final = 0.3
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Fit the model to all steps played, invert it cautiously, and update the drive as in Eq. 2.
 
-    Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line.
+    Where nonlinear terms of the drives foresee the playbacks better than the drives alone, the step minds them: squares
+    by fixed point; odd terms by least squares of the error that the fitted model foresees.
+
+    Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line; C. F.
+    Gauss and I. Newton for the step.
     """
     if not history.playbacks:
         return basic_twr.next_drive(history, model, settings)
-    bent = secant_model(history, model, settings)
+    learned = _learned(history, model, settings)
+    bent = learned.model
     start = basic_twr.step_start(history, bent, settings)
-    drive = start.drive_toward(history.target, band=settings.band)
-    if bent.square_frf is not None and np.any(bent.square_frf):
-        drive = drive_for_squares(drive, start, square_frf=bent.square_frf, band=settings.band)
+    if not set(bent.terms) & set(ODD_TERMS):
+        drive = start.drive_toward(history.target, band=settings.band)
+        if bent.term_frf is not None and np.any(bent.term_frf):
+            drive = drive_for_squares(drive, start, square_frf=bent.term_frf, band=settings.band)
+    else:
+        problem = StepProblem(
+            bent,
+            lines=learned.lines,
+            uncertainty=settings.secant.caution * learned.fit.uncertainty,
+            regularisation=settings.secant.regularisation,
+            response_weight=learned.response_weight,
+            drive_scale=learned.drive_scale,
+            drive=start.drive,
+            band=settings.band,
+        )
+        gain = gain_at(problem.frequency, settings, playbacks=len(history.playbacks))
+        step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
+        drive = start.drive + (step if start.step_gain is None else start.step_gain * step)
     return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
 
 
 def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
     """Fit `H_k` and its cautious inverse to the steps of all playbacks."""
+    return _learned(history, model, settings).model
+
+
+@dataclass(frozen=True)
+class _Learned:
+    """The model bent by all steps, and the fit that bent it: at the driven lines, in scaled units."""
+
+    model: RigModel
+    fit: SecantFit
+    lines: NDArray[np.intp]
+    response_weight: NDArray[np.float64]
+    drive_scale: NDArray[np.float64]
+
+
+def _learned(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> _Learned:
     secant = settings.secant
     weight = basic_twr.response_scale(history, model)
     lines = driven_lines(model, settings.band)
+    candidates = _candidates(settings)
     blocks = StepBlocks(
         block_samples=model.block_samples,
         overlap=settings.secant_overlap,
         sample_rate=settings.band.sample_rate,
         first=int(lines[0]),
         last=int(lines[-1]),
-        squares=settings.squares,
+        terms=candidates[-1],
     )
-    steps = seen_steps(history, blocks, before=model.seen_steps)
+    # Apart from those with terms, so that a fit of the drives alone has the same bytes whatever terms are tried.
+    of_drives = seen_steps(history, replace(blocks, terms=()), before=model.seen_steps)
+    steps = seen_steps(history, blocks, before=model.seen_steps) if blocks.terms else of_drives
     identified = model.frf if model.identified_frf is None else model.identified_frf
     scale = _drive_scale(history, model, lines)
-    fit = fit_secant(
-        averaged_steps(steps, forgetting=secant.forgetting, response_weight=weight),
-        identified[lines],
-        identification_drive=_identification_drive(model, lines, scale),
-        prior_strength=secant.prior_strength,
+    identification_drive = _identification_drive(model, lines, scale)
+    averages = blocks.independent_averages(history.target.shape[1])
+
+    def fit(steps: tuple[SeenStep, ...], terms: tuple[DriveTerm, ...], prior_strength: float) -> SecantFit:
+        spectra = averaged_steps(steps, forgetting=secant.forgetting, response_weight=weight)
+        return fit_secant(
+            spectra.of_inputs(kept_inputs(steps[0].blocks.terms, terms, drives=scale.size)),
+            identified[lines],
+            identification_drive=identification_drive,
+            prior_strength=prior_strength,
+            response_weight=weight,
+            drive_scale=scale,
+            averages=averages,
+        )
+
+    weaker = _PRIOR_WITH_TERMS * secant.prior_strength
+    foreseen = foreseen_steps(
+        steps,
+        candidates,
+        fit=lambda before, terms: fit(before, terms, weaker),
+        settings=secant,
         response_weight=weight,
-        drive_scale=scale,
-        averages=blocks.independent_averages(history.target.shape[1]),
+        before=model.foreseen_steps,
     )
+    terms = terms_that_foresee(foreseen, candidates, forgetting=secant.forgetting)
+    prior_strength = weaker if set(terms) & set(ODD_TERMS) else secant.prior_strength
+    found = fit(steps if terms else of_drives, terms, prior_strength)
     frf, inverse = identified.copy(), model.inverse_frf.copy()
-    frf[lines] = fit.frf
+    frf[lines] = found.frf
     inverse[lines] = cautious_inverse(
-        fit.frf,
-        uncertainty=secant.caution * fit.uncertainty,
+        found.frf,
+        uncertainty=secant.caution * found.uncertainty[:, : scale.size, : scale.size],
         regularisation=secant.regularisation,
         response_weight=weight,
         drive_scale=scale,
     )
-    square = None
-    if fit.square_frf is not None:
-        square = np.zeros_like(identified)
-        square[lines] = fit.square_frf
-    return replace(model, frf=frf, inverse_frf=inverse, identified_frf=identified, seen_steps=steps, square_frf=square)
+    term_frf = None
+    if terms:
+        term_frf = np.zeros((*identified.shape[:2], found.term_frf.shape[2]), dtype=np.complex128)
+        term_frf[lines] = found.term_frf
+    bent = replace(
+        model,
+        frf=frf,
+        inverse_frf=inverse,
+        identified_frf=identified,
+        seen_steps=(*of_drives, *steps),
+        terms=terms,
+        term_frf=term_frf,
+        foreseen_steps=foreseen,
+    )
+    return _Learned(bent, found, lines, weight, scale)
+
+
+def _candidates(settings: UpdateSettings) -> tuple[tuple[DriveTerm, ...], ...]:
+    """Return the sets of terms that may be fitted: first none, last all."""
+    squares = (DriveTerm.SQUARE,) if settings.squares else ()
+    odd = ODD_TERMS if settings.secant.odd_terms else ()
+    return tuple(dict.fromkeys(((), squares, odd, squares + odd)))
 
 
 def _identification_drive(

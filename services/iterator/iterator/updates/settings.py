@@ -38,7 +38,7 @@ class UpdateSettings(ResolvedUpdate):
         Secant update: overlap of the blocks averaged, 0 up to but not including 1.
     squares : bool
         Secant update: whether to learn what the squares of the drives do, too: arcs of levers, and springs that are
-        stiffer one way.
+        stiffer one way. `secant.odd_terms` is the same for cubes and signed squares.
 
     Raises
     ------
@@ -72,6 +72,12 @@ class UpdateSettings(ResolvedUpdate):
     def gains(self) -> NDArray[np.float64]:
         """The iteration gain of each response, shape (n_y,)."""
         return np.array(self.iteration_gain)
+
+    @property
+    def without_terms(self) -> UpdateSettings:
+        """The same settings for a secant update that learns no nonlinear terms of the drives."""
+        secant = self.secant.model_copy(update={"odd_terms": False})
+        return self.model_copy(update={"squares": False, "secant": secant})
 
 
 @dataclass(frozen=True)

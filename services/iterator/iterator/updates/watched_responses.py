@@ -35,7 +35,7 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
     if controlled.all():
         return model
     weight, uncertainty = model.response_weight, model.uncertainty
-    identified, square = model.identified_frf, model.square_frf
+    identified, terms = model.identified_frf, model.term_frf
     return replace(
         model,
         frf=np.ascontiguousarray(model.frf[:, controlled]),
@@ -48,7 +48,7 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
             row_covariance=uncertainty.row_covariance,
         ),
         identified_frf=None if identified is None else np.ascontiguousarray(identified[:, controlled]),
-        square_frf=None if square is None else np.ascontiguousarray(square[:, controlled]),
+        term_frf=None if terms is None else np.ascontiguousarray(terms[:, controlled]),
     )
 
 
@@ -64,11 +64,13 @@ def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np
     frf, inverse = identified.frf.copy(), np.zeros_like(identified.inverse_frf)
     frf[:, controlled], inverse[:, :, controlled] = model.frf, model.inverse_frf
     anchor = None if model.identified_frf is None else identified.frf
-    square = None
-    if model.square_frf is not None:
-        square = np.zeros_like(identified.frf)
-        square[:, controlled] = model.square_frf
-    return replace(identified, frf=frf, inverse_frf=inverse, identified_frf=anchor, square_frf=square)
+    term_frf = None
+    if model.term_frf is not None:
+        term_frf = np.zeros((*identified.frf.shape[:2], model.term_frf.shape[2]), dtype=np.complex128)
+        term_frf[:, controlled] = model.term_frf
+    return replace(
+        identified, frf=frf, inverse_frf=inverse, identified_frf=anchor, terms=model.terms, term_frf=term_frf
+    )
 
 
 def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_]) -> UpdateSettings:

@@ -1,0 +1,82 @@
+"""Gate of the nonlinear terms: they are used while they foresee the playbacks better than the drives alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_settings import SecantSettings
+from iterator.model import DriveTerm, ForeseenStep, SeenStep, StepSpectra, averaged_steps
+from iterator.updates.secant_fit import SecantFit
+
+# Share of what a smaller set of terms leaves of the steps' energy, below which a larger one has to stay.
+_GATE: Final = 0.95
+# The same of the first step, which no fit could foresee: an arc leaves a tenth, what only looks like one far more.
+_GATE_OF_FIRST: Final = 0.5
+# What leaves less than this share of the energy foresees all: a rest of rounding says nothing about terms.
+_ALL_FORESEEN: Final = 1e-6
+
+FitSteps = Callable[[tuple[SeenStep, ...], tuple[DriveTerm, ...]], SecantFit]
+"""Fits the drives and some terms to steps."""
+
+
+def foreseen_steps(
+    steps: tuple[SeenStep, ...],
+    candidates: Sequence[tuple[DriveTerm, ...]],
+    *,
+    fit: FitSteps,
+    settings: SecantSettings,
+    response_weight: NDArray[np.float64],
+    before: tuple[ForeseenStep, ...],
+) -> tuple[ForeseenStep, ...]:
+    """Foresee every step with each candidate's terms, fitted to the steps before it; the first step from itself.
+
+    `before`: What an earlier call returned; steps that it holds would come out the same, byte for byte.
+    """
+    fitted_with = (settings, tuple(candidates), response_weight.tobytes())
+    found: list[ForeseenStep] = []
+    for number, step in enumerate(steps):
+        known = before[number] if number < len(before) else None
+        if known is None or known.step is not step or known.fitted_with != fitted_with:
+            before = ()
+            spectra = averaged_steps((step,), forgetting=1.0, response_weight=response_weight)
+            energy = float(np.sum(spectra.response @ response_weight**2))
+            earlier = steps[: max(number, 1)]
+            left = tuple(_left(spectra, step, fit(earlier, terms), terms) @ response_weight**2 for terms in candidates)
+            shares = tuple(float(np.sum(each)) / energy if energy > 0.0 else 0.0 for each in left)
+            known = ForeseenStep(step, fitted_with, shares)
+        found.append(known)
+    return tuple(found)
+
+
+def _left(spectra: StepSpectra, step: SeenStep, found: SecantFit, terms: tuple[DriveTerm, ...]) -> NDArray[np.float64]:
+    kept = kept_inputs(step.blocks.terms, terms, drives=found.frf.shape[2])
+    return spectra.of_inputs(kept).unexplained(np.concatenate((found.frf, found.term_frf), axis=2))
+
+
+def terms_that_foresee(
+    foreseen: tuple[ForeseenStep, ...], candidates: Sequence[tuple[DriveTerm, ...]], *, forgetting: float
+) -> tuple[DriveTerm, ...]:
+    """Return the candidate that foresees the steps; a later, larger one only where it leaves far less than the former.
+
+    One step says too little: of a step that a model with terms has made, the drives alone may foresee more than of
+    others, and the gate would flutter. Each step therefore counts `φ` times the one after it. After the first playback
+    there is nothing that was foreseen: terms have to explain most of it.
+    """
+    later = foreseen[1:] or foreseen
+    count = np.array([forgetting**age for age in reversed(range(len(later)))])
+    left = count @ np.array([step.left for step in later]) / np.sum(count)
+    gate, best = _GATE if len(foreseen) > 1 else _GATE_OF_FIRST, 0
+    for number in range(1, len(candidates)):
+        if left[number] < gate * left[best] and left[best] > _ALL_FORESEEN:
+            best = number
+    return candidates[best]
+
+
+def kept_inputs(cut: tuple[DriveTerm, ...], terms: tuple[DriveTerm, ...], *, drives: int) -> NDArray[np.intp]:
+    """Return the indices of the drives and of some terms among the inputs that steps were cut with."""
+    blocks = (0, *(1 + cut.index(term) for term in terms))
+    return np.concatenate([np.arange(drives) + drives * block for block in blocks])

@@ -1,0 +1,198 @@
+"""A cautious Gauss-Newton step: least squares of the error that a model with nonlinear terms foresees of a step."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from iterator.band import ControlBand
+from iterator.model import InterpolatedMatrix, RigModel, gram_and_ridge
+
+_TURNS: Final = 2
+_CONJUGATE_GRADIENTS: Final = 6
+# Times that a turn is halved where it does not lower the objective, before it is left out.
+_HALVINGS: Final = 3
+# Share of the gradient's energy below which a linear problem is solved.
+_SOLVED: Final = 1e-6
+# Of the rate at which terms are formed, over twice the band's end: products of three drives do not fold into the band.
+_OVERSAMPLING: Final = 2.0
+
+
+class StepProblem:
+    """What a model with terms foresees of a step from a drive: `Δŷ = H x + Σ B_t (t(u + x) - t(u))`.
+
+    Everything is in lines of the band, in scaled units: drives over `drive_scale`, responses times `response_weight`.
+    A step is `x = L v`, with `L Lᴴ = (JᴴJ + R)⁻¹` of the mean tangent `J`, so that conjugate gradients in `v` begin
+    with the cautious inverse. `R` is the tangent's uncertainty and the ridge of the inverse; its root stands below
+    the responses, and a step costs `‖residual‖² + ‖R^½ x‖²`.
+    """
+
+    def __init__(
+        self,
+        model: RigModel,
+        *,
+        lines: NDArray[np.intp],
+        uncertainty: NDArray[np.complex128],
+        regularisation: float,
+        response_weight: NDArray[np.float64],
+        drive_scale: NDArray[np.float64],
+        drive: NDArray[np.float64],
+        band: ControlBand,
+    ) -> None:
+        if model.term_frf is None:
+            raise AssertionError("A model without terms has a step without iteration.")
+        samples, n_u = drive.shape[1], drive_scale.size
+        self._samples = samples
+        self._transform = band.transform(samples)
+        self._mask = band.drive_mask(self._transform.frequency)
+        self._weight, self._scale, self._terms = response_weight, drive_scale, model.terms
+        self.frequency: NDArray[np.float64] = self._transform.frequency
+        """ndarray, shape (lines,): Hz, of the lines in the band."""
+        length = band.transform_samples(samples)
+        first = round(float(self.frequency[0]) * length / band.sample_rate)
+        self._inside = slice(first, first + self.frequency.size)
+        self._short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
+        self._rate_share = self._short / length
+        whole = cast(NDArray[np.complex128], fft.rfft(drive / drive_scale[:, None], length, axis=1))
+        self._drive = self._rate_share * cast(
+            NDArray[np.float64], fft.irfft(whole[:, : self._short // 2 + 1], self._short, axis=1)
+        )
+        linear = model.frf[lines] * response_weight[:, None] * drive_scale
+        # Terms of scaled drives have the drives' scale to their power.
+        powers = np.concatenate([drive_scale**term.degree for term in model.terms])
+        of_terms = model.term_frf[lines] * response_weight[:, None] * powers
+        nothing = np.zeros((n_u, self.frequency.size), dtype=np.complex128)
+        played = max(1, int(samples * self._rate_share))
+        slopes = [np.diag(np.mean(slope[:, :played], axis=1)) for slope in self.slopes(nothing)]
+        tangent = linear + np.matmul(of_terms, np.concatenate(slopes))
+        # The uncertainty has terms that are not scaled.
+        of_inputs = np.concatenate((np.eye(n_u), np.concatenate(slopes) * powers[:, None]))
+        gram, ridge = gram_and_ridge(tangent, regularisation=regularisation)
+        doubt = np.matmul(of_inputs.T, np.matmul(uncertainty, of_inputs)) + ridge
+        conditioner = np.linalg.cholesky(np.linalg.inv(gram + doubt))
+        caution = np.concatenate(
+            (_adjoint(np.linalg.cholesky(doubt)), np.zeros_like(doubt, shape=(lines.size, n_u, powers.size))), axis=2
+        )
+        rows = np.concatenate((np.concatenate((linear, of_terms), axis=2), caution), axis=1)
+        known = model.frequency[lines]
+        at = np.clip(self.frequency, known[0], known[-1])
+        self._rows, self._rows_back = (InterpolatedMatrix(known, each, at=at) for each in (rows, _adjoint(rows)))
+        self._conditioner, self._conditioner_back = (
+            InterpolatedMatrix(known, each, at=at) for each in (conditioner, _adjoint(conditioner))
+        )
+
+    def wanted(self, missing: NDArray[np.float64], *, gain: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the rows that a step is to make: the missing response times its gain, at no cost."""
+        rows = np.zeros((self._weight.size + self._scale.size, self.frequency.size), dtype=np.complex128)
+        for record, row in zip(missing, rows, strict=False):
+            self._transform.lines(record, weight=self._mask, out=row)
+        rows[: self._weight.size] *= gain.T * self._weight[:, None]
+        return rows
+
+    def rows(self, step: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return what the model foresees of a step, and below it what the step costs."""
+        after = self._drive + self._in_time(step)
+        return self._rows.times(
+            np.concatenate(
+                (step, *(self._in_lines(term.values(after) - term.values(self._drive)) for term in self._terms))
+            )
+        )
+
+    def slopes(self, step: NDArray[np.complex128]) -> tuple[NDArray[np.float64], ...]:
+        """Return the derivative of each term at each sample after a step."""
+        after = self._drive + self._in_time(step)
+        return tuple(term.slopes(after) for term in self._terms)
+
+    def forward(
+        self, slopes: tuple[NDArray[np.float64], ...], conditioned: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Return the derivative of the rows along a change of `v`."""
+        change = self.step(conditioned)
+        in_time = self._in_time(change)
+        return self._rows.times(np.concatenate((change, *(self._in_lines(slope * in_time) for slope in slopes))))
+
+    def backward(self, slopes: tuple[NDArray[np.float64], ...], rows: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the adjoint of `forward` applied to rows."""
+        change, *of_terms = np.split(self._rows_back.times(rows), 1 + len(slopes))
+        in_time = np.zeros_like(self._drive)
+        for slope, lines in zip(slopes, of_terms, strict=True):
+            in_time += slope * self._in_time(lines)
+        return self._conditioner_back.times(change + self._in_lines(in_time))
+
+    def step(self, conditioned: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return `x = L v`."""
+        return self._conditioner.times(conditioned)
+
+    def samples(self, step: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return a step as samples, shape (n_u, samples), drive units."""
+        result = np.empty((self._scale.size, self._samples))
+        for lines, row in zip(step, result, strict=True):
+            self._transform.samples(lines, out=row)
+        return result * self._scale[:, None]
+
+    def _in_time(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+        whole = np.zeros((lines.shape[0], self._short // 2 + 1), dtype=np.complex128)
+        whole[:, self._inside] = self._rate_share * lines
+        return cast(NDArray[np.float64], fft.irfft(whole, self._short, axis=1))
+
+    def _in_lines(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
+        whole = cast(NDArray[np.complex128], fft.rfft(samples, axis=1))
+        return whole[:, self._inside] / self._rate_share
+
+
+def gauss_newton_step(
+    problem: StepProblem, *, missing: NDArray[np.float64], gain: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the step that makes what is missing of the responses, as far as the gain lets it.
+
+    `missing`, shape (n_y, samples): Response units. `gain`, shape (lines, n_y): Of the problem's lines.
+    Returns: shape (n_u, samples): Drive units.
+    Source: the Gauss-Newton method with conjugate gradients, as in J. Nocedal, S. J. Wright, *Numerical Optimization*.
+    """
+    wanted = problem.wanted(missing, gain=gain)
+    step = np.zeros((wanted.shape[0] - missing.shape[0], wanted.shape[1]), dtype=np.complex128)
+    left, objective = wanted, _energy(wanted)
+    for _ in range(_TURNS):
+        change = problem.step(_least_squares(problem, problem.slopes(step), left))
+        for _ in range(_HALVINGS + 1):
+            left_then = wanted - problem.rows(step + change)
+            objective_then = _energy(left_then)
+            if objective_then < objective:
+                step, left, objective = step + change, left_then, objective_then
+                break
+            change *= 0.5
+        else:
+            break
+    return problem.samples(step)
+
+
+def _least_squares(
+    problem: StepProblem, slopes: tuple[NDArray[np.float64], ...], left: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Solve for the change of `v` that makes what is left, by a few conjugate gradients."""
+    gradient = problem.backward(slopes, left)
+    found, direction = np.zeros_like(gradient), gradient
+    energy = first = _energy(gradient)
+    for _ in range(_CONJUGATE_GRADIENTS):
+        if energy <= _SOLVED * first:
+            break
+        made = problem.forward(slopes, direction)
+        share = energy / _energy(made)
+        found = found + share * direction
+        left = left - share * made
+        gradient = problem.backward(slopes, left)
+        energy, before = _energy(gradient), energy
+        direction = gradient + (energy / before) * direction
+    return found
+
+
+def _energy(lines: NDArray[np.complex128]) -> float:
+    return float(np.sum(np.square(lines.view(np.float64))))
+
+
+def _adjoint(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return np.ascontiguousarray(matrix.conj().transpose(0, 2, 1))
