@@ -13,7 +13,7 @@ export PYTHON
 
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
 	algorithms_on_random_plants reachable_floor \
-	sensitivity braking_and_non_square input_side_errors rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
+	sensitivity braking_and_non_square input_side_errors stiff_rig rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help

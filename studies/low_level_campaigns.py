@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from studied_rigs import AXLE_BLOCK, front_axle_compliant
 
 import duralab_roads
+from duralab_drive_map import DriveMap
 from duralab_settings import (
     EstimatorKind,
     EstimatorSettings,
@@ -24,9 +25,11 @@ from identifier import ExperimentSettings, design_experiment, estimate_experimen
 from iterator import (
     NO_BOUNDS,
     CampaignSettings,
+    ControlBand,
     DriveLimitError,
     DriveLimits,
     Iteration,
+    MapFromFirstPlayback,
     ModelUncertainty,
     RigModel,
     UpdateSettings,
@@ -97,21 +100,29 @@ class Trial:
         return self.error[:, LONGITUDINAL].max(axis=1)
 
 
-def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | None = None) -> NDArray[np.float64]:
+def predecessor_target(
+    seconds: float,
+    *,
+    potholes: int,
+    vehicle: PlayableRig | None = None,
+    road_seed: int = _ROAD_SEED,
+    depth_m: tuple[float, float] = (0.02, 0.05),
+    band: ControlBand = BAND,
+) -> NDArray[np.float64]:
     """Drive the predecessor over a C/D road with potholes and return its responses in the control band.
 
     They are the spindle forces in N, or those of the vehicle that is given, which drives as the predecessor does.
     """
     samples = round(seconds * SAMPLE_RATE)
-    smooth = duralab_roads.iso8608_road(road_class="C/D", length_m=max(60.0, _SPEED * seconds + 1.0), seed=_ROAD_SEED)
+    smooth = duralab_roads.iso8608_road(road_class="C/D", length_m=max(60.0, _SPEED * seconds + 1.0), seed=road_seed)
     road = duralab_roads.add_potholes(
         smooth,
         count=potholes,
-        seed=int(np.random.SeedSequence([_ROAD_SEED, _POTHOLE_SEED]).generate_state(1)[0]),
+        seed=int(np.random.SeedSequence([road_seed, _POTHOLE_SEED]).generate_state(1)[0]),
         lead_in_m=_SPEED,
         track_width_m=_TRACK_WIDTH,
         length_m=(0.4, 1.0),
-        depth_m=(0.02, 0.05),
+        depth_m=depth_m,
     )
     inputs = duralab_roads.effective_inputs(
         road,
@@ -129,7 +140,7 @@ def predecessor_target(seconds: float, *, potholes: int, vehicle: PlayableRig | 
     rows: dict[str, NDArray[np.float64]] = dict(zip(duralab_roads.EFFECTIVE_INPUTS, inputs, strict=True))
     speed = np.full(samples, _SPEED)
     drive = np.array([rows.get(channel.name, speed) for channel in driven.specimen.drives])
-    return BAND.limit_target(play(driven, drive, seed=_TARGET_NOISE))
+    return band.limit_target(play(driven, drive, seed=_TARGET_NOISE))
 
 
 @cache
@@ -185,6 +196,7 @@ def campaign(
     playbacks: int,
     rig: PlayableRig | None = None,
     projected_to: DriveLimits | None = None,
+    drive_map: DriveMap | MapFromFirstPlayback | None = None,
 ) -> Trial:
     """Iterate on a rig until the last playback, or until the rig's limits or the rig itself end it.
 
@@ -207,6 +219,7 @@ def campaign(
                 largest_overrun=LARGEST_OVERRUN,
             ),
             limits=limits_of(played_on) if projected_to is None else projected_to,
+            drive_map=drive_map,
         ):
             done.append(step)
     except DriveLimitError:

@@ -26,6 +26,10 @@ _STIFFENING_ONE_WAY: Final = 50.0
 _STIFFENING_BOTH_WAYS: Final = 27.0
 #: Speed of the road vehicle, m/s.
 _SPEED: Final = 15.0
+#: Vertical channel of the wheel of each channel.
+_OWN_VERTICAL: Final = np.array([0, 0, 0, 3, 3, 3])
+#: Largest arc over the reference deflection where the vertical deflection is that of reference.
+_LARGEST_ARC: Final = np.tile([0.0, 1.0, 0.3], 2)
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,8 @@ class Plants:
 
     A drive moves an actuator that follows with a lag and no faster than its valve allows. A linear interface (tyre or
     adapter), whose force is the response, moves a mass that a suspension holds: progressive stiffness, damping,
-    friction that first yields elastically and then slides (Dahl), and stiffness shared between the channels.
+    friction that first yields elastically and then slides (Dahl), and stiffness shared between the channels. `arc` in
+    1/m: the square of a vertical stroke, times `arc`, displaces a wheel on arms in the other directions.
     """
 
     mass: NDArray[np.float64]
@@ -48,6 +53,7 @@ class Plants:
     coupling: NDArray[np.float64]
     actuator_rate: NDArray[np.float64]
     valve_speed: NDArray[np.float64]
+    arc: NDArray[np.float64] | None = None
 
 
 def draw_plants(count: int, *, rng: np.random.Generator) -> Plants:
@@ -76,6 +82,14 @@ def draw_plants(count: int, *, rng: np.random.Generator) -> Plants:
         actuator_rate=2.0 * np.pi * rng.uniform(15.0, 40.0, shape),
         valve_speed=np.full(shape, np.inf),
     )
+
+
+def on_arms(plants: Plants, *, rng: np.random.Generator) -> Plants:
+    """Return the rigs with wheels on arcs: arcs of up to one lateral deflection, and a third of a longitudinal one."""
+    shape = plants.mass.shape
+    share = rng.uniform(0.3, 1.0, shape) * rng.choice([-1.0, 1.0], shape)
+    vertical = REFERENCE_DEFLECTION[_OWN_VERTICAL]
+    return replace(plants, arc=share * (_LARGEST_ARC * REFERENCE_DEFLECTION / vertical**2)[:, None])
 
 
 def another_vehicle(plants: Plants, *, rng: np.random.Generator) -> Plants:
@@ -122,8 +136,13 @@ def play(plants: Plants, drive: NDArray[np.float64]) -> NDArray[np.float64]:
                     plants.actuator_rate * (command - actuator), -plants.valve_speed, plants.valve_speed
                 )
                 actuator = actuator + step * actuator_speed
-            force = plants.interface_stiffness * (actuator - position)
-            force += plants.interface_damping * (actuator_speed - speed)
+            end, end_speed = actuator, actuator_speed
+            if plants.arc is not None:
+                vertical = actuator[_OWN_VERTICAL]
+                end = actuator + plants.arc * vertical**2
+                end_speed = actuator_speed + 2.0 * plants.arc * vertical * actuator_speed[_OWN_VERTICAL]
+            force = plants.interface_stiffness * (end - position)
+            force += plants.interface_damping * (end_speed - speed)
             held = plants.stiffness * position * (1.0 + plants.progression * position**2)
             held += plants.damping * speed + friction
             held += np.matmul(plants.coupling, position.T[:, :, None])[:, :, 0].T

@@ -22,6 +22,7 @@ NAMES = (
     "sensitivity",
     "braking_and_non_square",
     "input_side_errors",
+    "stiff_rig",
 )
 
 

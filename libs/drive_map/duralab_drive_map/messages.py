@@ -22,7 +22,7 @@ def to_message(learned: LearnedDriveMap[Any]) -> identifier_pb2.DriveMap:
     Parameters
     ----------
     learned : LearnedDriveMap
-        The identity where nothing was chosen.
+        Without terms in the message where nothing was chosen.
 
     Returns
     -------
@@ -30,6 +30,8 @@ def to_message(learned: LearnedDriveMap[Any]) -> identifier_pb2.DriveMap:
         Without names, units and sample rate, which the message that holds it states.
     """
     drive_map = learned.drive_map
+    # Where nothing was chosen the map is the one before, which another message holds.
+    sentences = drive_map.describe() if learned.chosen else ()
     return identifier_pb2.DriveMap(
         scale=to_array(np.array(drive_map.scale)),
         highest_frequency=drive_map.highest_frequency,
@@ -44,7 +46,7 @@ def to_message(learned: LearnedDriveMap[Any]) -> identifier_pb2.DriveMap:
                 residual=chosen.residual,
                 sentence=sentence,
             )
-            for chosen, sentence in zip(learned.chosen, drive_map.describe(), strict=True)
+            for chosen, sentence in zip(learned.chosen, sentences, strict=True)
         ],
         remarks=learned.remarks,
     )

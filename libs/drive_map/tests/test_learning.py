@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -143,6 +145,41 @@ def test_a_term_that_a_new_estimate_makes_needless_is_dropped():
     assert learned.drive_map.is_identity
     assert learned.model is model
     assert "with it a model that is estimated again leaves" in learned.remarks[-1]
+
+
+def weaker(drive_map, share):
+    """The map with a share of its coefficients, of a record with less than half of the motion."""
+    terms = tuple(
+        replace(term, coefficients=tuple(0.4 * share * each for each in term.coefficients)) for term in drive_map.terms
+    )
+    return replace(drive_map, terms=terms, scale=tuple(0.4 * each for each in drive_map.scale))
+
+
+def test_a_map_that_knows_two_thirds_of_an_arc_learns_the_rest_from_a_louder_record():
+    u = drive(seed=3, level=2.0 * LEVEL)
+    start = weaker(learn(u, play_arc(u), exact_model()).drive_map, 2.0 / 3.0)
+    again = learn(u, play_arc(u), exact_model(), start=start)
+    (term,) = again.drive_map.terms
+    assert again.drive_map.static_coefficient(term) == pytest.approx(-KAPPA, rel=0.01)
+    # The same record cannot say more than it did.
+    exact = weaker(again.drive_map, 1.0)
+    same = learn(u, play_arc(u), exact_model(), start=exact)
+    assert same.drive_map is exact
+    assert same.chosen == ()
+    assert "explains the record as well" in same.remarks[0]
+
+
+def test_a_quieter_record_teaches_nothing_again():
+    u = drive(seed=3)
+    start = learn(u, play_arc(u), exact_model()).drive_map
+    start = replace(start, scale=tuple(0.7 * each for each in start.scale))
+    again = learn(u, play_arc(u), exact_model(), start=start)
+    assert again.drive_map is start
+    assert again.remarks == (
+        "The drive map is not learned again: vertical moved less than 2 times as much as in the identification.",
+    )
+    with pytest.raises(ValueError, match="`estimate` and `start` are both given"):
+        learn(u, play_arc(u), exact_model(), start=start, estimate=lambda mapped: exact_model())
 
 
 def test_a_response_without_weight_does_not_count():

@@ -25,6 +25,16 @@ def test_a_map_survives_the_bus_unchanged(learned):
     assert term.significance == learned.chosen[0].significance
 
 
+def test_a_map_that_stays_is_not_said_again_but_why(learned):
+    quieter = 0.1 * drive()
+    kept = learn_drive_map(
+        quieter, play_arc(quieter), model=exact_model(), names=NAMES, units=UNITS, start=learned.drive_map
+    )
+    message = to_message(kept)
+    assert list(message.terms) == []
+    assert list(message.remarks) == list(kept.remarks) != []
+
+
 def test_a_damaged_map_is_refused(learned):
     def damaged(change):
         message = to_message(learned)

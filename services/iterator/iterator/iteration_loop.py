@@ -27,6 +27,7 @@ from iterator.assessment import (
     judge_end_at_levels,
     judge_response,
     level_of,
+    partial_playbacks,
     passed_bound,
     standstills,
 )
@@ -115,16 +116,28 @@ class RecordedPlayback:
 
 @dataclass(frozen=True)
 class MapFromFirstPlayback:
-    """The drive map is learned from the first playback, where the identification has none.
+    """The drive map is learned from the first playback, or again from the first at full level where there is one.
 
     Parameters
     ----------
     names, units : tuple of str
         Of the drives, in the rig's order.
+    start : DriveMap, optional
+        Map of the identification, which the first playbacks are made with. It stays where the playback does not say
+        more: see `duralab_drive_map.learn_drive_map`.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
+    start: DriveMap | None = None
+
+    def number(self, levels: Sequence[float]) -> int:
+        """Return the number of the playback to learn from.
+
+        A playback at a part of the level is too quiet to improve on a map. None of them is in the history of those that
+        follow the first one at full level, so that no drive has to be mapped again.
+        """
+        return 1 if self.start is None else partial_playbacks(levels) + 1
 
 
 @dataclass(frozen=True)
@@ -276,7 +289,7 @@ def iterate(
         sample rate, or the limits of a drive that it moves do not hold 0.
     """
     to_learn = drive_map if isinstance(drive_map, MapFromFirstPlayback) else None
-    own_map = _fitting_map(None if isinstance(drive_map, MapFromFirstPlayback) else drive_map, model, limits)
+    own_map = _fitting_map(drive_map.start if isinstance(drive_map, MapFromFirstPlayback) else drive_map, model, limits)
     target, identified = as_record(target_in_band, name="target"), model
     controlled = controlled_responses(model)
     own_settings, model = controlled_settings(settings.update, controlled), controlled_model(model, controlled)
@@ -332,11 +345,13 @@ def iterate(
         if number >= len(recorded):
             outcome = _outcome(metrics, settings, dead=dead, passed=passed)
         learned = None
-        if to_learn is not None and number == 1 and not dead:
-            weight = np.divide(1.0, rms(target), out=np.zeros(len(target)), where=controlled)
-            learned = _learned(drive, response, to_learn, model=identified, weight=weight, limits=limits)
-            own_map = None if learned.drive_map.is_identity else learned.drive_map
-            mapped = _mapped(drive, own_map, band=settings.update.band)
+        if to_learn is not None and number == to_learn.number(settings.levels) and not dead:
+            learned = _learned(
+                drive, response, to_learn, model=identified, target=target, controlled=controlled, limits=limits
+            )
+            if learned.chosen:
+                own_map = learned.drive_map
+                mapped = _mapped(drive, own_map, band=settings.update.band)
         history = history.after(Playback(drive=mapped / level, response=judged_rows))
         yield Iteration(
             number=number,
@@ -375,18 +390,25 @@ def _learned(
     to_learn: MapFromFirstPlayback,
     *,
     model: RigModel,
-    weight: NDArray[np.float64],
+    target: NDArray[np.float64],
+    controlled: NDArray[np.bool_],
     limits: DriveLimits | None,
 ) -> LearnedDriveMap[RigModel]:
-    """Learn a drive map from the first playback; the identity, with a sentence, where the limits do not allow one."""
+    """Learn a drive map from the first playback; the one before, with a sentence, where the limits do not allow it."""
     learned = learn_drive_map(
-        drive, response, model=model, names=to_learn.names, units=to_learn.units, response_weight=weight
+        drive,
+        response,
+        model=model,
+        names=to_learn.names,
+        units=to_learn.units,
+        response_weight=np.divide(1.0, rms(target), out=np.zeros(len(target)), where=controlled),
+        start=to_learn.start,
     )
     try:
         _fitting_map(learned.drive_map, model, limits)
     except ValueError as error:
-        identity = replace(learned.drive_map, terms=())
-        return replace(learned, drive_map=identity, chosen=(), remarks=(*learned.remarks, f"{error}."))
+        before = to_learn.start or replace(learned.drive_map, terms=())
+        return replace(learned, drive_map=before, chosen=(), remarks=(*learned.remarks, f"{error}."))
     return learned
 
 

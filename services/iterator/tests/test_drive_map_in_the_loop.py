@@ -343,6 +343,38 @@ def test_the_loop_learns_the_map_from_its_first_playback_where_the_identificatio
     assert [step.drive.tobytes() for step in resumed] == [step.drive.tobytes() for step in steps]
 
 
+def test_a_map_that_knows_half_an_arc_is_learned_again_from_the_first_playback():
+    target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
+    (term,) = ARC.terms
+    # Learned from a record with 0.8 times the motion.
+    weak = replace(term, coefficients=(0.5 * 0.8 * term.coefficients[0], 0.0, 0.0))
+    start = replace(ARC, terms=(weak,), scale=tuple(0.8 * LEVEL))
+    given = settings(kind=UpdateKind.BASIC_TWR, gain=0.6, iterations=4)
+    to_learn = MapFromFirstPlayback(NAMES, UNITS, start=start)
+    steps = run(play_arc, given, target=target, drive_map=to_learn)
+    kept = run(play_arc, given, target=target, drive_map=start)
+    errors, without = (np.array([step.metrics.relative_rms_error for step in each]) for each in (steps, kept))
+    assert steps[0].drive.tobytes() == kept[0].drive.tobytes()
+    assert steps[0].with_drive_map
+    assert steps[0].learned is not None
+    assert steps[0].learned.drive_map.describe() == ("lateral follows −3 /m × vertical²",)
+    # From then on the rig is a linear one: a gain of 0.6 leaves 0.4 of the error of each response.
+    np.testing.assert_allclose(errors[1:], 0.4 * errors[:-1], rtol=0.03)
+    assert without[1, 1] > 1.1 * errors[1, 1]
+    # A campaign that resumes after two playbacks does what this one did.
+    recorded = [RecordedPlayback(step.drive, step.response, step.with_drive_map) for step in steps[:2]]
+    resumed = run(play_arc, given, target=target, drive_map=to_learn, recorded=recorded)
+    assert [step.drive.tobytes() for step in resumed] == [step.drive.tobytes() for step in steps]
+
+
+def test_a_map_that_knows_the_arc_stays_and_changes_no_byte():
+    target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
+    to_learn = MapFromFirstPlayback(NAMES, UNITS, start=ARC)
+    steps, kept = (run(play_arc, settings(), target=target, drive_map=given) for given in (to_learn, ARC))
+    assert [step.drive.tobytes() for step in steps] == [step.drive.tobytes() for step in kept]
+    assert "explains the record as well" in steps[0].learned.remarks[0]
+
+
 def test_a_first_playback_of_a_linear_rig_teaches_no_map_and_changes_no_byte():
     target = BAND.limit_target(play(H, drive(seed=5, seconds=60.0, level=LEVEL * (3.0, 0.5), highest=36.0)))
     model = rig_model(*frequency_response(1.1 * H), identified_band=IDENTIFIED)
