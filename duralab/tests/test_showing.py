@@ -94,7 +94,7 @@ def test_figures_of_signals_are_those_of_numpy():
 def test_plans_and_advice_print_as_tables():
     plan = ExperimentPlan(75.0, 2, 6, 2, 0.34, 12.0, 0.49, 92, (0.4, 45.0))
     assert "0.4 to 45 Hz, 92 lines" in str(plan)
-    advice = LevelAdvice(np.array([1.0]), np.array([2.0]), np.array([1.5]), ("Drive 1 is at its limit.",))
+    advice = LevelAdvice(np.array([1.0]), np.array([2.0]), np.array([1.5]), None, 0.0, ("Drive 1 is at its limit.",))
     assert str(advice).splitlines()[-1] == "- Drive 1 is at its limit."
 
 
