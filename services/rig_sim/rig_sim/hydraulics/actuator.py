@@ -111,8 +111,12 @@ class HydraulicActuator:
         effect.monitored[f"{self.name}.valve_command"] = command
         effect.monitored[f"{self.name}.load_pressure"] = load * _PASCAL / self._stall_pressure(load, line)
         effect.monitored[self.achieved] = achieved
-        chamber_rates = (rate_a * (1.0 / _PASCAL), rate_b * (1.0 / _PASCAL))
-        return [*spool_rates(self.valve, command, spool), *chamber_rates, *loop_rates]
+        return [
+            *spool_rates(self.valve, command, spool),
+            rate_a * (1.0 / _PASCAL),
+            rate_b * (1.0 / _PASCAL),
+            *loop_rates,
+        ]
 
     def _measure(self, motion: Motion, load: Any) -> Any:
         """Return what the loop controls, given the motion and the load pressure in MPa."""
