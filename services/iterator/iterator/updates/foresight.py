@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_settings import SecantSettings
-from iterator.model import DriveTerm, ForeseenStep, SeenStep, StepSpectra, averaged_steps
+from iterator.model import ODD_TERMS, DriveTerm, ForeseenStep, SeenStep, StepSpectra, averaged_steps
 from iterator.updates.secant_fit import SecantFit
 
 # Share of what a smaller set of terms leaves of the steps' energy, below which a larger one has to stay.
-_GATE: Final = 0.95
+_GATE: Final = 0.9
 # The same of the first step, which no fit could foresee: an arc leaves a tenth, what only looks like one far more.
 _GATE_OF_FIRST: Final = 0.5
 # What leaves less than this share of the energy foresees all: a rest of rounding says nothing about terms.
@@ -60,20 +60,25 @@ def _left(spectra: StepSpectra, step: SeenStep, found: SecantFit, terms: tuple[D
 def terms_that_foresee(
     foreseen: tuple[ForeseenStep, ...], candidates: Sequence[tuple[DriveTerm, ...]], *, forgetting: float
 ) -> tuple[DriveTerm, ...]:
-    """Return the candidate that foresees the steps; a later, larger one only where it leaves far less than the former.
+    """Return the candidate that foresees the steps: from the smallest, a larger one where it leaves far less.
 
     One step says too little: of a step that a model with terms has made, the drives alone may foresee more than of
-    others, and the gate would flutter. Each step therefore counts `φ` times the one after it. After the first playback
-    there is nothing that was foreseen: terms have to explain most of it.
+    others, and the gate would flutter. Each step therefore counts `φ` times the one after it, and a set that was used
+    is given up only for one that leaves less. After the first playback there is nothing that was foreseen: squares have
+    to explain most of it, and odd terms, which resemble the drives, would only stand in for what the prior keeps.
     """
-    later = foreseen[1:] or foreseen
-    count = np.array([forgetting**age for age in reversed(range(len(later)))])
-    left = count @ np.array([step.left for step in later]) / np.sum(count)
-    gate, best = _GATE if len(foreseen) > 1 else _GATE_OF_FIRST, 0
-    for number in range(1, len(candidates)):
-        if left[number] < gate * left[best] and left[best] > _ALL_FORESEEN:
-            best = number
-    return candidates[best]
+    used = 0
+    for number in range(1, len(foreseen) + 1):
+        steps = foreseen[1:number] or foreseen[:1]
+        count = np.array([forgetting**age for age in reversed(range(len(steps)))])
+        left = count @ np.array([step.left for step in steps]) / np.sum(count)
+        used = int(np.argmin(left[: used + 1]))
+        for larger in range(used + 1, len(candidates)):
+            if number == 1 and set(candidates[larger]) & set(ODD_TERMS):
+                continue
+            if left[larger] < (_GATE if number > 1 else _GATE_OF_FIRST) * left[used] and left[used] > _ALL_FORESEEN:
+                used = larger
+    return candidates[used]
 
 
 def kept_inputs(cut: tuple[DriveTerm, ...], terms: tuple[DriveTerm, ...], *, drives: int) -> NDArray[np.intp]:

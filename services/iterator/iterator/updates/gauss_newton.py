@@ -28,7 +28,7 @@ class StepProblem:
     Everything is in lines of the band, in scaled units: drives over `drive_scale`, responses times `response_weight`.
     A step is `x = L v`, with `L Lᴴ = (JᴴJ + R)⁻¹` of the mean tangent `J`, so that conjugate gradients in `v` begin
     with the cautious inverse. `R` is the tangent's uncertainty and the ridge of the inverse; its root stands below
-    the responses, and a step costs `‖residual‖² + ‖R^½ x‖²`.
+    the responses, and a step costs `‖residual‖² + ‖R^½ x‖²`. `frf` is `H` at the lines, `model.frf` the mean tangent.
     """
 
     def __init__(
@@ -36,6 +36,7 @@ class StepProblem:
         model: RigModel,
         *,
         lines: NDArray[np.intp],
+        frf: NDArray[np.complex128],
         uncertainty: NDArray[np.complex128],
         regularisation: float,
         response_weight: NDArray[np.float64],
@@ -61,7 +62,7 @@ class StepProblem:
         self._drive = self._rate_share * cast(
             NDArray[np.float64], fft.irfft(whole[:, : self._short // 2 + 1], self._short, axis=1)
         )
-        linear = model.frf[lines] * response_weight[:, None] * drive_scale
+        linear = frf * response_weight[:, None] * drive_scale
         # Terms of scaled drives have the drives' scale to their power.
         powers = np.concatenate([drive_scale**term.degree for term in model.terms])
         of_terms = model.term_frf[lines] * response_weight[:, None] * powers

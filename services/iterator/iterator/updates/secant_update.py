@@ -56,6 +56,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
         problem = StepProblem(
             bent,
             lines=learned.lines,
+            frf=learned.fit.frf,
             uncertainty=settings.secant.caution * learned.fit.uncertainty,
             regularisation=settings.secant.regularisation,
             response_weight=learned.response_weight,
@@ -131,7 +132,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     prior_strength = weaker if set(terms) & set(ODD_TERMS) else secant.prior_strength
     found = fit(steps if terms else of_drives, terms, prior_strength)
     frf, inverse = identified.copy(), model.inverse_frf.copy()
-    frf[lines] = found.frf
+    frf[lines] = found.frf + _mean_slope(found, terms, history.playbacks[-1].drive)
     inverse[lines] = cautious_inverse(
         found.frf,
         uncertainty=secant.caution * found.uncertainty[:, : scale.size, : scale.size],
@@ -154,6 +155,16 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         foreseen_steps=foreseen,
     )
     return _Learned(bent, found, lines, weight, scale)
+
+
+def _mean_slope(found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return what odd terms add to the FRF around a drive, in the mean over time: predictions are linear in steps."""
+    added = np.zeros_like(found.frf)
+    for number, term in enumerate(terms):
+        if term in ODD_TERMS:
+            columns = slice(number * drive.shape[0], (number + 1) * drive.shape[0])
+            added += found.term_frf[:, :, columns] * np.mean(term.slopes(drive), axis=1)
+    return added
 
 
 def _candidates(settings: UpdateSettings) -> tuple[tuple[DriveTerm, ...], ...]:
