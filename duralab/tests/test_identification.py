@@ -100,3 +100,10 @@ def test_another_model_may_stand_for_the_rig():
 
 def asked_model(number):
     return identifier(Answers(message(number))).identify("front_axle", EXCITATION, ESTIMATOR)
+
+
+@pytest.mark.parametrize("learn", [True, False])
+def test_a_drive_map_is_learned_where_it_is_asked_for(learn):
+    answers = Answers(message(1.0))
+    identifier(answers).identify("front_axle", EXCITATION, ESTIMATOR, learn_drive_map=learn)
+    assert answers.request.HasField("drive_map") is learn

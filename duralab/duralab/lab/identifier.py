@@ -60,6 +60,7 @@ class Identifier:
         estimator: EstimatorSettings,
         *,
         seed: int = 0,
+        learn_drive_map: bool = False,
         on_progress: Callable[[RunProgress], None] | None = None,
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
@@ -74,6 +75,9 @@ class Identifier:
             As in a campaign file.
         seed : int
             Of the excitation's phases and of what is random in a simulated rig.
+        learn_drive_map : bool
+            Whether to learn which drives follow products of others, as campaigns do. Where some do, `Model.frf` is from
+            mapped drives, and `predict` maps a drive first.
         on_progress : callable, optional
             Called with a `RunProgress` about once a second.
         timeout_seconds : float, optional
@@ -92,6 +96,8 @@ class Identifier:
             The rig could not play it (`InputError`), or it did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
+        if learn_drive_map:
+            request.drive_map.SetInParent()
         end = deadline_of(timeout_seconds, cancel)
         with halting(self._ask, rig, end):
             message = self._ask.query(

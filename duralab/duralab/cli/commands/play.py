@@ -110,6 +110,9 @@ def identify(
         Path | None, typer.Option("--out", metavar="FILE", help="Write the frequency responses, into .uff or .unv.")
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Random seed; that of FILE if left out.")] = None,
+    drive_map: Annotated[
+        bool, typer.Option("--drive-map", help="Learn which drives follow products of others, as a campaign does.")
+    ] = False,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
@@ -135,6 +138,7 @@ def identify(
             asked.excitation,
             asked.estimator,
             seed=asked.seed if seed is None else seed,
+            learn_drive_map=drive_map,
             on_progress=display.show,
         )
     output.say(str(model))
@@ -162,6 +166,7 @@ def _model_document(rig: str, model: Model, out: Path | None) -> dict[str, objec
             }
             for column, channel in enumerate(model.responses)
         ],
+        "drive_map": list(model.drive_map),
         "verdicts": list(model.verdicts),
         "warnings": list(model.warnings),
         "file": out,
