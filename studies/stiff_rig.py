@@ -44,18 +44,18 @@ SAMPLE_RATE: Final = 1000.0
 BAND: Final = control_band(0.5, 40.0, sample_rate=SAMPLE_RATE)
 IDENTIFIED: Final = (0.25, 46.0)
 _SPECTRUM: Final = WhitePinkSpectrum(
-    lowest_frequency=IDENTIFIED[0], highest_frequency=IDENTIFIED[1], corner_frequency=2.0, decibels_per_octave=3.0
+    lowest_frequency=IDENTIFIED[0], highest_frequency=IDENTIFIED[1], corner_frequency=1.0, decibels_per_octave=6.0
 )
 _ESTIMATOR: Final = EstimatorSettings(kind=EstimatorKind.LOCAL_POLYNOMIAL, block_samples=AXLE_BLOCK, local_half_width=6)
 #: Of an identification: vertical, lateral and longitudinal, RMS in m.
 Level = tuple[float, float, float]
-LEVEL: Final[Level] = (0.004, 5e-5, 2e-4)
+LEVEL: Final[Level] = (0.0025, 4e-5, 1.5e-4)
 #: Slope 5 among the exponents of damage.
 _SLOPE: Final = 1
 _IDENTIFICATION_NOISE, _TARGET_NOISE = 1000, 77
 _ONE: Final = np.ones(6)
 SECANT: Final = UpdateSettings(
-    band=BAND, iteration_gain=_ONE, kind=UpdateKind.SECANT, accept_segments=True, gain_schedule=(0.7, 0.8, 0.9, 1.0)
+    band=BAND, iteration_gain=_ONE, kind=UpdateKind.SECANT, accept_segments=True, gain_schedule=(0.8, 1.0)
 )
 #: Name, settings, colour.
 UPDATES_TRIED: Final = (
@@ -97,7 +97,7 @@ FULL: Final = Extent(
     7,
     (1, 2, 3, 4, 5, 7),
     75.0,
-    ((0.001, 1e-5, 1e-4), (0.002, 2e-5, 2e-4), (0.002, 5e-5, 2e-4), LEVEL, (0.004, 1e-4, 2e-4), (0.008, 1e-4, 2e-4)),
+    ((0.001, 2e-5, 1e-4), (0.002, 3e-5, 1.5e-4), LEVEL, (0.004, 5e-5, 2e-4), (0.008, 1e-4, 2e-4)),
     (1, 2),
     12,
     36.0,
@@ -278,7 +278,7 @@ def campaigns_of(
         for target, samples in roads.items()
     }
     reached = iterated(
-        name, roads[ROAD], found[ROAD], update=SECANT, playbacks=extent.playbacks, how=Mapped.LEARNED_AGAIN
+        name, roads[ROAD], found[ROAD], update=SECANT, playbacks=extent.playbacks, how=Mapped.FROM_IDENTIFICATION
     )
     learned = reached.iterations[0].learned
     own_map = found[ROAD].learned.drive_map if learned is None else learned.drive_map
@@ -288,7 +288,7 @@ def campaigns_of(
     for target, samples in {**roads, REACHABLE: own}.items():
         targets[name, target] = samples
         for update, settings, colour in UPDATES_TRIED:
-            for how in Mapped if settings is SECANT else (Mapped.NOT, Mapped.LEARNED_AGAIN):
+            for how in Mapped if settings is SECANT else (Mapped.NOT, Mapped.FROM_IDENTIFICATION):
                 trial = iterated(name, samples, found[target], update=settings, playbacks=extent.playbacks, how=how)
                 rows.append(Row(name, target, update, colour, how, Course.of(trial)))
     return rows
@@ -345,7 +345,9 @@ def levels_table(road: NDArray[np.float64], own: NDArray[np.float64], extent: Ex
                 found = identify_mapped(
                     "front_axle", 1.0 / rms(target), level=level, seconds=extent.experiment_seconds, seed=seed
                 )
-                trial = iterated("front_axle", target, found, update=SECANT, playbacks=2, how=Mapped.LEARNED_AGAIN)
+                trial = iterated(
+                    "front_axle", target, found, update=SECANT, playbacks=2, how=Mapped.FROM_IDENTIFICATION
+                )
                 course = Course.of(trial)
                 spent.append(identification_passes(target, found.response).max())
                 errors.append(course.worst)
@@ -373,7 +375,7 @@ def plants_table(extent: Extent) -> str:
         iteration_gain=_ONE,
         kind=UpdateKind.SECANT,
         accept_segments=True,
-        gain_schedule=(0.7, 0.8, 0.9, 1.0),
+        gain_schedule=(0.8, 1.0),
     )
     lines = []
     for arms in (True, False):
