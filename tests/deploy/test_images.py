@@ -110,4 +110,12 @@ def test_closure_is_printed_for_the_shell():
     printed = subprocess.run(
         [sys.executable, script, "services/identifier"], capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    assert printed == ["libs/bus", "libs/settings", "libs/spectra", "proto", "services/identifier"]
+    assert printed == [
+        "libs/bus",
+        "libs/drive_map",
+        "libs/loads",
+        "libs/settings",
+        "libs/spectra",
+        "proto",
+        "services/identifier",
+    ]

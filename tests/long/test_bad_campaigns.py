@@ -47,7 +47,7 @@ def write_target(path: Path, samples: np.ndarray, *, names: list[str] = RESPONSE
         ({"control_band__lowest_frequency": 0.1}, ["0.1", "0.25"]),
         ({"excitation__rms": 0.2}, ["left_vertical", "0.115"]),
         ({"excitation__rms": float("nan")}, ["rms", "nan"]),
-        ({"excitation__rms": 0.02}, ["left_vertical", "4 m/s", "fits"]),
+        ({"excitation__rms": 0.02}, ["left_lateral", "2 m/s", "fits"]),
         ({"excitation__duration": 12.0}, ["12", "realisations"]),
         ({"excitation__duration": 3.0}, ["2048", "lasts only 1 s"]),
         ({"update__iteration_gain": 1.5}, ["gain", "1.5"]),
