@@ -106,7 +106,7 @@ def _identified(
     experiment = design_experiment(settings, drives=CHANNELS, sample_rate=SAMPLE_RATE)
     scale = np.stack([rms(target) for target in targets])
     drive = np.broadcast_to(experiment.drive, (len(targets), *experiment.drive.shape))
-    responses = measured(plants, drive, noise=_NOISE * scale, rng=rng)
+    responses = measured(plants, drive, played=play, noise=_NOISE * scale, rng=rng)
     plain: list[RigModel] = []
     mapped: list[LearnedDriveMap[RigModel]] = []
     for response, level in zip(responses, scale, strict=True):
@@ -161,7 +161,7 @@ def mapped_errors(
             models[i] = step.model
             mapped.append(step.drive)
         drives = [maps[i].to_drive(mapped[i]) for i in range(count)]
-        responses = measured(bench.plants, np.stack(drives), noise=noise, rng=rng)
+        responses = measured(bench.plants, np.stack(drives), played=play, noise=noise, rng=rng)
         for i in range(count):
             response = BAND.limit_response(responses[i])
             errors[i, number] = overall_relative_rms_error(bench.targets[i], response)

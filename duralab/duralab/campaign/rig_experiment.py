@@ -65,8 +65,9 @@ def with_experiment(text: str, rig: Rig) -> str:
     changes = (
         ("highest_frequency: .*", f"highest_frequency: {highest:g}"),
         ("corner_frequency: .*", f"corner_frequency: {corner:g}"),
+        ("decibels_per_octave: .*", f"decibels_per_octave: {_DECIBELS_PER_OCTAVE:g}"),
         (
-            r"# RMS of each drive.*?\n  rms:\n(?:    .*\n)+",
+            r"# RMS of each drive(?:.*\n)+?  rms:\n(?:    .*\n)+",
             f"# RMS of each drive in its unit: {_RANGE_SHARE:.0%} of its limit, less where its rate limit demands it.\n"
             f"  rms:\n{''.join(levels)}",
         ),
