@@ -100,6 +100,7 @@ def learn_drive_map(
     response_weight: ArrayLike | None = None,
     estimate: Estimate[ModelT] | None = None,
     start: DriveMap | None = None,
+    may_follow: Sequence[bool] | None = None,
 ) -> LearnedDriveMap[ModelT]:
     """Learn a drive map from the record of an identification, or from a first playback.
 
@@ -128,6 +129,9 @@ def learn_drive_map(
     estimate : callable, optional
         Function of the mapped drive, shape (n_u, samples), that estimates the model again, of the same record; the
         given model stays where not given, as for a first playback.
+    may_follow : sequence of bool, optional
+        Which drives may follow products: those under displacement control. A force-controlled drive moves along an arc
+        as it is. All where not given.
     start : DriveMap, optional
         Map to learn again from a first playback; the identity where not given.
 
@@ -148,6 +152,10 @@ def learn_drive_map(
         )
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
     _require_fitting(played, measured, model=model, names=names, units=units)
+    if may_follow is not None and len(may_follow) != len(names):
+        raise ValueError(
+            f"may_follow has {len(may_follow)} values and there are {len(names)} drives; give one each."
+        )
     level = rms(played)
     known, sample_rate = model.frequency[model.identified], 2.0 * float(model.frequency[-1])
     identity = DriveMap(
@@ -159,7 +167,8 @@ def learn_drive_map(
         highest_frequency=min(float(known[-1]), LARGEST_BAND_SHARE * sample_rate),
     )
     cut = PieceCut(played.shape[1], sample_rate=sample_rate, identified=(float(known[0]), identity.highest_frequency))
-    pieces = cut_record(played, measured, scale=np.asarray(identity.scale), cut=cut)
+    followers = np.ones(len(names), dtype=np.bool_) if may_follow is None else np.array(may_follow, dtype=np.bool_)
+    pieces = cut_record(played, measured, scale=np.asarray(identity.scale), cut=cut, followers=followers)
     too_little = _too_little(pieces)
     if too_little is not None:
         return LearnedDriveMap(identity if start is None else start, model, (), (too_little,))

@@ -71,6 +71,8 @@ class RecordPieces:
     product: NDArray[np.complex128]
     frequency: NDArray[np.float64]
     scale: NDArray[np.float64]
+    followers: NDArray[np.bool_]
+    """Shape (n_u,): which drives may follow products."""
 
     @property
     def count(self) -> int:
@@ -79,7 +81,12 @@ class RecordPieces:
 
 
 def cut_record(
-    drive: NDArray[np.float64], response: NDArray[np.float64], *, scale: NDArray[np.float64], cut: PieceCut
+    drive: NDArray[np.float64],
+    response: NDArray[np.float64],
+    *,
+    scale: NDArray[np.float64],
+    cut: PieceCut,
+    followers: NDArray[np.bool_],
 ) -> RecordPieces:
     """Cut a record and all products of two of its drives into pieces."""
     n_u = drive.shape[0]
@@ -91,7 +98,13 @@ def cut_record(
     product -= np.mean(product, axis=1, keepdims=True)
     centred = response - np.mean(response, axis=1, keepdims=True)
     return RecordPieces(
-        products, cut.lines(lowered), cut.lines(cut.lowered(centred)), cut.lines(product), cut.frequency, scale
+        products,
+        cut.lines(lowered),
+        cut.lines(cut.lowered(centred)),
+        cut.lines(product),
+        cut.frequency,
+        scale,
+        followers,
     )
 
 
@@ -216,7 +229,7 @@ class Folds:
         frf = model_at(pieces.frequency, model)
         residual = weight[:, None] * (pieces.response - np.matmul(frf, pieces.drive))
         # A drive that rests in the record says nothing about itself.
-        moves = np.any(pieces.drive != 0.0, axis=(0, 2))
+        moves = np.any(pieces.drive != 0.0, axis=(0, 2)) & pieces.followers
         gain = np.ascontiguousarray(weight[:, None] * frf * (pieces.scale * moves))
         odd = np.arange(pieces.count) // _GROUP % 2 == 1
         whole, first, second = (

@@ -206,6 +206,7 @@ def test_a_drive_that_rests_is_in_no_term():
         ({"names": ("vertical",)}, "1 names and 2 units for 2 drives"),
         ({"weight": (1.0,)}, "for each of 2 responses"),
         ({"weight": (1.0, -1.0)}, "0 or more"),
+        ({"may_follow": (True,)}, "may_follow has 1 values and there are 2 drives"),
     ],
 )
 def test_records_that_do_not_fit_are_refused(change, said):
@@ -219,4 +220,10 @@ def test_records_that_do_not_fit_are_refused(change, said):
             names=change.get("names", NAMES),
             units=UNITS,
             response_weight=change.get("weight"),
+            may_follow=change.get("may_follow"),
         )
+
+
+def test_a_drive_that_may_not_follow_is_in_no_term():
+    u = drive()
+    assert learn(u, play_arc(u), may_follow=(True, False)).drive_map.is_identity

@@ -10,7 +10,7 @@ from duralab_drive_map import ChosenTerm, DriveMap, LearnedDriveMap, MapTerm
 from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.arrays import from_array, to_array, to_record
 from duralab_proto.v1 import identifier_pb2
-from duralab_proto.v1.array_pb2 import Channel
+from duralab_proto.v1.array_pb2 import CHANNEL_KIND_DISPLACEMENT, CHANNEL_KIND_FORCE, Channel
 from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, SettingsError
 from duralab_spectra import rms
 from identifier.bus import predict, settings_of
@@ -24,7 +24,9 @@ NAMES = ("vertical", "lateral")
 RIG = RigUnderTest(
     name="arc",
     sample_rate=RATE,
-    drives=tuple(Channel(name=name, unit="m", minimum=-0.1, maximum=0.1) for name in NAMES),
+    drives=tuple(
+        Channel(name=name, unit="m", minimum=-0.1, maximum=0.1, kind=CHANNEL_KIND_DISPLACEMENT) for name in NAMES
+    ),
     responses=tuple(Channel(name=f"force_{name}", unit="N") for name in NAMES),
     longest_drive_seconds=200.0,
     content_hash="abc",
@@ -95,9 +97,17 @@ def test_a_linear_rig_keeps_its_estimate():
     assert found.model.estimate is first
 
 
+def test_a_force_controlled_drive_follows_nothing():
+    vertical, lateral = RIG.drives
+    forced = replace(RIG, drives=(vertical, Channel(name=lateral.name, unit="N", kind=CHANNEL_KIND_FORCE)))
+    assert learned(ExcitationKind.RANDOM_ORTHOGONAL, EstimatorKind.H1, rig=forced)[1].drive_map.is_identity
+
+
 def test_limits_that_do_not_hold_rest_get_no_map_and_a_sentence():
     vertical, lateral = RIG.drives
-    off = replace(RIG, drives=(vertical, Channel(name=lateral.name, unit="m", minimum=0.01, maximum=0.1)))
+    off = replace(
+        RIG, drives=(vertical, Channel(name=lateral.name, unit="m", minimum=0.01, maximum=0.1, kind=lateral.kind))
+    )
     first, found = learned(ExcitationKind.RANDOM_ORTHOGONAL, EstimatorKind.H1, rig=off)
     assert found.drive_map.is_identity
     assert found.model.estimate is first

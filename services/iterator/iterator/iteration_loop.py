@@ -122,6 +122,8 @@ class MapFromFirstPlayback:
     ----------
     names, units : tuple of str
         Of the drives, in the rig's order.
+    may_follow : tuple of bool, optional
+        Which drives may follow products: those under displacement control; all where not given.
     start : DriveMap, optional
         Map of the identification, which the first playbacks are made with. It stays where the playback does not say
         more: see `duralab_drive_map.learn_drive_map`.
@@ -129,6 +131,7 @@ class MapFromFirstPlayback:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
+    may_follow: tuple[bool, ...] | None = None
     start: DriveMap | None = None
 
     def number(self, levels: Sequence[float]) -> int:
@@ -403,6 +406,7 @@ def _learned(
         units=to_learn.units,
         response_weight=np.divide(1.0, rms(target), out=np.zeros(len(target)), where=controlled),
         start=to_learn.start,
+        may_follow=to_learn.may_follow,
     )
     try:
         _fitting_map(learned.drive_map, model, limits)
@@ -491,8 +495,13 @@ def _playable_drive(
     band = settings.update.band
     whole = faded(step.drive, sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)
     drive = level * whole
+
+    def at_rest(_i: int, row: NDArray[np.float64]) -> NDArray[np.float64]:
+        # A drive that follows others rings about as far as its map is cut off above the identified band.
+        return faded(row[None, :].copy(), sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)[0]
+
     if limits is None:
-        return drive if drive_map is None else drive_map.to_drive(drive), None
+        return drive if drive_map is None else drive_map.to_drive(drive, adjust=at_rest), None
     if settings.limit_policy is LimitPolicy.PROJECT:
         if first:
             if drive_map is not None:
@@ -501,13 +510,15 @@ def _playable_drive(
         if drive_map is None:
             projection = project_drive(drive, limits=limits, band=band)
         else:
-            projection = project_mapped_drive(drive, drive_map=drive_map, limits=limits, band=band)
+            projection = project_mapped_drive(drive, drive_map=drive_map, limits=limits, band=band, adjust=at_rest)
         return projection.drive, projection
     last, gains = None if step.stepped_from is None else level * step.stepped_from, settings.update.gains
     if drive_map is None:
         require_within_limits(drive, last_drive=last, limits=limits, iteration_gain=gains)
     else:
-        drive = drive_within_limits(drive, last_mapped=last, drive_map=drive_map, limits=limits, iteration_gain=gains)
+        drive = drive_within_limits(
+            drive, last_mapped=last, drive_map=drive_map, limits=limits, iteration_gain=gains, adjust=at_rest
+        )
     return drive, None
 
 

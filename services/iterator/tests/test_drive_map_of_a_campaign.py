@@ -5,7 +5,7 @@ import pytest
 
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.v1 import identifier_pb2, iterator_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2
 from iterator import MapFromFirstPlayback
 from iterator.campaign import identification_request, new_campaign, plan_campaign
 from iterator.campaign.messages import checked_drive_map
@@ -55,7 +55,9 @@ def test_the_map_of_the_model_is_used_and_one_is_learned_later_where_it_has_none
     assert [(term.follower, term.product) for term in found.terms] == [(1, (0, 0))]
     assert found.names == plan.limits.names
     assert checked_drive_map(identifier_pb2.Model(), start(plan), plan=plan) == MapFromFirstPlayback(
-        plan.limits.names, plan.limits.units
+        plan.limits.names,
+        plan.limits.units,
+        may_follow=tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives),
     )
     without = planned(learn=False)
     assert checked_drive_map(identifier_pb2.Model(), start(without), plan=without) is None

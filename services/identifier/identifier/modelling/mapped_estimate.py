@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_drive_map import LearnedDriveMap, learn_drive_map
+from duralab_proto.v1 import array_pb2
 from identifier.estimators import FrfEstimate
 from identifier.experiment import RigUnderTest
 from identifier.modelling.line_filling import fill_lines
@@ -56,6 +57,8 @@ def learn_map(
         units=tuple(channel.unit for channel in rig.drives),
         response_weight=response_weight,
         estimate=lambda mapped: EstimatedFrf.of(estimate_again(mapped)),
+        # A force-controlled drive moves along an arc as it is.
+        may_follow=[channel.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for channel in rig.drives],
     )
     beyond = [
         channel.name

@@ -12,7 +12,7 @@ from duralab_drive_map import DriveMap
 from duralab_drive_map.messages import from_message as drive_map_from_message
 from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.arrays import ArrayError, from_array, from_record, samples_hash, to_array, to_record
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.assessment import Forecast, IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
@@ -225,7 +225,9 @@ def checked_drive_map(
     """
     limits = plan.limits
     if not model.HasField("drive_map"):
-        return MapFromFirstPlayback(limits.names, limits.units) if plan.settings.update.drive_map.learn else None
+        displaced = tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives)
+        learn = plan.settings.update.drive_map.learn
+        return MapFromFirstPlayback(limits.names, limits.units, may_follow=displaced) if learn else None
     try:
         drive_map = drive_map_from_message(
             model.drive_map, drives=plan.description.drives, sample_rate=plan.description.sample_rate

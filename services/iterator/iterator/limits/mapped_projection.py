@@ -85,24 +85,25 @@ def drive_within_limits(
     drive_map: DriveMap,
     limits: DriveLimits,
     iteration_gain: NDArray[np.float64],
+    adjust: Adjust | None = None,
 ) -> NDArray[np.float64]:
     """Return the drive of a mapped drive, or refuse it where it passes a limit and say which share of the gains fits.
 
     `mapped`, shape (n_u, samples): `v`, drive units. `last_mapped`, shape (n_u, samples): Mapped drive that the update
     stepped from; None is zero. `drive_map`: `T`. `limits`: Of the rig. `iteration_gain`, shape (n_y,): Gains of the
-    step.
+    step. `adjust`: Called with each drive before those that follow it are made, see `DriveMap.to_drive`.
     Returns: shape (n_u, samples): `u`, drive units.
     Raises `DriveLimitError`: A value or a slew of the drive is past its limit. `ValueError`: A record does not fit.
     """
     start = np.zeros_like(mapped) if last_mapped is None else last_mapped
-    drive, last_drive = drive_map.to_drive(mapped), drive_map.to_drive(start)
+    drive, last_drive = drive_map.to_drive(mapped, adjust=adjust), drive_map.to_drive(start, adjust=adjust)
     refused = _refusal(drive, last_drive, limits, iteration_gain)
     if refused is None:
         return drive
     # The limits' own share is that of a drive that is proportional to the gains. One that follows a product is not.
     share = refused.fitting_share
     while share >= _SMALLEST_SHARE:
-        tried = drive_map.to_drive(start + share * (mapped - start))
+        tried = drive_map.to_drive(start + share * (mapped - start), adjust=adjust)
         if _refusal(tried, last_drive, limits, iteration_gain) is None:
             break
         share *= _SMALLER_SHARE
