@@ -55,7 +55,7 @@ def quiet_rig(request):
 
 @pytest.fixture(scope="session")
 def front_axle_by_drake():
-    return load_rig(shipped_specimens()["front_axle"], EngineChoice(engine=Engine.DRAKE))
+    return load_rig(shipped_specimens()["front_axle_compliant"], EngineChoice(engine=Engine.DRAKE))
 
 
 @pytest.fixture(scope="session")

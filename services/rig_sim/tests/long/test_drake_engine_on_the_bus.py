@@ -13,7 +13,7 @@ from duralab_proto.arrays import from_array, from_record, to_record
 from duralab_proto.v1 import rig_pb2
 
 WAIT = 120.0
-RIG = "front_axle"
+RIG = "front_axle_compliant"
 
 
 def start(folder, config, bus=None, **options):
@@ -36,7 +36,7 @@ def bus(tmp_path_factory):
             process.communicate(timeout=WAIT)
 
 
-def test_drake_plays_over_the_bus_what_a_notebook_gets(bus, front_axle_by_drake, front_axle):
+def test_drake_plays_over_the_bus_what_a_notebook_gets(bus, front_axle_by_drake, front_axle_compliant):
     keys = bus.keys
     told = bus.query(keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
     assert (told.engine, told.block_samples) == ("drake", 4 * front_axle_by_drake.block_samples)
@@ -45,7 +45,7 @@ def test_drake_plays_over_the_bus_what_a_notebook_gets(bus, front_axle_by_drake,
     request = rig_pb2.PlayRequest(run="drake", drive=to_record(told.drives, 1000.0, drive), seed=4)
     result = bus.query(keys.rig_play(RIG), request, rig_pb2.PlayResult)
     _, _, response = from_record(result.response)
-    here, compiled = (rig.playback(drive, seed=4) for rig in (front_axle_by_drake, front_axle))
+    here, compiled = (rig.playback(drive, seed=4) for rig in (front_axle_by_drake, front_axle_compliant))
     for playback in (here, compiled):
         for _ in playback.blocks():
             pass
@@ -91,8 +91,8 @@ def test_a_stop_is_heard_while_drake_plays(bus):
 @pytest.mark.parametrize(
     ("engines", "said"),
     [
-        ({"rear_axle": "drake"}, "engines: rear_axle is not a rig served here; those are front_axle."),
-        ({RIG: "dracke"}, "engines.front_axle"),
+        ({"rear_axle": "drake"}, "engines: rear_axle is not a rig served here; those are front_axle_compliant."),
+        ({RIG: "dracke"}, "engines.front_axle_compliant"),
         ({RIG: {"engine": "drake", "fixed_step": 0.01}}, "fixed_step is 0.01 s; a sample, 0.001 s, is the longest"),
     ],
 )

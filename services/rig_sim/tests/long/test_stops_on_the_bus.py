@@ -37,12 +37,12 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle_compliant
     looked = []
     watched = duralab_gateway.playback_session.WatchdogMonitor.first_trip
 
-    def watching(*arguments, **options):
-        looked.append((options["first_sample"], options["response"].shape[1]))
+    def watching(monitor, block):
+        looked.append((block.first_sample, block.response.shape[1]))
         if len(looked) == 8:
             # On the playback's own thread, while it is within a block.
             client.server.stop("enough")
-        return watched(*arguments, **options)
+        return watched(monitor, block)
 
     monkeypatch.setattr(duralab_gateway.playback_session.WatchdogMonitor, "first_trip", watching)
     drive = wave(20.0)
