@@ -304,7 +304,7 @@ def test_a_service_that_ends_in_mid_play_ramps_down_and_says_so(tmp_path):
 def mule(tmp_path):
     """A rig of a user's own: the axle under another name, its drives as long as its cylinders."""
     folder = shipped_specimens()[RIG].parent
-    (tmp_path / "front_axle_compliant.sdf").write_text((folder / "front_axle_compliant.sdf").read_text())
+    (tmp_path / "front_axle.sdf").write_text((folder / "front_axle.sdf").read_text())
     text = (folder / "front_axle_compliant.yaml").read_text().replace("name: front_axle_compliant\n", "name: mule\n", 1)
     text = text.replace("minimum: -0.115, maximum: 0.115", "minimum: -0.125, maximum: 0.125")
     (tmp_path / "my mule.yaml").write_text(text)
