@@ -100,7 +100,8 @@ class Lab:
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     with duralab_bus.open_bus(service="client") as bus:
-        process = start(tmp_path_factory.mktemp("rig"), {"rigs": [RIG, "predecessor"], "bus": {"connect": list(bus.listening)}})
+        config = {"rigs": [RIG, "predecessor"], "bus": {"connect": list(bus.listening)}}
+        process = start(tmp_path_factory.mktemp("rig"), config)
         bus.wait_for_live({("rig_sim", "front_axle_compliant"), ("rig_sim", "predecessor")}, WAIT)
         yield Lab(bus)
         process.terminate()
