@@ -153,9 +153,7 @@ def learn_drive_map(
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
     _require_fitting(played, measured, model=model, names=names, units=units)
     if may_follow is not None and len(may_follow) != len(names):
-        raise ValueError(
-            f"may_follow has {len(may_follow)} values and there are {len(names)} drives; give one each."
-        )
+        raise ValueError(f"may_follow has {len(may_follow)} values and there are {len(names)} drives; give one each.")
     level = rms(played)
     known, sample_rate = model.frequency[model.identified], 2.0 * float(model.frequency[-1])
     identity = DriveMap(
