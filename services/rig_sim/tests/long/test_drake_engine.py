@@ -101,7 +101,7 @@ def test_the_difference_falls_with_the_players_order(judged):
     drive = smooth(judged, 61, share=0.02)
     reference = advance(judged, drake(judged, accuracy=1e-7), drive).outputs
     # At one step a sample the front axle's bushings are beyond the stability of the method.
-    steps = {"front_axle": (2, 4), "predecessor": (1, 2, 4)}[judged.specimen.name]
+    steps = {"front_axle_compliant": (2, 4), "predecessor": (1, 2, 4)}[judged.specimen.name]
     forces = slice(0, len(judged.specimen.responses))
     errors = [
         (rms((played.outputs - reference)[forces]) / rms(reference[forces])).max()
@@ -184,11 +184,11 @@ def test_states_out_of_bounds_are_named_before_anything_moves(front_axle_by_drak
     assert played.outputs.shape[1] == 0
 
 
-def test_the_hash_tells_engines_and_accuracies_apart(front_axle, front_axle_by_drake):
+def test_the_hash_tells_engines_and_accuracies_apart(front_axle_compliant, front_axle_by_drake):
     tight = EngineChoice(engine=DRAKE.engine, accuracy=1e-6)
-    other = load_rig(shipped_specimens()["front_axle"], tight)
-    assert len({front_axle.content_hash, front_axle_by_drake.content_hash, other.content_hash}) == 3
-    np.testing.assert_array_equal(front_axle_by_drake.static_response, front_axle.static_response)
+    other = load_rig(shipped_specimens()["front_axle_compliant"], tight)
+    assert len({front_axle_compliant.content_hash, front_axle_by_drake.content_hash, other.content_hash}) == 3
+    np.testing.assert_array_equal(front_axle_by_drake.static_response, front_axle_compliant.static_response)
 
 
 @pytest.mark.parametrize(
@@ -207,6 +207,6 @@ def test_a_bad_choice_of_an_engine_is_refused(choice, said):
         EngineChoice.model_validate(choice)
 
 
-def test_a_step_longer_than_a_sample_is_refused(front_axle):
+def test_a_step_longer_than_a_sample_is_refused(front_axle_compliant):
     with pytest.raises(ValueError, match=r"fixed_step is 0\.002 s; a sample, 0\.001 s, is the longest"):
-        drake(front_axle, fixed_step=2e-3)
+        drake(front_axle_compliant, fixed_step=2e-3)
