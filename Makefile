@@ -1,9 +1,10 @@
 # Everything runs in .venv, which `make setup` makes from requirements.lock. `make` lists the targets.
-# PYTHON=... chooses the Python, VIEW=1 opens the live viewer, ARGS=... is handed to pytest or to the faults, UPGRADE=1 renews the lock.
+# PYTHON=... chooses the Python, VIEW=1 opens the live viewer, PAGE=1 the operator page, ARGS=... is handed to pytest or to the faults, UPGRADE=1 renews the lock.
 
 BIN := .venv/bin
 PYTHON ?=
 VIEW ?=
+PAGE ?=
 ARGS ?=
 UPGRADE ?=
 PREFIX ?= $(CURDIR)/.lab
@@ -13,11 +14,11 @@ export PYTHON
 
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
 	algorithms_on_random_plants reachable_floor \
-	sensitivity braking_and_non_square input_side_errors stiff_rig rig_data_sheet rig_drawing actuator_tuning aerospace_and_full_vehicle
+	sensitivity braking_and_non_square input_side_errors stiff_rig detection_of_wear rig_data_sheet rig_drawing rig_wear actuator_tuning aerospace_and_full_vehicle
 CHECKS := format lint types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup install demo bench faults multihost security-table audit sbom studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup install demo demo-real bench faults endurance multihost security-table audit sbom studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -27,10 +28,13 @@ setup: ## make .venv, again only when the lock or a pyproject.toml changed
 
 install: ## put the lab alone, without the tools of tests and docs, into PREFIX (.lab): 1.7 GB, `.lab/bin/duralab`
 	@TOOLS=$(CURDIR)/.tools/install deploy/images/install.sh --tools
-	@TOOLS=$(CURDIR)/.tools/install PREFIX=$(PREFIX) deploy/images/install.sh services/rig_sim services/identifier services/iterator services/recorder duralab
+	@TOOLS=$(CURDIR)/.tools/install PREFIX=$(PREFIX) deploy/images/install.sh services/rig_sim services/file_rig services/identifier services/iterator services/sequencer services/recorder services/operator_page duralab
 
-demo: setup ## run the shipped campaign into out/demo (VIEW=1: watch it live)
-	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view)
+demo: setup ## run the shipped campaign into out/demo (VIEW=1, PAGE=1: watch it live)
+	@$(BIN)/duralab run front_axle_demo --out out/demo --replace $(if $(VIEW),--view) $(if $(PAGE),--page)
+
+demo-real: setup ## run a campaign through drive and response files, with a controller that plays them on a simulated rig
+	@$(BIN)/python examples/file_exchange/rehearse.py out/demo_real
 
 bench: setup ## measure everything beside peers into out/bench.json and docs/benchmarks.md (half an hour on two cores)
 	@$(BIN)/python benchmarks/bench.py --out out/bench.json --page docs/benchmarks.md $(ARGS)
@@ -38,6 +42,9 @@ bench: setup ## measure everything beside peers into out/bench.json and docs/ben
 faults: setup ## kill, freeze, cut, fill, fuzz: 20 rounds of each and a soak of 30 min (ARGS="--fault 'kill rig_sim' --rounds 3")
 	@$(BIN)/python -m tests.faults $(ARGS)
 	@DURALAB_LONG_TESTS=1 $(BIN)/python -m pytest -q tests/security libs/bus/tests/long/test_rejoining.py
+
+endurance: setup ## 20,000 repeats of an endurance test, a service killed every 500 (ARGS="--repeats 2000 --kill-every 100")
+	@$(BIN)/python -m tests.endurance $(ARGS)
 
 security-table: setup ## try every role on every key with every operation over a secured router, and print what came through
 	@$(BIN)/python -m tests.security
@@ -90,8 +97,9 @@ check-format: setup
 check-lint: setup
 	@$(BIN)/ruff check --quiet .
 
-check-types: setup
+check-types: setup ## the second time for what also runs on Windows
 	@$(BIN)/basedpyright
+	@$(BIN)/basedpyright --pythonplatform Windows proto libs duralab services/file_rig
 
 check-imports: setup
 	@$(BIN)/lint-imports

@@ -18,9 +18,8 @@ import numpy as np
 from machine import machine
 
 from duralab import Channel, Signals
-from duralab.formats.rpc3_header import DataType
-from duralab.formats.rpc3_reading import open_rpc3, read_rpc3
-from duralab.formats.rpc3_writing import Rpc3Settings, write_rpc3
+from duralab.formats.rpc3 import read_rpc3, write_rpc3
+from duralab_drive_files import DataType, Rpc3Settings, open_rpc3
 
 REPETITIONS = 5
 BLOCK_SAMPLES = 1 << 16

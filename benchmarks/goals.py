@@ -102,6 +102,8 @@ GOALS: dict[str, tuple[Goal, ...]] = {
         _most("basic TWR over its transforms alone", _ITERATION, "basic_twr_over_transforms", bound=1.5),
         _most("basic TWR, ms", _ITERATION, "update_seconds", "basic_twr", bound=60.0, scale=1e3),
         _most("secant update after 10 playbacks, over basic TWR", _ITERATION, "secant_over_basic_twr", bound=10.0),
+        _most("the same without odd terms, over basic TWR", _ITERATION, "without_odd_terms_over_basic_twr", bound=10.0),
+        _most("the same by Gauss-Newton, over the one without", _ITERATION, "gauss_newton_over_secant", bound=6.0),
         _least("first drive: times faster than SDynPy", _ITERATION, "peers", "sdynpy", "times_faster", bound=1.0),
     ),
     "Streams of 12.8 KB on loopback": (

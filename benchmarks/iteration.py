@@ -17,7 +17,8 @@ from scipy import fft
 
 from duralab_settings import UpdateKind
 from duralab_spectra import line_frequencies
-from iterator import UPDATES, IterationHistory, Playback, UpdateSettings, control_band, rig_model
+from iterator import UPDATES, IterationHistory, Playback, RigModel, UpdateSettings, control_band, rig_model
+from iterator.model import ODD_TERMS
 
 BAND = control_band(LOWEST, HIGHEST, sample_rate=RATE)
 PLAYBACKS = 10
@@ -71,6 +72,29 @@ def _first_drive(*, seconds: float = SECONDS, channels: int = CHANNELS) -> Calla
     return lambda: UPDATES[UpdateKind.BASIC_TWR](history, model, settings).drive
 
 
+def _history(target: np.ndarray, *, power: int) -> IterationHistory:
+    """Return playbacks of a rig that answers with a power of its drives, too, so that the update has work to do."""
+    rng = np.random.default_rng(2)
+    samples = target.shape[1]
+    history = IterationHistory(target=target)
+    for number in range(PLAYBACKS):
+        noise = BAND.limit_response(rng.standard_normal((2 * CHANNELS, samples)))
+        # Every playback comes out worse somewhere, another fifth of the record each time.
+        worse = np.roll(np.arange(samples) < samples // 5, number * samples // PLAYBACKS)
+        drive = target + 0.5**number * noise[CHANNELS:]
+        response = target + 0.5 ** (number + 1) * (1.0 + 3.0 * worse) * noise[:CHANNELS]
+        response = response + 3.0 * BAND.limit_response(drive**power)
+        history = history.after(Playback(drive=drive, response=response))
+    return history
+
+
+def _secant(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> Callable[[], object]:
+    """Return the update after the last playback, as in a campaign: its model has seen all steps but the last."""
+    earlier = IterationHistory(target=history.target, playbacks=history.playbacks[:-1])
+    bent = UPDATES[UpdateKind.SECANT](earlier, model, settings).model
+    return lambda: UPDATES[UpdateKind.SECANT](history, bent, settings)
+
+
 def _own_figures() -> dict[str, object]:
     rng = np.random.default_rng(1)
     samples = round(RATE * SECONDS)
@@ -78,40 +102,32 @@ def _own_figures() -> dict[str, object]:
     coupling = 0.1 * rng.standard_normal((frequency.size, CHANNELS, CHANNELS)) + np.eye(CHANNELS)
     model = rig_model(frequency, coupling, identified_band=(0.5, 110.0))
     target = BAND.limit_target(rng.standard_normal((CHANNELS, samples)))
-    history = IterationHistory(target=target)
-    for number in range(PLAYBACKS):
-        noise = BAND.limit_response(rng.standard_normal((2 * CHANNELS, samples)))
-        # Every playback comes out worse somewhere, another fifth of the record each time.
-        worse = np.roll(np.arange(samples) < samples // 5, number * samples // PLAYBACKS)
-        drive = target + 0.5**number * noise[CHANNELS:]
-        # The rig answers with the squares of its drives, too, so that the secant update has all its work to do.
-        response = target + 0.5 ** (number + 1) * (1.0 + 3.0 * worse) * noise[:CHANNELS]
-        response = response + 3.0 * BAND.limit_response(np.square(drive))
-        history = history.after(Playback(drive=drive, response=response))
+    history = _history(target, power=2)
     twr = UpdateSettings(band=BAND, iteration_gain=np.full(CHANNELS, 0.5), kind=UpdateKind.BASIC_TWR)
     kinds = {
         "basic_twr": twr,
         "basic_twr_with_acceptance": twr.model_copy(update={"accept_segments": True}),
         "adaptive_modelling": twr.model_copy(update={"kind": UpdateKind.ADAPTIVE_MODELLING}),
-        "secant_with_acceptance": twr.model_copy(update={"kind": UpdateKind.SECANT, "accept_segments": True}),
     }
+    secant = twr.model_copy(update={"kind": UpdateKind.SECANT, "accept_segments": True})
+    squares_alone = secant.model_copy(update={"secant": secant.secant.model_copy(update={"odd_terms": False})})
+    of_cubes = _history(target, power=3)
+    used = UPDATES[UpdateKind.SECANT](of_cubes, model, secant).model.terms
+    if not set(used) & set(ODD_TERMS):
+        raise RuntimeError(f"the update uses {used} on a rig of cubes; Gauss-Newton's time cannot be measured")
     length = BAND.transform_samples(samples)
 
     def transforms() -> None:
         fft.irfft(fft.rfft(target, length, axis=1), length, axis=1)
 
-    # As in a campaign: the model comes from the update before, which has seen all steps but the last.
-    earlier = IterationHistory(target=target, playbacks=history.playbacks[:-1])
-    bent = UPDATES[UpdateKind.SECANT](earlier, model, kinds["secant_with_acceptance"]).model
     works: dict[str, Callable[[], object]] = {
-        name: lambda settings=settings: UPDATES[settings.kind](
-            history, bent if settings.kind is UpdateKind.SECANT else model, settings
-        )
+        name: lambda settings=settings: UPDATES[settings.kind](history, model, settings)
         for name, settings in kinds.items()
     }
-    works["secant_that_has_seen_no_step"] = lambda: UPDATES[UpdateKind.SECANT](
-        history, model, kinds["secant_with_acceptance"]
-    )
+    works["secant_with_acceptance"] = _secant(history, model, secant)
+    works["secant_without_odd_terms"] = _secant(history, model, squares_alone)
+    works["secant_by_gauss_newton"] = _secant(of_cubes, model, secant)
+    works["secant_that_has_seen_no_step"] = lambda: UPDATES[UpdateKind.SECANT](history, model, secant)
     seconds = _fastest({"transforms": transforms, "first drive": _first_drive(), **works})
     alone, first = seconds.pop("transforms"), seconds.pop("first drive")
     return {
@@ -127,6 +143,8 @@ def _own_figures() -> dict[str, object]:
         "update_seconds": seconds,
         "basic_twr_over_transforms": seconds["basic_twr"] / alone,
         "secant_over_basic_twr": seconds["secant_with_acceptance"] / seconds["basic_twr"],
+        "without_odd_terms_over_basic_twr": seconds["secant_without_odd_terms"] / seconds["basic_twr"],
+        "gauss_newton_over_secant": seconds["secant_by_gauss_newton"] / seconds["secant_without_odd_terms"],
     }
 
 

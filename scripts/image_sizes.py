@@ -18,10 +18,19 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = {
     "rig_sim": ("duralab-rig-sim",),
+    "file_rig": ("duralab-file-rig",),
     "identifier": ("duralab-identifier",),
     "iterator": ("duralab-iterator",),
+    "sequencer": ("duralab-sequencer",),
     "recorder": ("duralab-recorder",),
-    "sweep": ("duralab[sweeps]", "duralab-rig-sim", "duralab-identifier", "duralab-iterator", "duralab-recorder"),
+    "sweep": (
+        "duralab[sweeps]",
+        "duralab-rig-sim",
+        "duralab-file-rig",
+        "duralab-identifier",
+        "duralab-iterator",
+        "duralab-recorder",
+    ),
 }
 LARGEST_NAMED = 4
 LEFT_OUT = {"recorder": ("rerun_cli/rerun",), "sweep": ("rerun_cli/rerun",)}

@@ -7,7 +7,7 @@ What a reviewer sees behind the language of a fence says what a test does with i
   said what the page shows of it, up to `…`, or else until it listens. `make` is run dry, in the repository: it would
   set up and test what is being tested.
 - `python`: run as a script. `yaml`: a part of a campaign file that has to fit into one; `part-of=rig_sim`, of that
-  service's configuration; `part-of=sweep`, a whole sweep file.
+  service's configuration; `part-of=sweep`, a whole sweep file; `part-of=project`, a project.
 - `file=NAME`: written under that name, and run where a later command says so.
 - `not-run="why"`: not run, for a reason that the site shows too.
 - `text`, `json` and the like show something; a fence without a language is refused.
@@ -33,6 +33,7 @@ import pytest
 import yaml
 
 import duralab
+from duralab.campaign import parse_project
 from duralab.sweeps import load_sweep
 from rig_sim.service import RigSimConfig
 
@@ -42,6 +43,7 @@ SECONDS = 300
 OWN_TESTS = {
     "docs/security.md": "tests/security/test_security_guide.py",
     "docs/guides/offline_analysis.md": "tests/long/test_offline_guide.py",
+    "docs/guides/fmu-rig.md": "tests/long/test_fmu_campaign.py",
     "docs/guides/own-specimen.md": "services/rig_sim/tests/long/test_own_specimen.py",
 }
 """Pages whose blocks another test runs, and compares with what the page shows."""
@@ -184,6 +186,8 @@ class PageRun:
             path = self._folder / f"block_{block.line}.yaml"
             path.write_text(text, encoding="utf-8")
             load_sweep(path)
+        elif block.language == "yaml" and block.options.get("part-of") == "project":
+            parse_project(text, name=str(block))
         elif block.language == "yaml":
             fit_into_a_campaign(text, self._folder / f"block_{block.line}.yaml")
         elif block.language == "console":

@@ -78,18 +78,24 @@ def test_all_distributions_are_here():
     assert [str(path) for path in DISTRIBUTIONS] == [
         "duralab",
         "libs/bus",
+        "libs/drive_files",
         "libs/drive_map",
         "libs/gateway",
         "libs/loads",
+        "libs/monitoring",
         "libs/recordings",
         "libs/roads",
+        "libs/schedules",
         "libs/settings",
         "libs/spectra",
         "proto",
+        "services/file_rig",
         "services/identifier",
         "services/iterator",
+        "services/operator_page",
         "services/recorder",
         "services/rig_sim",
+        "services/sequencer",
     ]
 
 

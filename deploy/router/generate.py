@@ -1,4 +1,4 @@
-"""Write deploy/router/zenohd.json5 from the access table, or check that it is fresh."""
+"""Write deploy/router/zenohd.json5 from the access table and members.yaml, or check that it is fresh."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import sys
 from pathlib import Path
 
+from duralab.security import read_members
 from duralab_bus import router_configuration
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +26,8 @@ def main() -> int:
     """Parse the command line and write or check."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="only say whether the committed configuration is fresh")
-    content = router_configuration(version=locked_version())
+    members = [entry.member for entry in read_members(CONFIGURATION.with_name("members.yaml"))]
+    content = router_configuration(members, version=locked_version())
     if parser.parse_args().check:
         if CONFIGURATION.is_file() and CONFIGURATION.read_text(encoding="utf-8") == content:
             return 0

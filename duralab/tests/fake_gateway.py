@@ -88,6 +88,9 @@ class Gateway:
         self.playing, self.runs, self.asked = "", set(), 0
         self.stopping, self.resting, self.never = threading.Event(), threading.Event(), threading.Event()
         self.resting.set()
+        #: Cleared by a test that needs the run to be under way for as long as it looks.
+        self.may_end = threading.Event()
+        self.may_end.set()
         keys = bus.keys
         self.states, self.poses = bus.publisher(keys.rig_state(name)), bus.publisher(keys.rig_pose(name))
         bus.serve(keys.rig_description(name), rig_pb2.DescriptionRequest, lambda _r, _c: self.describe())
@@ -231,6 +234,8 @@ class Gateway:
             if request.real_time and not self.has(Defect.HURRIES):
                 pause = max(began + end / RATE - time.monotonic(), 0.0)
                 (self.never if goes_on else self.stopping).wait(pause)
+            if end == samples:
+                self.may_end.wait(60.0)
             stopped = self.stopping.is_set() and end < samples and not goes_on
             put(first, drive[:, first:end], response[:, first:end], last=end == samples)
             if end / RATE - shown >= 0.1 and not self.has(Defect.NO_POSES):

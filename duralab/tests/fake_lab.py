@@ -100,7 +100,7 @@ def build_identifier(bus: Bus) -> None:
         call.progress("exciting the rig", 0.5, remaining_seconds=1.0)
         return model
 
-    bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, identify)
+    bus.serve(bus.keys.identify("*"), identifier_pb2.IdentifyRequest, identify)
 
 
 def final_status(id: str, *, iterations: int) -> iterator_pb2.CampaignStatus:
@@ -122,7 +122,7 @@ class FakeIterator:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._status: dict[str, iterator_pb2.CampaignStatus] = {}
-        bus.serve(bus.keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
+        bus.serve(bus.keys.campaign_start("*"), iterator_pb2.CampaignSpec, self.start)
         bus.serve(bus.keys.campaign("*"), iterator_pb2.CampaignRequest, lambda _, call: self._status[id_of(call.key)])
         bus.serve(bus.keys.campaign_stop("*"), iterator_pb2.StopCampaignRequest, self.stop)
 

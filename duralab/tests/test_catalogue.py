@@ -35,6 +35,7 @@ class Ask:
     def __init__(self, *answers):
         self.bus = self
         self.keys = Keys()
+        self.member = None
         self.asked = []
         self._answers = {type(answer): answer for answer in answers}
 

@@ -325,7 +325,7 @@ def _listening_addresses(pid):
 
 def test_lab_that_is_up_can_be_used_by_others(running_lab, tmp_path):
     _, endpoint, pids = running_lab
-    assert len(pids) == 4
+    assert len(pids) == 5
     code, stdout, _ = invoke("rigs", "--connect", endpoint)
     assert code == 0
     assert "left_longitudinal" in stdout

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from duralab import Channel, InputError, Signals
 from duralab.formats import FormatError, read_signals, write_signals
-from duralab.formats.columns import unique_names
+from duralab_drive_files import unique_names
 
 TIME = np.arange(100) / 200
 

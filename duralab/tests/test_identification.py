@@ -58,7 +58,7 @@ def test_a_series_of_levels_is_asked_for_and_answered_as_models_and_differences(
     series = identifier(answers).levels(
         "front_axle", EXCITATION, ESTIMATOR, factors=[1, 0.1], seed=4, on_progress=told.append
     )
-    assert answers.key == KEYS.identify_levels()
+    assert answers.key == KEYS.identify_levels("front_axle")
     np.testing.assert_array_equal(from_array(answers.request.factors), [1.0, 0.1])
     assert (answers.request.identify.rig, answers.request.identify.rig_seed) == ("front_axle", 4)
     assert [model.id for model in series.models] == ["1", "2"]

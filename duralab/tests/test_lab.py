@@ -212,7 +212,7 @@ def test_dying_service_ends_the_run_with_a_clear_error(fake_services, monkeypatc
 def test_faulted_campaign_says_why(lab, tmp_path, monkeypatch):
     fault = query_pb2.Fault(message="The rig is interlocked: it met a limit.", service="rig_sim")
     status = iterator_pb2.CampaignStatus(id="mine", phase=iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault=fault)
-    monkeypatch.setattr("duralab.lab.lab.followed", lambda *_, **__: status)
+    monkeypatch.setattr("duralab.lab.campaign_starting.followed", lambda *_, **__: status)
     with pytest.raises(CampaignFaultError, match="The rig is interlocked") as caught:
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert caught.value.service == "rig_sim"
@@ -223,7 +223,7 @@ def test_a_fault_without_a_full_stop_does_not_run_into_the_sentence_after_it(lab
     status = fake_lab.final_status("mine", iterations=2)
     status.phase = iterator_pb2.CAMPAIGN_PHASE_FAULTED
     status.fault.message = f"The rig was stopped: no reason was given{end}"
-    monkeypatch.setattr("duralab.lab.lab.followed", lambda *_, **__: status)
+    monkeypatch.setattr("duralab.lab.campaign_starting.followed", lambda *_, **__: status)
     with pytest.raises(CampaignFaultError) as caught:
         lab.run(short_campaign(tmp_path), out=tmp_path / "out")
     assert "stopped: no reason was given. What was played until then is in " in str(caught.value)

@@ -22,6 +22,7 @@ class Bus:
     """A bus on which each key has its answer; anything else is not there."""
 
     keys = Keys()
+    member = None
 
     def __init__(self, live, answers):
         self._live, self._answers = live, answers

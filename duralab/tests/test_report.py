@@ -8,7 +8,7 @@ import synthetic_campaign
 from test_verdict import table_of
 
 from duralab.campaign import judge, repeatability_in_words
-from duralab.data import Channel, IterationTable, Signals
+from duralab.data import Channel, IterationTable, Rig, Signals
 from duralab.errors import InputError
 from duralab.output_files import replace_when_complete, require_outputs
 from duralab.recording import open_recording
@@ -16,7 +16,7 @@ from duralab.report import write_report
 from duralab.report.model_figures import contributions
 from duralab.report.series import LARGEST_POINTS, thin_out
 from duralab.report.tables import channel_rows, forecast_rows, playback_rows, repeatability_rows
-from duralab_proto.v1 import iterator_pb2
+from duralab_proto.v1 import array_pb2, iterator_pb2, rig_pb2
 
 LARGEST_REPORT = 15_000_000
 
@@ -150,6 +150,45 @@ def test_page_needs_nothing_from_outside(html):
 def test_page_says_what_is_needed_to_repeat_it(html, recording_path):
     for wanted in (synthetic_campaign.description().content_hash, "ab" * 32, open_recording(recording_path).sha256):
         assert wanted in body(html)
+
+
+SENSOR = array_pb2.Sensor(
+    serial_number="LC-<4711>",
+    sensitivity=2.0,
+    sensitivity_unit="mV/V/kN",
+    calibration_date="2025-02-03",
+    calibration_due="2026-02-03",
+    minimum=-3e4,
+    maximum=3e4,
+    polarity=array_pb2.POLARITY_NEGATIVE,
+    warning_level=2e4,
+    abort_level=2.5e4,
+    drive="left_vertical",
+)
+
+
+def test_sensors_and_calculated_channels_stand_in_report_recording_and_table(html, tmp_path, campaign):
+    assert "Sensors</h3>" not in html
+    messages = synthetic_campaign.steps(campaign)
+    (description,) = (message for message in messages if isinstance(message, rig_pb2.RigDescription))
+    description.responses[0].sensor.CopyFrom(SENSOR)
+    description.responses[5].calculated.add(channel="left_lateral", weight=0.5)
+    path = synthetic_campaign.write(tmp_path / "r.mcap", messages)
+    page = write_report(path, tmp_path / "r.html").read_text(encoding="utf-8")
+    section = page[page.index("Sensors</h3>") :].split("</table>")[0]
+    for cell in (
+        *("LC-&lt;4711&gt;", "2 mV/V/kN", "2025-02-03", "2026-02-03", "-30000 … 30000 N", "negative to left_vertical"),
+        *("20000 N", "25000 N", "0.5 × left_lateral"),
+    ):
+        assert f"<td>{cell}</td>" in section
+    assert section.count("<tr>") == 3
+    rig = Rig.from_message(open_recording(path).rig)
+    assert rig.responses[0].to_message() == description.responses[0]
+    assert rig.responses[5].to_message() == description.responses[5]
+    assert "LC-<4711>" in str(rig)
+    assert (
+        str(rig).splitlines()[-1].startswith("The calibration of left_vertical (LC-<4711>) is overdue since 2026-02-0")
+    )
 
 
 def test_hostile_texts_stay_texts(tmp_path, campaign):

@@ -68,6 +68,15 @@ def test_service_that_ends_at_once_is_named_with_code_and_log(bus, fake_services
     assert wait_until_gone(pids, seconds=0.0) == []
 
 
+def test_a_service_that_met_the_limit_of_threads_says_so_whatever_panics_followed(bus, fake_services, tmp_path):
+    said = r"killed by SIGABRT\): it could not start a thread, the limit of"
+    with (
+        Supervisor([ServicePlan("panicking")], bus=bus, logs=tmp_path) as supervisor,
+        pytest.raises(ServiceEndedError, match=said),
+    ):
+        supervisor.start(timeout_seconds=60)
+
+
 def test_service_that_does_not_come_is_named_with_its_log(bus, fake_services, tmp_path):
     plans = [ServicePlan("silent"), ServicePlan("steady")]
     with Supervisor(plans, bus=bus, logs=tmp_path) as supervisor:

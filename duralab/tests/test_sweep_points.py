@@ -87,6 +87,7 @@ def test_other_versions_make_other_points(sweep, monkeypatch):
         ({"axes": {"update.iteration_gain": [1.5]}}, "update.iteration_gain: 1.5"),
         ({"axes": {"seed.of": [1]}}, "leads nowhere"),
         ({"axes": {"update..gain": [1]}}, "empty part"),
+        ({"axes": {"hold": ["first"]}}, "hold is first, and a sweep has no person who decides"),
         ({"axes": {"rig": {"scale": [1.0]}}}, "only a number can be scaled"),
         ({"campaign": "nowhere.yaml", "axes": {"seed": [1]}}, "no campaign file"),
     ],

@@ -139,6 +139,44 @@ def test_channels_of_a_file_get_the_names_units_and_signs_of_the_rig(tmp_path):
     np.testing.assert_allclose(samples, expected, rtol=1e-12)
 
 
+CALCULATED = [
+    {"name": "axle_vertical", "kind": "force", "sum": ["FZ_FL", "FZ_FR"]},
+    {"name": "unlike", "kind": "force", "weights": {"FY_FL": 0.5, "FY_FR": "-0.5"}},
+]
+
+
+def test_a_response_follows_a_channel_that_is_calculated_from_those_of_the_file(tmp_path):
+    text, values = csv_text(names=("FX_FL", "FY_FL", "FZ_FL", "FY_FR", "FZ_FR", "spare", "right_longitudinal"))
+    path = tmp_path / "road.csv"
+    path.write_text(text.replace("FZ_FL [N]", "FZ_FL [kN]"))
+    channels = MAP | {"left_vertical": "axle_vertical", "right_lateral": {"from": "unlike", "scale": -1}}
+    made = from_file(path, channels=channels, calculated=CALCULATED)
+    np.testing.assert_allclose(made.signals.samples[0], 1e3 * values[2] + values[4], rtol=1e-12)
+    np.testing.assert_allclose(made.signals.samples[4], 0.5 * (values[3] - values[1]), atol=1e-12)
+    assert "sum: [FZ_FL, FZ_FR]" in made.records[0].settings
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"sum": ["FZ_FL", "FZ"]}, "target.calculated: axle_vertical is calculated from FZ; there are FX_FL"),
+        ({"kind": "moment"}, "target.calculated: axle_vertical is a moment in 'N*m': FZ_FL is in 'N', which cannot"),
+        ({"name": "spare"}, "target.calculated: spare is calculated, and exists already; give it another name."),
+    ],
+)
+def test_a_calculated_channel_that_does_not_fit_the_file_is_named(tmp_path, change, sentence):
+    path = tmp_path / "road.csv"
+    path.write_text(csv_text(names=("FX_FL", "FZ_FL", "FZ_FR", "spare"))[0])
+    with pytest.raises(InputError) as caught:
+        from_file(path, calculated=[CALCULATED[0] | change])
+    assert caught.value.message.startswith(sentence)
+
+
+def test_calculated_channels_of_a_road_are_refused():
+    with pytest.raises(InputError, match="has calculated channels but no file; let the rig calculate responses"):
+        campaign_with("target.calculated", CALCULATED)
+
+
 def test_what_was_done_to_each_channel_of_the_file_is_recorded(tmp_path):
     text, values = csv_text(names=("FX_FL", "FY_FL", "FZ_FL", "FY_FR", "FZ_FR", "spare", "right_longitudinal"))
     path = tmp_path / "road.csv"

@@ -81,6 +81,22 @@ def test_the_rig_keeps_the_contract():
     assert not_tried == {"refuse.jump", "play.poses"}
 
 
+def test_strain_angle_voltage_and_current_are_kinds_of_the_contract():
+    kinds = {"STRAIN": "1", "ANGLE": "rad", "VOLTAGE": "V", "CURRENT": "A"}
+    responses = [
+        array_pb2.Channel(
+            name=kind.lower(), unit=unit, kind=getattr(array_pb2, f"CHANNEL_KIND_{kind}"), minimum=-9.0, maximum=9.0
+        )
+        for kind, unit in kinds.items()
+    ]
+    plant = [[([1.0], [1.0]), ([1.0], [1.0])] for _ in kinds]
+    findings = check_contract(LinearRig(plant=plant, responses=responses))
+    assert [finding for finding in findings if finding.outcome is Outcome.FAILED] == []
+    responses[0].unit = "N"
+    (found,) = [f for f in check_contract(LinearRig(plant=plant, responses=responses)) if f.outcome is Outcome.FAILED]
+    assert "'strain' is in 'N'; its kind is in '1'" in found.sentence
+
+
 def test_a_rig_that_breaks_the_contract_is_found():
     rig = LinearRig()
     rig.play = lambda commands, _run: np.zeros((2, commands.shape[1] + 1))

@@ -295,6 +295,7 @@ def test_a_part_of_the_target_is_not_the_target():
         (iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED, "damage budget was used"),
         (iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL, "a controlled response stood still"),
         (iterator_pb2.OUTCOME_BOUND_PASSED, "passed a bound of error, peak or damage"),
+        (iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT, "a person decided so at a hold point"),
     ],
 )
 def test_the_verdict_says_what_ended_the_iteration_whatever_it_is(outcome, reason):

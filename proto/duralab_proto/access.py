@@ -1,33 +1,20 @@
 """Who may do what on the bus: one table beside the key space, from which the router's access control is made.
 
-A certificate's common name is `<role>.<name>`; the role says what its holder may do, the name says who it is. The table
-has a row for every key of the contract; a test holds it to the key space.
+The role of a member says what it may do, its rigs or its project on which keys (`members.py`). The table has a row for
+every key of the contract; a test holds it to the key space.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
+from itertools import product
 from typing import Final
 
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
-
-
-class Role(StrEnum):
-    """What a holder of a certificate is in the lab."""
-
-    RIG = "rig"
-    """Plays drives: the simulation, or the gateway to a real rig."""
-    IDENTIFIER = "identifier"
-    ITERATOR = "iterator"
-    RECORDER = "recorder"
-    OPERATOR = "operator"
-    """A person or script that runs the lab: plays, starts and stops campaigns, clears latches."""
-    VIEWER = "viewer"
-    """A person or script that only watches."""
+from duralab_proto.members import Member, Role
 
 
 class Operation(StrEnum):
@@ -71,7 +58,9 @@ class Effect(StrEnum):
     READ = "read"
     """Moves nothing and changes nothing: asked twice, it does no more than asked once."""
     CHANGE = "change"
-    """Moves a rig, or starts, ends, changes or stores something: never asked again."""
+    """Moves a rig, or starts, changes or stores something: never asked again."""
+    STOP = "stop"
+    """Brings a rig to rest: never asked again, and open to every operator, also to one that is bound to other rigs."""
 
 
 _OPERATIONS: Final = {
@@ -79,6 +68,18 @@ _OPERATIONS: Final = {
     KeyKind.STREAM: (Operation.PUBLISH, Operation.RECEIVE),
     KeyKind.LIVELINESS: (Operation.HOLD, Operation.WATCH),
 }
+
+
+class Slot(StrEnum):
+    """What a name in a key is the name of."""
+
+    RIG = "rig"
+    CAMPAIGN = "campaign"
+    """A campaign or an endurance test, or a recording of it."""
+    RUN = "run"
+    MODEL = "model"
+    PROJECT = "project"
+    OTHER = "other"
 
 
 @dataclass(frozen=True)
@@ -91,39 +92,74 @@ class KeyAccess:
         The method of `Keys` that makes the key.
     kind : KeyKind
         What travels on it.
-    expression : callable
-        Given the keys of a lab, returns the expression of all keys of the row.
+    names : tuple of str
+        Arguments of the method: a name, or a `Slot` where the row is about all names.
     owners : tuple of Role
         Who serves, publishes or holds it.
     users : tuple of Role
         Who asks, receives or watches it.
+    suffix : str
+        What follows the key of the method.
     bulk : bool
         Whether a query on it may be larger than `SMALL_QUERY_BYTES`.
     effect : Effect or None
         What a query on it does; None for what is not a query.
+    any_project : bool
+        Whether it reads from every project: not for a member that is bound to one.
     """
 
     method: str
     kind: KeyKind
-    expression: Callable[[Keys], str]
+    names: tuple[str, ...]
     owners: tuple[Role, ...]
     users: tuple[Role, ...]
+    suffix: str = ""
     bulk: bool = False
     effect: Effect | None = None
+    any_project: bool = False
+
+    def expression(self, keys: Keys) -> str:
+        """Return the expression of all keys of the row."""
+        names = (ANY if isinstance(name, Slot) else name for name in self.names)
+        return f"{getattr(keys, self.method)(*names)}{self.suffix}"
 
     def permits(self, role: Role, operation: Operation) -> bool:
-        """Return whether a role may do an operation on the keys of this row."""
+        """Return whether some member of a role may do an operation on some keys of this row."""
         owns = operation is self.kind.owner_operation and role in self.owners
         return owns or (operation is self.kind.user_operation and role in self.users)
 
+    def expressions(self, member: Member, operation: Operation, keys: Keys) -> list[str]:
+        """Return the expressions of the keys of this row on which a member may do an operation."""
+        may = member.role in set(Role) and self.permits(Role(member.role), operation)
+        if not may or (self.any_project and member.project):
+            return []
+        bound = self._bound(member, operation)
+        slots = (name for name in self.names if isinstance(name, Slot))
+        chunks = self.expression(keys).split("/")
+        allowed = [bound.get(next(slots), (ANY,)) if chunk == ANY else (chunk,) for chunk in chunks]
+        return ["/".join(each) for each in product(*allowed)]
+
+    def _bound(self, member: Member, operation: Operation) -> Mapping[Slot, tuple[str, ...]]:
+        """Return the names that a member is bound to."""
+        if member.role == Role.RIG and operation is not Operation.ASK:
+            return {Slot.RIG: member.rigs}
+        if member.role == Role.OPERATOR and member.rigs and self.effect is Effect.CHANGE:
+            return {Slot.RIG: member.rigs}
+        if project := member.project:
+            named = f"{project}-{_REST}"
+            return {Slot.CAMPAIGN: (project, named), Slot.RUN: (f"{project}.{_REST}", named), Slot.PROJECT: (project,)}
+        return {}
+
+
+# Stands for any rest of a name, in Zenoh's key expressions.
+_REST: Final = "$*"
 
 SMALL_QUERY_BYTES: Final = 1024 * 1024
 """Largest query, attachment included, on a key whose requests carry no record; the router drops a larger one."""
 
 EVERYONE: Final = tuple(Role)
-_SERVICES: Final = (Role.RIG, Role.IDENTIFIER, Role.ITERATOR, Role.RECORDER)
+_SERVICES: Final = (Role.RIG, Role.IDENTIFIER, Role.ITERATOR, Role.SEQUENCER, Role.RECORDER)
 _PEOPLE: Final = (Role.OPERATOR, Role.VIEWER)
-_ANY_RUN: Final = (ANY, ANY)
 
 
 def _asked(
@@ -133,15 +169,14 @@ def _asked(
     by: tuple[Role, ...],
     effect: Effect,
     bulk: bool = False,
+    any_project: bool = False,
 ) -> KeyAccess:
-    def expression(keys: Keys) -> str:
-        return str(getattr(keys, method)(*names))
-
-    return KeyAccess(method, KeyKind.QUERY, expression, (served_by,), by, bulk, effect)
+    return KeyAccess(method, KeyKind.QUERY, names, (served_by,), by, bulk=bulk, effect=effect, any_project=any_project)
 
 
 _reads = partial(_asked, effect=Effect.READ)
 _changes = partial(_asked, effect=Effect.CHANGE)
+_stops = partial(_asked, effect=Effect.STOP)
 
 
 def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple[KeyAccess, ...]:
@@ -150,149 +185,105 @@ def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple
     A viewer may ask for no replay: one question is answered with up to a thousand messages.
     """
     repaired_for = tuple(role for role in to if role is not Role.VIEWER)
-
-    def beside(suffix: str) -> Callable[[Keys], str]:
-        return lambda keys: f"{getattr(keys, method)(*names)}{suffix}"
-
+    replay, head = (
+        KeyAccess(method, KeyKind.QUERY, names, (by,), repaired_for, suffix, effect=Effect.READ)
+        for suffix in ("/@replay", "/@head")
+    )
     return (
-        KeyAccess(method, KeyKind.STREAM, beside(""), (by,), to),
-        KeyAccess(method, KeyKind.QUERY, beside("/@replay"), (by,), repaired_for, effect=Effect.READ),
-        KeyAccess(method, KeyKind.QUERY, beside("/@head"), (by,), repaired_for, effect=Effect.READ),
-        KeyAccess(method, KeyKind.STREAM, beside("/@mark"), (Role.RECORDER,), (by,)),
+        KeyAccess(method, KeyKind.STREAM, names, (by,), to),
+        replay,
+        head,
+        KeyAccess(method, KeyKind.STREAM, names, (Role.RECORDER,), (by,), "/@mark"),
     )
 
 
 def _present(service: str, instance: str, role: Role) -> tuple[KeyAccess, ...]:
     """Return the rows of a service's being there: its token, and how it is, for people and the check beside it."""
     return (
-        KeyAccess("live", KeyKind.LIVELINESS, lambda keys: keys.live(service, instance), (role,), ()),
+        KeyAccess("live", KeyKind.LIVELINESS, (service, instance), (role,), ()),
         _reads("health", service, instance, served_by=role, by=EVERYONE),
     )
 
 
 _PLANNERS: Final = (Role.ITERATOR, Role.OPERATOR)
-_COMMANDERS: Final = (Role.IDENTIFIER, Role.ITERATOR, Role.OPERATOR)
+_COMMANDERS: Final = (Role.IDENTIFIER, Role.ITERATOR, Role.SEQUENCER, Role.OPERATOR)
+_WRITERS: Final = (Role.ITERATOR, Role.SEQUENCER)
+_CAMPAIGNERS: Final = (Role.SEQUENCER, Role.OPERATOR)
 
 ACCESS: Final[tuple[KeyAccess, ...]] = (
     # Rigs. Whoever commands one may stop it; to clear a latch is a person's decision.
-    _reads("rig_description", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    _reads("rig_frf", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
-    _changes("rig_play", ANY, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
-    _changes("rig_stop", ANY, served_by=Role.RIG, by=_COMMANDERS),
-    _changes("rig_reset", ANY, served_by=Role.RIG, by=(Role.OPERATOR,)),
-    _reads("rig_state", ANY, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    *_streamed("rig_state", ANY, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    *_streamed("rig_signal", *_ANY_RUN, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    *_streamed("rig_pose", ANY, by=Role.RIG, to=(Role.RECORDER, *_PEOPLE)),
+    _reads("rig_description", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    _reads("rig_frf", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
+    _changes("rig_play", Slot.RIG, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
+    _stops("rig_stop", Slot.RIG, served_by=Role.RIG, by=_COMMANDERS),
+    _changes("rig_reset", Slot.RIG, served_by=Role.RIG, by=(Role.OPERATOR,)),
+    _reads("rig_state", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    *_streamed("rig_state", Slot.RIG, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    *_streamed("rig_signal", Slot.RIG, Slot.RUN, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
+    *_streamed("rig_pose", Slot.RIG, by=Role.RIG, to=(Role.RECORDER, *_PEOPLE)),
     # The identifier. An experiment moves a rig: not for who only watches.
-    _changes("identify", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _changes("identify", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _reads("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _changes("identify_levels", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _changes("identify_levels", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _reads("level_advice", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _reads("model", ANY, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE)),
-    _reads("prediction", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _reads("convergence", ANY, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    # The iterator.
-    _changes("campaign_start", served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
-    _reads("campaign", ANY, served_by=Role.ITERATOR, by=_PEOPLE),
-    _changes("campaign_stop", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,)),
-    _changes("campaign_resume", ANY, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
-    *_streamed("campaign_event", ANY, by=Role.ITERATOR, to=(Role.RECORDER, *_PEOPLE)),
-    # The recorder. Only the iterator writes; to verify reads whole files, which costs.
-    _changes("commit", served_by=Role.RECORDER, by=(Role.ITERATOR,), bulk=True),
-    _reads("recordings", served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _reads("recording", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _reads("recording_read", ANY, served_by=Role.RECORDER, by=_PEOPLE),
-    _reads("recording_steps", ANY, served_by=Role.RECORDER, by=(Role.ITERATOR, *_PEOPLE)),
-    _reads("recording_signals", ANY, served_by=Role.RECORDER, by=_PEOPLE),
-    _reads("recording_verify", ANY, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
+    _reads("model", Slot.MODEL, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE), any_project=True),
+    _reads("prediction", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads("convergence", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    # The iterator. The sequencer has it correct the drive of an event.
+    _changes("campaign_start", Slot.RIG, served_by=Role.ITERATOR, by=_CAMPAIGNERS, bulk=True),
+    _reads("campaign", Slot.CAMPAIGN, served_by=Role.ITERATOR, by=(Role.SEQUENCER, *_PEOPLE)),
+    _stops("campaign_stop", Slot.CAMPAIGN, served_by=Role.ITERATOR, by=_CAMPAIGNERS),
+    _changes("campaign_resume", Slot.CAMPAIGN, Slot.RIG, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
+    _changes("campaign_decide", Slot.CAMPAIGN, Slot.RIG, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
+    *_streamed("campaign_event", Slot.CAMPAIGN, by=Role.ITERATOR, to=(Role.RECORDER, *_PEOPLE)),
+    _changes("pre_test", Slot.RIG, served_by=Role.ITERATOR, by=(Role.OPERATOR,)),
+    # The sequencer. To hold an endurance test brings its rig to rest, as to stop it does.
+    _changes("endurance_start", Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,), bulk=True),
+    _reads("endurance", Slot.CAMPAIGN, served_by=Role.SEQUENCER, by=_PEOPLE),
+    _stops("endurance_stop", Slot.CAMPAIGN, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
+    _stops("endurance_hold", Slot.CAMPAIGN, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
+    _changes("endurance_resume", Slot.CAMPAIGN, Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
+    _changes("endurance_decide", Slot.CAMPAIGN, Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
+    *_streamed("endurance_event", Slot.CAMPAIGN, by=Role.SEQUENCER, to=(Role.RECORDER, *_PEOPLE)),
+    # The recorder. Only iterator and sequencer write; to verify reads whole files, which costs.
+    _changes("commit", served_by=Role.RECORDER, by=_WRITERS, bulk=True),
+    _reads("recordings", served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE), any_project=True),
+    _reads("project_recordings", Slot.PROJECT, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads("recording", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
+    _reads("recording_read", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads("recording_steps", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
+    _reads("recording_signals", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads("recording_verify", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
     # Who is there: each holds its own, everyone sees all of them.
-    *_present("rig_sim", ANY, Role.RIG),
+    *_present("rig_sim", Slot.RIG, Role.RIG),
     *_present("identifier", MAIN_INSTANCE, Role.IDENTIFIER),
     *_present("iterator", MAIN_INSTANCE, Role.ITERATOR),
+    *_present("sequencer", MAIN_INSTANCE, Role.SEQUENCER),
     *_present("recorder", MAIN_INSTANCE, Role.RECORDER),
-    KeyAccess("live", KeyKind.LIVELINESS, lambda keys: keys.live(ANY, ANY), (), EVERYONE),
+    # A client of the lab, with an operator's certificate of its own.
+    *_present("operator_page", MAIN_INSTANCE, Role.OPERATOR),
+    KeyAccess("live", KeyKind.LIVELINESS, (Slot.OTHER, Slot.OTHER), (), EVERYONE),
     # Who waits for an answer: held by all, seen by those who answer.
-    KeyAccess("asking", KeyKind.LIVELINESS, lambda keys: keys.asking(ANY), EVERYONE, _SERVICES),
+    KeyAccess("asking", KeyKind.LIVELINESS, (Slot.OTHER,), EVERYONE, _SERVICES),
 )
 """Who may do what. What stands in no row is forbidden to all."""
 
 
-class HolderNameError(ValueError):
-    """A common name that names no holder; the message is one sentence."""
-
-
-_HOLDER = re.compile(r"[a-z0-9][a-z0-9_-]{0,57}")
-
-
-@dataclass(frozen=True)
-class Holder:
-    """The holder of a certificate.
+def permits(member: Member, operation: Operation, key: str, keys: Keys) -> bool:
+    """Return whether a member may do an operation on a key.
 
     Parameters
     ----------
-    role : str
-        A `Role`, or what else holds certificates: the router itself, and who reads its figures on its own machine.
-    name : str
-        Lower case letters, digits, '-' and '_', at most 58 characters.
-    """
-
-    role: str
-    name: str
-
-    def __post_init__(self) -> None:
-        if self.role not in HOLDER_ROLES:
-            raise HolderNameError(f"The role {self.role!r} is none of {', '.join(HOLDER_ROLES)}.")
-        if _HOLDER.fullmatch(self.name) is None:
-            raise HolderNameError(
-                f"The holder's name {self.name!r} is not one of lower case letters, digits, '-' and '_', "
-                "starting with a letter or digit, at most 58 characters."
-            )
-
-    @property
-    def common_name(self) -> str:
-        """`<role>.<name>`."""
-        return f"{self.role}.{self.name}"
-
-    @classmethod
-    def parse(cls, common_name: str) -> Holder:
-        """Return the holder with a common name.
-
-        Raises
-        ------
-        HolderNameError
-            It is not `<role>.<name>`.
-        """
-        role, dot, name = common_name.partition(".")
-        if not dot:
-            raise HolderNameError(f"The common name {common_name!r} is not of the form '<role>.<name>'.")
-        return cls(role, name)
-
-
-ROUTER: Final = "router"
-"""Role of the router's own certificate; no client may use it."""
-
-ADMIN: Final = "admin"
-"""Role that reads the router's figures, from the router's own machine only."""
-
-HOLDER_ROLES: Final = (*(role.value for role in Role), ROUTER, ADMIN)
-
-
-def permits(role: Role, operation: Operation, key: str, keys: Keys) -> bool:
-    """Return whether a role may do an operation on a key.
-
-    Parameters
-    ----------
-    role : Role
-        Whose.
+    member : Member
+        Whose certificate it is.
     operation : Operation
         What.
     key : str
-        A key without wildcards; one outside the contract is forbidden to all.
+        A key or key expression; one outside the contract is forbidden to all.
     keys : Keys
         Of the lab.
     """
-    return any(row.permits(role, operation) for row in _rows(operation, key, keys))
+    return any(covers(expression, key) for row in ACCESS for expression in row.expressions(member, operation, keys))
 
 
 def effect_of(key: str, keys: Keys) -> Effect:
@@ -305,46 +296,17 @@ def effect_of(key: str, keys: Keys) -> Effect:
     keys : Keys
         Of the lab.
     """
-    rows = _rows(Operation.ASK, key, keys)
-    return Effect.READ if rows and all(row.effect is Effect.READ for row in rows) else Effect.CHANGE
-
-
-def _rows(operation: Operation, key: str, keys: Keys) -> list[KeyAccess]:
-    """Return the most specific rows for an operation on a key."""
-    rows = [row for row in ACCESS if operation in _OPERATIONS[row.kind] and covers(row.expression(keys), key)]
-    # `campaign/start` is not `campaign/<id>`, though the expression of the latter matches it as well.
-    return [row for row in rows if not any(_outranks(other, row, operation, keys) for other in rows)]
-
-
-def reserved(role: Role, operation: Operation, keys: Keys) -> list[str]:
-    """Return the expressions that a role may not use, though another one that it may use matches them.
-
-    Parameters
-    ----------
-    role : Role
-        Whose.
-    operation : Operation
-        What.
-    keys : Keys
-        Of the lab.
-    """
-    mine = [row for row in ACCESS if row.permits(role, operation)]
-    others = [row for row in ACCESS if operation in _OPERATIONS[row.kind] and not row.permits(role, operation)]
-    found = (other for other in others if any(_outranks(other, row, operation, keys) for row in mine))
-    return list(dict.fromkeys(row.expression(keys) for row in found))
-
-
-def _outranks(other: KeyAccess, row: KeyAccess, operation: Operation, keys: Keys) -> bool:
-    """Return whether another row is about fewer keys of this one, for what is served and asked."""
-    if operation not in _OPERATIONS[KeyKind.QUERY] or other.kind is not row.kind:
-        return False
-    narrow, wide = other.expression(keys), row.expression(keys)
-    return narrow != wide and covers(wide, narrow)
+    rows = [row for row in ACCESS if row.kind is KeyKind.QUERY and covers(row.expression(keys), key)]
+    return next((row.effect for row in rows if row.effect is not None), Effect.CHANGE)
 
 
 def covers(expression: str, key: str) -> bool:
-    """Return whether an expression of the table, with "*" for names, matches a key or a narrower expression."""
+    """Return whether an expression of the table, with "*" and "$*" in names, matches a key or a narrower expression."""
     parts, chunks = expression.split("/"), key.split("/")
-    return len(parts) == len(chunks) and all(
-        part == chunk or (part == ANY and not chunk.startswith("@")) for part, chunk in zip(parts, chunks, strict=True)
-    )
+    return len(parts) == len(chunks) and all(map(_matches, parts, chunks))
+
+
+def _matches(part: str, chunk: str) -> bool:
+    if part.endswith(_REST):
+        return chunk.startswith(part.removesuffix(_REST))
+    return part == chunk or (part == ANY and not chunk.startswith("@"))

@@ -67,6 +67,18 @@ def check_id(name: str) -> str:
     return _check(name, _IDENTIFIER, what="id", rule=_IDENTIFIER_RULE)
 
 
+def check_project(name: str) -> str:
+    """Return `name` if it may name a project, else raise ValueError with one sentence."""
+    if name in _RESERVED_IDENTIFIERS:
+        raise KeyNameError(f"The project {name!r} is taken by the contract itself; choose another.")
+    return _check(name, _RIG, what="project", rule=_RIG_RULE)
+
+
+def in_project(id: str, project: str) -> bool:
+    """Return whether a campaign or recording is of a project: its id is the project's name, or that, '-' and more."""
+    return id == project or id.startswith(f"{project}-")
+
+
 def _or_any(name: str, check: Callable[[str], str]) -> str:
     return name if name == ANY else check(name)
 
@@ -127,17 +139,17 @@ class Keys:
         """Stream of PoseBlock while it plays."""
         return self._rig(rig, "pose")
 
-    def identify(self) -> str:
+    def identify(self, rig: str) -> str:
         """Query: IdentifyRequest → Progress, then Model."""
-        return self._key("identifier", "identify")
+        return self._key("identifier", "identify", _or_any(rig, check_rig))
 
     def experiment_plan(self) -> str:
         """Query: PlanRequest → ExperimentPlan."""
         return self._key("identifier", "plan")
 
-    def identify_levels(self) -> str:
+    def identify_levels(self, rig: str) -> str:
         """Query: LevelsRequest → Progress, then LevelsResult."""
-        return self._key("identifier", "levels")
+        return self._key("identifier", "levels", _or_any(rig, check_rig))
 
     def level_advice(self) -> str:
         """Query: AdviceRequest → LevelAdvice."""
@@ -155,9 +167,9 @@ class Keys:
         """Query: ConvergenceRequest → Convergence."""
         return self._key("identifier", "convergence", _or_any(id, check_id))
 
-    def campaign_start(self) -> str:
+    def campaign_start(self, rig: str) -> str:
         """Query: CampaignSpec → CampaignStatus."""
-        return self._key("iterator", "campaign", "start")
+        return self._key("iterator", "campaign", "start", _or_any(rig, check_rig))
 
     def campaign(self, id: str) -> str:
         """Query: CampaignRequest → CampaignStatus."""
@@ -167,13 +179,49 @@ class Keys:
         """Query: StopCampaignRequest → CampaignStatus."""
         return f"{self.campaign(id)}/stop"
 
-    def campaign_resume(self, id: str) -> str:
-        """Query: ResumeCampaignRequest → CampaignStatus."""
-        return f"{self.campaign(id)}/resume"
+    def campaign_resume(self, id: str, rig: str) -> str:
+        """Query: ResumeCampaignRequest → CampaignStatus; `rig` is the campaign's."""
+        return f"{self.campaign(id)}/resume/{_or_any(rig, check_rig)}"
+
+    def campaign_decide(self, id: str, rig: str) -> str:
+        """Query: Decision → CampaignStatus; `rig` is the campaign's."""
+        return f"{self.campaign(id)}/decide/{_or_any(rig, check_rig)}"
 
     def campaign_event(self, id: str) -> str:
         """Stream of CampaignEvent."""
         return self._key("iterator", "event", _or_any(id, check_id))
+
+    def pre_test(self, rig: str) -> str:
+        """Query: PreTestRequest → Progress, then PreTest."""
+        return self._key("iterator", "pre_test", _or_any(rig, check_rig))
+
+    def endurance_start(self, rig: str) -> str:
+        """Query: EnduranceSpec → EnduranceStatus."""
+        return self._key("sequencer", "test", "start", _or_any(rig, check_rig))
+
+    def endurance(self, id: str) -> str:
+        """Query: EnduranceRequest → EnduranceStatus."""
+        return self._key("sequencer", "test", _or_any(id, check_id))
+
+    def endurance_stop(self, id: str) -> str:
+        """Query: StopEnduranceRequest → EnduranceStatus."""
+        return f"{self.endurance(id)}/stop"
+
+    def endurance_hold(self, id: str) -> str:
+        """Query: HoldEnduranceRequest → EnduranceStatus."""
+        return f"{self.endurance(id)}/hold"
+
+    def endurance_resume(self, id: str, rig: str) -> str:
+        """Query: ResumeEnduranceRequest → EnduranceStatus; `rig` is the test's."""
+        return f"{self.endurance(id)}/resume/{_or_any(rig, check_rig)}"
+
+    def endurance_decide(self, id: str, rig: str) -> str:
+        """Query: EnduranceDecision → EnduranceStatus; `rig` is the test's."""
+        return f"{self.endurance(id)}/decide/{_or_any(rig, check_rig)}"
+
+    def endurance_event(self, id: str) -> str:
+        """Stream of EnduranceEvent."""
+        return self._key("sequencer", "event", _or_any(id, check_id))
 
     def commit(self) -> str:
         """Query: CommitRequest → CommitAck."""
@@ -182,6 +230,10 @@ class Keys:
     def recordings(self) -> str:
         """Query: ListRecordingsRequest → RecordingList."""
         return self._key("recorder", "recording", "list")
+
+    def project_recordings(self, project: str) -> str:
+        """Query: ListRecordingsRequest → RecordingList, of one project."""
+        return self._key("recorder", "project", _or_any(project, check_project))
 
     def recording(self, id: str) -> str:
         """Query: RecordingRequest → RecordingInfo. "**" matches everything under recorder/recording."""
@@ -233,11 +285,27 @@ def _lacks(key: str, what: str) -> KeyNameError:
 
 
 def rig_of(key: str) -> str:
-    """Return the rig named in a key under rig/, or raise ValueError."""
+    """Return the rig named in a key under rig/, or in that of a query that moves one; else raise ValueError."""
+    match _chunks(key)[1]:
+        case ["rig", rig, *_]:
+            return rig
+        case ["identifier", "identify" | "levels", rig]:
+            return rig
+        case ["iterator", "campaign", "start", rig] | ["iterator", "campaign", _, "resume" | "decide", rig]:
+            return rig
+        case ["iterator", "pre_test", rig]:
+            return rig
+        case ["sequencer", "test", "start", rig] | ["sequencer", "test", _, "resume" | "decide", rig]:
+            return rig
+    raise _lacks(key, "rig")
+
+
+def project_of(key: str) -> str:
+    """Return the project named in a key of its recordings, or raise ValueError."""
     _, rest = _chunks(key)
-    if rest[0] != "rig" or len(rest) < 2:
-        raise _lacks(key, "rig")
-    return rest[1]
+    if len(rest) != 3 or rest[:2] != ["recorder", "project"]:
+        raise _lacks(key, "project")
+    return rest[2]
 
 
 def run_of(key: str) -> str:
@@ -255,7 +323,7 @@ def stream_family(key: str) -> str:
     """
     family = key.rpartition("/")[0]
     match family.removeprefix(f"{PREFIX}/").split("/"):
-        case [_, "rig", _, "signal"] | [_, "iterator", "event"]:
+        case [_, "rig", _, "signal"] | [_, "iterator" | "sequencer", "event"]:
             return f"{family}/{ANY}"
     return key
 
@@ -268,12 +336,14 @@ _NAMED_BY_ID: Final = frozenset(
         ("iterator", "campaign"),
         ("iterator", "event"),
         ("recorder", "recording"),
+        ("sequencer", "event"),
+        ("sequencer", "test"),
     }
 )
 
 
 def id_of(key: str) -> str:
-    """Return the campaign, recording or model named in a key, or raise ValueError."""
+    """Return the campaign, endurance test, recording or model named in a key, or raise ValueError."""
     _, rest = _chunks(key)
     if len(rest) < 3 or (rest[0], rest[1]) not in _NAMED_BY_ID or rest[2] in _RESERVED_IDENTIFIERS:
         raise _lacks(key, "campaign, recording or model")
@@ -294,7 +364,7 @@ def serving(key: str) -> str:
     Parameters
     ----------
     key : str
-        Any key of the contract under rig/, identifier/, iterator/, recorder/ or health/.
+        Any key of the contract under rig/, identifier/, iterator/, sequencer/, recorder/ or health/.
 
     Returns
     -------
@@ -311,12 +381,12 @@ def serving(key: str) -> str:
     match rest:
         case ["rig", rig, *_]:
             return Keys(lab).live("rig_sim", rig)
-        case [("identifier" | "iterator" | "recorder") as service, *_]:
+        case [("identifier" | "iterator" | "sequencer" | "recorder") as service, *_]:
             return Keys(lab).live(service, MAIN_INSTANCE)
         case ["health", service, instance]:
             return Keys(lab).live(service, instance)
         case _:
             raise ValueError(
-                f"The key {key!r} is answered by no service: it is not under rig/, identifier/, iterator/, recorder/ "
-                "or health/."
+                f"The key {key!r} is answered by no service: it is not under rig/, identifier/, iterator/, sequencer/, "
+                "recorder/ or health/."
             )

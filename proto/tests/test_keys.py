@@ -32,14 +32,43 @@ def test_id_comes_back_out_of_every_key_that_holds_one(lab, name):
         k.convergence(name),
         k.campaign(name),
         k.campaign_stop(name),
-        k.campaign_resume(name),
+        k.campaign_resume(name, "beam"),
+        k.campaign_decide(name, "beam"),
         k.campaign_event(name),
+        k.endurance(name),
+        k.endurance_stop(name),
+        k.endurance_hold(name),
+        k.endurance_resume(name, "beam"),
+        k.endurance_decide(name, "beam"),
+        k.endurance_event(name),
         k.recording(name),
         k.recording_read(name),
         k.recording_steps(name),
         k.recording_verify(name),
     ):
         assert keys.id_of(key) == name
+
+
+@given(LABS, RIGS, IDS)
+def test_rig_comes_back_out_of_every_query_that_moves_one(lab, rig, id):
+    k = Keys(lab)
+    moving = (k.rig_play(rig), k.rig_reset(rig), k.identify(rig), k.identify_levels(rig), k.campaign_start(rig))
+    endurance = (k.endurance_start(rig), k.endurance_resume(id, rig), k.endurance_decide(id, rig))
+    for key in (*moving, *endurance, k.pre_test(rig), k.campaign_resume(id, rig), k.campaign_decide(id, rig)):
+        assert keys.rig_of(key) == rig
+
+
+@given(LABS, RIGS.filter(lambda name: name not in {"start", "list"}))
+def test_project_comes_back_out_of_the_key_of_its_recordings(lab, project):
+    assert keys.project_of(Keys(lab).project_recordings(project)) == project
+
+
+@pytest.mark.parametrize(
+    ("id", "belongs"),
+    [("wheel", True), ("wheel-2", True), ("wheel-pave-2", True), ("wheels", False), ("wheel_a", False)],
+)
+def test_a_campaign_is_of_the_project_that_its_id_begins_with(id, belongs):
+    assert keys.in_project(id, "wheel") is belongs
 
 
 @given(LABS, RIGS, IDS)
@@ -82,13 +111,14 @@ def test_name_too_long_for_a_file_is_refused():
         (Keys("l").rig_play("front_axle"), "live/rig_sim/front_axle"),
         (Keys("l").rig_state("predecessor"), "live/rig_sim/predecessor"),
         (Keys("l").rig_frf("aerospace"), "live/rig_sim/aerospace"),
-        (Keys("l").identify(), "live/identifier/main"),
+        (Keys("l").identify("beam"), "live/identifier/main"),
         (Keys("l").model("abc"), "live/identifier/main"),
-        (Keys("l").campaign_start(), "live/iterator/main"),
+        (Keys("l").campaign_start("beam"), "live/iterator/main"),
         (Keys("l").campaign_stop("abc"), "live/iterator/main"),
         (Keys("l").commit(), "live/recorder/main"),
         (Keys("l").recordings(), "live/recorder/main"),
         (Keys("l").health("rig_sim", "front_axle"), "live/rig_sim/front_axle"),
+        (Keys("l").endurance_start("beam"), "live/sequencer/main"),
         (Keys("l").health("iterator", "main"), "live/iterator/main"),
     ],
 )
@@ -110,7 +140,7 @@ def test_streams_without_end_are_one_family():
         assert keys.stream_family(key) == key
 
 
-@pytest.mark.parametrize("parse", [keys.rig_of, keys.run_of, keys.id_of, keys.parse_live])
+@pytest.mark.parametrize("parse", [keys.rig_of, keys.run_of, keys.id_of, keys.project_of, keys.parse_live])
 def test_key_without_the_name_asked_for_is_refused(parse):
     with pytest.raises(ValueError, match="names no"):
-        parse(Keys().campaign_start())
+        parse(Keys().commit())

@@ -42,7 +42,7 @@ class Core:
 CORES = {
     **{
         f"duralab_{name}": Core(f"duralab_{name}", f"libs/{name}/duralab_{name}", (f"libs/{name}/tests",))
-        for name in ("spectra", "roads", "loads")
+        for name in ("spectra", "roads", "loads", "drive_files")
     },
     "duralab_recordings": Core(
         "duralab_recordings",
@@ -78,8 +78,6 @@ CORES = {
                     "foreign_files",
                     "formats",
                     "formats_guide",
-                    "rpc3_reading",
-                    "rpc3_writing",
                     "uff58",
                     "units",
                 )

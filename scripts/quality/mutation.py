@@ -92,7 +92,7 @@ AREAS = {
             "iteration_loop",
         ),
     ),
-    "codec": Area("duralab", ("duralab/formats/rpc3_*.py",), ("rpc3_reading", "rpc3_writing", "formats_fuzz")),
+    "codec": Area("libs/drive_files", ("duralab_drive_files/rpc3_*.py",), ("rpc3_reading", "rpc3_writing")),
 }
 
 

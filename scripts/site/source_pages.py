@@ -7,7 +7,7 @@ import posixpath
 import re
 from pathlib import Path, PurePosixPath
 
-_LINK = re.compile(r"(?<!!)(\[(?P<text>[^\]]*)\]\()(?P<target>[^)\s#]+)(?P<anchor>#[^)\s]+)?\)")
+_LINK = re.compile(r"(?P<image>!?)(\[(?P<text>[^\]]*)\]\()(?P<target>[^)\s#]+)(?P<anchor>#[^)\s]+)?\)")
 _FENCED = re.compile(r"^(`{3,}|~{3,}).*?^\1`*$", flags=re.M | re.S)
 _LANGUAGES = {
     ".py": "python",
@@ -56,7 +56,7 @@ class SourcePages:
             for match in _LINK.finditer(_FENCED.sub("", content)):
                 path = self._outside(origin, match["target"])
                 name = f"source/{path}" + ("" if path.endswith(".md") else ".md")
-                if not path or path in FOLDERS or name in made:
+                if not path or match["image"] or path in FOLDERS or name in made:
                     continue
                 made[name] = self._page(path)
                 self._file_of[name] = path
@@ -86,7 +86,7 @@ class SourcePages:
             if page is None:
                 return match[0]
             anchor = match["anchor"] or self._anchor(origin, match["target"], match["text"])
-            return f"{match[1]}{posixpath.relpath(page, posixpath.dirname(name) or '.')}{anchor})"
+            return f"{match['image']}{match[2]}{posixpath.relpath(page, posixpath.dirname(name) or '.')}{anchor})"
 
         pieces, end = [], 0
         for fence in _FENCED.finditer(markdown):

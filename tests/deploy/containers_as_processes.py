@@ -140,7 +140,7 @@ class ContainersAsProcesses:
         return list(command)
 
     def _environment(self, container: Container) -> dict[str, str]:
-        image = {"rig": "rig_sim"}.get(container.name, container.name)
+        image = {"rig": "rig_sim", "file-rig": "file_rig"}.get(container.name, container.name)
         own = image_environment(self._stages[image if image in self._stages else "run"], self._stages)
         # What stands in the image at /opt/duralab stands here in the environment that runs the tests.
         programs = Path(sys.prefix) / "bin"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from duralab.security import init_authority, issue
+from duralab.security import init_authority, issue_missing, read_members
 
 from .compose_file import ROOT
 from .containers_as_processes import ContainersAsProcesses, why_not
@@ -22,16 +22,14 @@ pytestmark = [
 ]
 USER = 10001
 HEALTHY_SECONDS = 120.0
-SERVICES = ("rig", "identifier", "iterator", "recorder")
+SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder")
 
 
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
     init_authority(folder)
-    issue(folder, "router", "main", hosts=["router"])
-    for role in (*SERVICES, "operator"):
-        issue(folder, role, "main")
+    issue_missing(folder, read_members(ROOT / "deploy" / "router" / "members.yaml"))
     # As the guide says: keys are readable by their owner alone, who is the user of the containers.
     for path in folder.iterdir():
         os.chown(path, USER, USER)
@@ -63,7 +61,8 @@ def test_lab_of_containers_plays_a_drive(lab: ContainersAsProcesses, certificate
     written = json.loads(done.stdout)
     assert written["troubles"] == []
     assert written["playbacks"] == 1.0
-    assert {"rig_sim/front_axle", "rig_sim/predecessor", "iterator/main", "recorder/main"} <= set(written["live"])
+    assert {"rig_sim/front_axle", "rig_sim/predecessor", "rig_sim/front_axle_controller"} <= set(written["live"])
+    assert {"iterator/main", "recorder/main"} <= set(written["live"])
     assert written["received"] > 0
 
 
@@ -76,12 +75,12 @@ def test_container_is_nobody_and_may_do_nothing(lab: ContainersAsProcesses, name
     assert fields["NoNewPrivs"].strip() == "1"
 
 
-@pytest.mark.parametrize("name", ["rig", "recorder"])
-def test_container_writes_to_its_volume_and_tmp_and_nowhere_else(lab: ContainersAsProcesses, name: str) -> None:
-    (volume,) = [mount.target for mount in lab.containers[name].mounts if not mount.read_only]
+@pytest.mark.parametrize("name", ["rig", "file-rig", "recorder"])
+def test_container_writes_to_its_volumes_and_tmp_and_nowhere_else(lab: ContainersAsProcesses, name: str) -> None:
+    volumes = [mount.target for mount in lab.containers[name].mounts if not mount.read_only]
     script = "for place; do touch $place/probe 2>/dev/null && rm $place/probe && echo $place; done; true"
-    tried = lab.run(name, ["sh", "-c", script, "sh", "/", "/etc/duralab/certificates", str(ROOT), "/tmp", volume])
-    assert tried.stdout.split() == ["/tmp", volume]
+    tried = lab.run(name, ["sh", "-c", script, "sh", "/", "/etc/duralab/certificates", str(ROOT), "/tmp", *volumes])
+    assert tried.stdout.split() == ["/tmp", *volumes]
 
 
 def test_health_check_of_who_is_not_there_fails(lab: ContainersAsProcesses) -> None:

@@ -10,7 +10,7 @@ import pytest
 from .compose_file import DOCKERFILE, ROOT, compose_document, image_environment, stages
 
 STAGES = stages()
-IMAGES = ("rig_sim", "identifier", "iterator", "recorder", "viewer", "sweep")
+IMAGES = ("rig_sim", "file_rig", "identifier", "iterator", "sequencer", "recorder", "viewer", "sweep")
 
 
 @pytest.fixture(scope="module")

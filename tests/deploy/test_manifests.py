@@ -18,7 +18,8 @@ KUBERNETES = ROOT / "deploy/kubernetes"
 SYSTEMD = ROOT / "deploy/systemd"
 # Of a version that is served by every provider; strict: a field that the schema does not know is an error.
 KUBERNETES_VERSION = "1.34"
-SERVICES = ("rig", "identifier", "iterator", "recorder")
+SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder")
+MEMBERS = {"file-rig": "rig.controller"}
 VARIABLES = {"DURALAB_CERTIFICATES": "/certificates"}
 
 
@@ -90,8 +91,9 @@ def test_nothing_but_the_router_is_open_to_others():
 def test_only_its_own_certificate_is_given_to_each():
     for name, container in containers(VARIABLES).items():
         files = {mount.target.rpartition("/")[2] for mount in container.mounts if mount.read_only}
-        expected = {"ca.crt", f"{name}.main.crt", f"{name}.main.key"} if name != "viewer" else set()
-        assert files - {"zenohd.json5"} == expected
+        member = MEMBERS.get(name, f"{name}.main")
+        expected = {"ca.crt", f"{member}.crt", f"{member}.key"} if name != "viewer" else set()
+        assert files - {"zenohd.json5", "map.yaml"} == expected
 
 
 @pytest.mark.parametrize("document", list(kubernetes_objects()))
@@ -185,7 +187,7 @@ def analyze(folder, *arguments):
 
 def test_systemd_finds_nothing_wrong_with_the_units(units):
     names = sorted(f"./{path.name}" for path in [*units.glob("*.service"), *units.glob("*.target")])
-    assert len(names) == 6
+    assert len(names) == 8
     checked = analyze(units, "verify", "--man=no", *names)
     assert checked.stderr == ""
     assert checked.returncode == 0
@@ -203,7 +205,8 @@ def test_units_give_each_service_its_own_certificate_alone():
         text = (SYSTEMD / f"duralab-{name}.service").read_text()
         handed = [line.rpartition(":")[2] for line in text.splitlines() if line.startswith("LoadCredential=")]
         folder = "/etc/duralab/certificates"
-        assert handed == [f"{folder}/{name}.main.crt", f"{folder}/{name}.main.key"]
+        member = MEMBERS.get(name, f"{name}.main")
+        assert handed == [f"{folder}/{member}.crt", f"{folder}/{member}.key"]
         assert f"-m {containers(VARIABLES)[name].command[-1]}\n" in text
 
 
@@ -215,7 +218,7 @@ os.execv(sys.executable, [sys.executable, "-m", *sys.argv[1:]])
 """
 
 
-@pytest.mark.parametrize("name", ["identifier", "iterator", "recorder"])
+@pytest.mark.parametrize("name", ["identifier", "iterator", "sequencer", "recorder"])
 def test_service_starts_where_its_unit_forbids_it_to_make_code(name, tmp_path):
     assert "MemoryDenyWriteExecute=no" not in (SYSTEMD / f"duralab-{name}.service").read_text()
     with duralab_bus.open_bus(service="hub") as hub:

@@ -73,7 +73,7 @@ class Operator:
         specification = iterator_pb2.CampaignSpec()
         specification.CopyFrom(self._reference.specification)
         specification.id = id
-        self._lab.bus.query(self._keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
+        self._lab.bus.query(self._keys.campaign_start(specification.rig), specification, iterator_pb2.CampaignStatus)
         self._id = id
         self._outcome.recordings.append(id)
 
@@ -166,7 +166,7 @@ class Operator:
 
     def _resume(self, new_id: str) -> None:
         self._lab.bus.query(
-            self._keys.campaign_resume(self._id),
+            self._keys.campaign_resume(self._id, self._reference.specification.rig),
             iterator_pb2.ResumeCampaignRequest(new_id=new_id),
             iterator_pb2.CampaignStatus,
         )

@@ -12,11 +12,11 @@ from google.protobuf.message import Message
 
 import duralab_proto.v1 as generated
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 
 from .malformed import TEXTS
 
-_MODULES = (rig_pb2, identifier_pb2, iterator_pb2, recorder_pb2, query_pb2)
+_MODULES = (rig_pb2, identifier_pb2, iterator_pb2, recorder_pb2, sequencer_pb2, query_pb2)
 _QUERY = re.compile(r"Query: (\w+) →")
 _STREAM = re.compile(r"[Ss]tream of (\w+)")
 NO_MESSAGES = frozenset({"live", "asking", "within"})
@@ -90,6 +90,7 @@ def odd_name_in(path: str, key: ContractKey, random: np.random.Generator) -> str
     odd = [text for text in TEXTS if text and not set(text) & set("*$#?/") and len(text) < 1000]
     name = odd[int(random.integers(len(odd)))] if key.names else "main"
     chunks = path.split("/")
-    place = {"rig": 4, "id": 5, "service": 4}[key.names[0]] if key.names else len(chunks) - 1
-    chunks[min(place, len(chunks) - 1)] = name
+    # Of several names the first; the prefix and the lab hold none that it could be taken for.
+    place = key.make(*["*"] * len(key.names)).split("/").index("*") if key.names else len(chunks) - 1
+    chunks[place] = name
     return "/".join(chunks)

@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
@@ -26,7 +26,7 @@ from .cuttable_link import CuttableLink
 RIG = "front_axle_compliant"
 VEHICLE = "predecessor"
 HUB = "hub"
-SERVICES = ("rig_sim", "identifier", "iterator", "recorder")
+SERVICES = ("rig_sim", "identifier", "iterator", "sequencer", "recorder")
 START_SECONDS = 120.0
 _POLL_SECONDS = 0.05
 _END_SECONDS = 5.0
@@ -56,6 +56,8 @@ class LabUnderFault:
         The recorder's folder; `folder/recordings` where not given.
     environment : mapping, optional
         Added to the services' own.
+    rigs : sequence of str
+        That the simulator serves.
     """
 
     bus: Bus
@@ -67,14 +69,17 @@ class LabUnderFault:
         topology: Topology = Topology.EMBEDDED,
         recordings: Path | None = None,
         environment: Mapping[str, str] | None = None,
+        rigs: Sequence[str] = (RIG, VEHICLE),
     ) -> None:
         self.recordings = recordings or folder / "recordings"
         self._folder = folder
         self._topology = topology
         self._environment = {**os.environ, "OMP_NUM_THREADS": "1", **(environment or {})}
         self._hub_port = _free_port()
+        self._rigs = tuple(rigs)
         self._plans = {
-            plan.name: plan for plan in lab_services(rigs=(RIG, VEHICLE), recordings=self.recordings, viewer=None)
+            plan.name: plan
+            for plan in lab_services(rigs=self._rigs, recordings=self.recordings, viewer=None, endurance=True)
         }
         self._processes: dict[str, subprocess.Popen[Any]] = {}
         self._log_read: dict[str, int] = {}
@@ -204,7 +209,7 @@ class LabUnderFault:
             Naming what is wrong with whom.
         """
         deadline = time.monotonic() + timeout_seconds
-        wanted = {("rig_sim", RIG), ("rig_sim", VEHICLE), *((name, "main") for name in SERVICES[1:])}
+        wanted = {*(("rig_sim", rig) for rig in self._rigs), *((name, "main") for name in SERVICES[1:])}
         while True:
             try:
                 for service, instance in sorted(wanted):

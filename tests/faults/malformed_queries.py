@@ -16,7 +16,7 @@ from google.protobuf.message import Message
 
 from duralab_bus import encoding_of
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 
 from .disturbed_campaign import Operator, Round
 from .keys_of_contract import ContractKey, contract_keys, odd_name_in
@@ -148,7 +148,7 @@ def _ask_service(
 
 def _path(key: ContractKey, target: Target) -> str:
     known = target.model if key.name in ("model", "prediction", "convergence") else target.campaign
-    names = {"rig": RIG, "id": known, "service": "rig_sim", "instance": RIG}
+    names = {"rig": RIG, "id": known, "project": "wheel", "service": "rig_sim", "instance": RIG}
     return key.make(*(names[name] for name in key.names))
 
 
@@ -222,6 +222,11 @@ def _tidy_up(stranger: Stranger, target: Target, answer: Answer, tally: Tally) -
             for path in [path for id in tally.begun for path in target.recordings.glob(f"{id}.*")]:
                 path.unlink()
             tally.begun = [status.id]
+    elif answer.fault is None and answer.result == sequencer_pb2.EnduranceStatus.DESCRIPTOR.full_name:
+        status = sequencer_pb2.EnduranceStatus.FromString(answer.payload)
+        stop = sequencer_pb2.StopEnduranceRequest(reason="the test goes on")
+        stranger.ask(_sound(target.keys.endurance_stop(status.id), stop), served=True)
+        stranger.ask(reset, served=True)
     elif answer.result == rig_pb2.RigState.DESCRIPTOR.full_name:
         stranger.ask(reset, served=True)
 

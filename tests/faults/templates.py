@@ -10,7 +10,7 @@ from google.protobuf.message import Message
 
 import duralab
 from duralab_proto.arrays import to_array
-from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 
 from .lab_under_fault import RIG
 
@@ -37,6 +37,7 @@ def _made(path: Path) -> dict[str, Message]:
         iterator_pb2.CampaignSpec(),
         iterator_pb2.ResumeCampaignRequest(new_id="b", from_iteration=1, update=spec.update, stop=spec.stop),
         iterator_pb2.StopCampaignRequest(reason="asked by a test"),
+        iterator_pb2.Decision(proposal=1, kind=iterator_pb2.DECISION_KIND_PLAY, name="Ada", reason="asked by a test"),
         iterator_pb2.CampaignEvent(status=status),
         recorder_pb2.CommitRequest(
             recording="a",
@@ -47,6 +48,17 @@ def _made(path: Path) -> dict[str, Message]:
         recorder_pb2.ReadStepsRequest(first=0),
         rig_pb2.PlayRequest(run="a", drive=drive),
         rig_pb2.StopRequest(reason="asked by a test"),
+        sequencer_pb2.EnduranceSpec(
+            id="a",
+            rig=RIG,
+            schedule=f"{{name: a, rig: {RIG}, events: {{road: {{drive: a.csv, repeats: 2}}}}}}",
+            events=[sequencer_pb2.ScheduledEvent(name="road", drive=drive)],
+        ),
+        sequencer_pb2.StopEnduranceRequest(reason="asked by a test"),
+        sequencer_pb2.HoldEnduranceRequest(reason="asked by a test"),
+        sequencer_pb2.EnduranceDecision(
+            hold=1, kind=sequencer_pb2.ENDURANCE_DECISION_KIND_END, name="Ada", reason="asked by a test"
+        ),
         rig_pb2.RigFrfRequest(frequency=model.frequency),
         next(recording.messages(rig_pb2.SignalBlock)),
         state,

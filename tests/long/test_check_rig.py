@@ -9,10 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import duralab
 from duralab.conformance import Finding, Outcome, check_rig
-from duralab.lab import join_bus
-from duralab.processes import shipped_rigs
+from duralab.processes import Supervisor, lab_services, shipped_rigs
+from duralab_bus import Bus, BusConfig, open_bus
 
 RIGS = tuple(shipped_rigs())
 #: Shakers have no slew limit, and the modes of a structure no bodies; everything else is tried.
@@ -20,20 +19,24 @@ NOT_TRIED = {"aerospace": {"refuse.jump", "play.poses"}}
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[duralab.Lab]:
-    """One lab whose rig_sim serves every shipped rig."""
-    with duralab.start(tmp_path_factory.mktemp("lab"), rigs=RIGS) as started:
-        yield started
+def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bus]:
+    """A bus on which rig_sim serves every shipped rig; without a recorder, so that it keeps each block that it sent."""
+    folder = tmp_path_factory.mktemp("rigs")
+    (rig_sim,) = (plan for plan in lab_services(rigs=RIGS, recordings=folder, viewer=None) if plan.name == "rig_sim")
+    with (
+        open_bus(BusConfig(listen=("tcp/127.0.0.1:0",)), service="duralab") as opened,
+        Supervisor([rig_sim], bus=opened, logs=folder) as supervisor,
+    ):
+        supervisor.start(timeout_seconds=120.0)
+        yield opened
 
 
 @pytest.fixture(scope="module")
-def findings(lab: duralab.Lab) -> dict[str, list[Finding]]:
+def findings(bus: Bus) -> dict[str, list[Finding]]:
     """What was found on every rig; all at once, since most of it is waiting."""
-    with join_bus(lab.endpoints[0]) as bus:
-        bus.wait_for_live({("rig_sim", rig) for rig in RIGS}, 120.0)
-        with ThreadPoolExecutor(len(RIGS)) as pool:
-            # Twice as long as the command plays: all at once, a stop may come later.
-            return dict(zip(RIGS, pool.map(lambda rig: check_rig(bus, rig, seconds=4.0), RIGS), strict=True))
+    with ThreadPoolExecutor(len(RIGS)) as pool:
+        # Twice as long as the command plays: all at once, a stop may come later.
+        return dict(zip(RIGS, pool.map(lambda rig: check_rig(bus, rig, seconds=4.0), RIGS), strict=True))
 
 
 def test_all_of_them_are_known() -> None:
@@ -49,8 +52,8 @@ def test_a_shipped_rig_keeps_the_contract(findings: dict[str, list[Finding]], ri
     assert not_tried == NOT_TRIED.get(rig, set())
 
 
-def test_the_command_prints_a_line_for_each_check(lab: duralab.Lab) -> None:
-    asked = [sys.executable, "-m", "duralab", "check-rig", "aerospace", "--connect", lab.endpoints[0]]
+def test_the_command_prints_a_line_for_each_check(bus: Bus) -> None:
+    asked = [sys.executable, "-m", "duralab", "check-rig", "aerospace", "--connect", bus.listening[0]]
     checked = subprocess.run(asked, capture_output=True, text=True, check=False, timeout=180)
     assert checked.returncode == 0, checked.stdout + checked.stderr
     *lines, verdict = checked.stdout.strip().splitlines()

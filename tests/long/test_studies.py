@@ -23,6 +23,7 @@ NAMES = (
     "braking_and_non_square",
     "input_side_errors",
     "stiff_rig",
+    "detection_of_wear",
 )
 
 

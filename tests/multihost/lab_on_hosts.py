@@ -12,18 +12,18 @@ from typing import Any
 
 import yaml
 
-from duralab.security import init_authority, issue
+from duralab.security import MemberEntry, configure_router, init_authority, issue_missing
 from duralab_bus import BusConfig, BusMode, TlsConfig, open_bus
-from duralab_proto.access import Role
+from duralab_proto.members import ROUTER, Role
 
-from ..faults.lab_under_fault import HUB, SERVICES, LabUnderFault
+from ..faults.lab_under_fault import HUB, RIG, SERVICES, VEHICLE, LabUnderFault
 from .host_network import HostNetwork
 
 ROOT = Path(__file__).resolve().parents[2]
-CONFIGURATION = ROOT / "deploy" / "router" / "zenohd.json5"
 PORT = 7447
-HOST_OF = {HUB: "router", "rig_sim": "rig", "identifier": "control", "iterator": "control", "recorder": "control"}
-ROLE_OF = {"rig_sim": Role.RIG, "identifier": Role.IDENTIFIER, "iterator": Role.ITERATOR, "recorder": Role.RECORDER}
+CONTROL = ("identifier", "iterator", "sequencer", "recorder")
+HOST_OF = {HUB: "router", "rig_sim": "rig", **dict.fromkeys(CONTROL, "control")}
+ROLE_OF = {"rig_sim": Role.RIG, **{name: Role(name) for name in CONTROL}}
 _ROUTER = ROOT / "tests" / "security" / "router_process.py"
 _VIEWER = Path(__file__).with_name("viewing_process.py")
 _START_SECONDS = 60.0
@@ -46,9 +46,15 @@ class LabOnHosts(LabUnderFault):
         self._certificates = folder / "certificates"
         self._certificates.mkdir(parents=True)
         init_authority(self._certificates)
-        issue(self._certificates, "router", "main", hosts=[network.address("router")])
-        for role in Role:
-            issue(self._certificates, role, "main")
+        members = (
+            MemberEntry(role=ROUTER, name="main", hosts=(network.address("router"),)),
+            *(MemberEntry(role=role, name="main", rigs=(RIG, VEHICLE) if role is Role.RIG else ()) for role in Role),
+        )
+        issue_missing(self._certificates, members)
+        self._router_configuration = folder / "zenohd.json5"
+        self._router_configuration.write_text(
+            configure_router(self._certificates, members, certificates=str(self._certificates))
+        )
 
     @property
     def endpoint(self) -> str:
@@ -99,13 +105,7 @@ class LabOnHosts(LabUnderFault):
 
     def _command(self, name: str) -> list[str]:
         if name == HUB:
-            tls = "transport/link/tls"
-            overrides = {
-                f"{tls}/root_ca_certificate": str(self._certificates / "ca.crt"),
-                f"{tls}/listen_certificate": str(self._certificates / "router.main.crt"),
-                f"{tls}/listen_private_key": str(self._certificates / "router.main.key"),
-            }
-            return [sys.executable, str(_ROUTER), str(CONFIGURATION), json.dumps(overrides)]
+            return [sys.executable, str(_ROUTER), str(self._router_configuration), "{}"]
         config = self._folder / f"{name}.yaml"
         config.write_text(yaml.safe_dump(self._configuration(self._plans[name])))
         return [sys.executable, "-m", name, "--config", str(config)]

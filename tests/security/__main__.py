@@ -10,11 +10,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from duralab.security import init_authority, issue
-from duralab_proto.access import ADMIN, ROUTER, Operation, Role, permits
+from duralab_proto.access import Operation, permits
 from duralab_proto.keys import Keys
 
 from .access_trials import all_trials, run_trials
+from .members import TRIED, secured_folder
 from .secured_router import SecuredRouter, zenohd
 
 _LETTERS = {operation: operation.value[0].upper() for operation in Operation}
@@ -24,18 +24,15 @@ def main() -> int:
     """Try every cell and print them."""
     keys = Keys()
     trials = all_trials(keys)
-    expected = {trial for trial in trials if permits(trial.role, trial.operation, trial.key, keys)}
+    expected = {trial for trial in trials if permits(trial.member, trial.operation, trial.key, keys)}
     with tempfile.TemporaryDirectory(prefix="duralab-") as name:
-        folder = Path(name)
-        init_authority(folder)
-        for role in (ROUTER, ADMIN, *Role):
-            issue(folder, role, "main")
+        folder = secured_folder(Path(name))
         with SecuredRouter(folder, log=folder / "router.log", rust_log="warn") as router:
             came = run_trials(router.endpoint, folder, expected=expected)
-    lines = [f"{'key':<38} {'operation':<10}" + "".join(f"{role:>11}" for role in Role)]
+    lines = [f"{'key':<44} {'operation':<10}" + "".join(f"{member.common_name:>16}" for member in TRIED)]
     for key, operation in dict.fromkeys((trial.key, trial.operation) for trial in trials):
         cells = [_cell(operation, tried in came, tried in expected) for tried in _row(trials, key, operation)]
-        lines.append(f"{keys.within(key):<38} {operation:<10}" + "".join(f"{cell:>11}" for cell in cells))
+        lines.append(f"{keys.within(key):<44} {operation:<10}" + "".join(f"{cell:>16}" for cell in cells))
     wrong = came ^ expected
     lines.append(
         f"{len(trials)} tried over {zenohd() or 'a router in a Python process'}: {len(came)} came through, "

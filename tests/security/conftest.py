@@ -1,4 +1,4 @@
-"""A lab's certificates, and a router that knows them."""
+"""A lab's certificates, and a router that knows its members."""
 
 from __future__ import annotations
 
@@ -7,19 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from duralab.security import init_authority, issue
-from duralab_proto.access import ADMIN, ROUTER, Role
-
+from .members import secured_folder
 from .secured_router import SecuredRouter
 
 
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("certificates")
-    init_authority(folder)
-    for role in (ROUTER, ADMIN, *Role):
-        issue(folder, role, "main")
-    return folder
+    return secured_folder(tmp_path_factory.mktemp("certificates"))
 
 
 @pytest.fixture(scope="module")

@@ -29,8 +29,7 @@ def main() -> None:
                 asked += 1
         _say(str(asked))
         return
-    # Beside this file: the folder of a script is searched first.
-    from access_trials import secured_config
+    from .access_trials import secured_config
 
     with zenoh.open(secured_config(endpoint, Path(folder), name)) as session:
         session.get(key, encoding=encoding, timeout=5.0)

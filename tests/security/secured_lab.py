@@ -17,6 +17,7 @@ ROLES: Mapping[str, str] = {
     "rig_sim": "rig",
     "identifier": "identifier",
     "iterator": "iterator",
+    "sequencer": "sequencer",
     "recorder": "recorder",
 }
 """Role in the certificate of each service."""

@@ -1,4 +1,4 @@
-"""The router of a secured lab as a process, from the very file that deploy/router ships."""
+"""The router of a secured lab as a process, from the configuration that `duralab certs router` writes."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from typing import Any
 from duralab.security import read_refusals
 from duralab.security.router_log import Refusal
 
+from .members import CONFIGURATION_FILE
+
 ROOT = Path(__file__).resolve().parents[2]
-CONFIGURATION = ROOT / "deploy" / "router" / "zenohd.json5"
 START_SECONDS = 60.0
 LOGGED_SECONDS = 20.0
 AUDIT_LOG = "warn,zenoh_link_tls::unicast=debug,zenoh::net::routing::interceptor::access_control=trace"
@@ -38,11 +39,11 @@ class SecuredRouter:
     Parameters
     ----------
     certificates : Path
-        Folder with `ca.crt` and the pair of `router.main`.
+        Folder with `ca.crt`, the pair of `router.main` and the configuration.
     log : Path
         Where its log goes.
-    configuration : Path
-        A zenohd configuration; certificates and port are put in the place of those in it.
+    configuration : Path, optional
+        Another zenohd configuration; certificates and port are put in the place of those in it.
     rust_log : str
         What it logs.
     """
@@ -52,12 +53,12 @@ class SecuredRouter:
         certificates: Path,
         *,
         log: Path,
-        configuration: Path = CONFIGURATION,
+        configuration: Path | None = None,
         rust_log: str = AUDIT_LOG,
     ) -> None:
         self.port = free_port()
         self.log = log
-        self._configuration = configuration
+        self._configuration = configuration or certificates / CONFIGURATION_FILE
         self._environment = {**os.environ, "RUST_LOG": rust_log, "NO_COLOR": "1"}
         self._overrides: dict[str, Any] = {
             "listen/endpoints": {"router": [self.endpoint]},

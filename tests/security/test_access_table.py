@@ -1,4 +1,4 @@
-"""The whole table, role by key by operation, tried over a router with the configuration that is shipped."""
+"""The whole table, member by key by operation, tried over a router with the configuration that the commands write."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import pytest
 
 from duralab.security import read_refusals
 from duralab.security.router_log import Refusal
-from duralab_proto.access import Operation, Role, permits
+from duralab_proto.access import Operation, permits
 from duralab_proto.keys import Keys
 
 from .access_trials import Trial, all_trials, run_trials, token_key
-from .secured_router import SecuredRouter
+from .members import TRIED
+from .secured_router import ROOT, SecuredRouter
 
 LOGGED = {
     Operation.ASK: "Query",
@@ -30,12 +31,12 @@ def came(router: SecuredRouter, certificates) -> set[Trial]:
 
 
 def expected() -> set[Trial]:
-    return {trial for trial in all_trials(Keys()) if permits(trial.role, trial.operation, trial.key, Keys())}
+    return {trial for trial in all_trials(Keys()) if permits(trial.member, trial.operation, trial.key, Keys())}
 
 
 def _logged(trial: Trial) -> tuple[str, str, str]:
-    key = token_key(trial.key, trial.role) if trial.operation is Operation.HOLD else trial.key
-    return f"{trial.role}.main", LOGGED[trial.operation], key
+    key = token_key(trial.key, trial.member) if trial.operation is Operation.HOLD else trial.key
+    return trial.member.common_name, LOGGED[trial.operation], key
 
 
 def _refused(refusals: Iterable[Refusal]) -> set[tuple[str, str, str]]:
@@ -54,13 +55,20 @@ def test_nothing_else_comes_through(came):
     assert sorted(map(str, came - expected())) == []
 
 
+def test_the_page_counts_the_cells_as_they_were_tried():
+    page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    allowed, tried = len(expected()), len(all_trials(Keys()))
+    assert f"each of {tried} cells is tried" in page
+    assert f"{allowed} came\nthrough and {tried - allowed} were refused" in page
+
+
 def test_every_refusal_is_logged_with_who_which_session_and_what(came, router):
     tried = {_logged(trial) for trial in set(all_trials(Keys())) - expected()}
     every = router.refusals(lambda refused: tried <= _refused(refused))
     assert sorted(tried - _refused(every)) == []
     logged = [refusal for refusal in every if refusal.what != "join"]
     refused = _refused(logged)
-    assert {f"{role}.main" for role in Role} == {who for who, _, _ in refused}
+    assert {member.common_name for member in TRIED} == {who for who, _, _ in refused}
     assert all(refusal.session and refusal.time for refusal in logged)
 
 
@@ -70,5 +78,5 @@ def test_what_is_allowed_is_not_logged_as_refused(came, router):
 
 
 def test_a_deletion_is_refused_to_everyone(came, router):
-    everyone = {f"{role}.main" for role in Role}
+    everyone = {member.common_name for member in TRIED}
     assert _deleted(router.refusals(lambda refused: everyone <= _deleted(refused))) == everyone

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from duralab.security import configure_router, init_authority, issue
+from duralab.security import MemberEntry, configure_router, init_authority, issue, issue_missing, read_members
 from duralab_bus import (
-    DEFAULT_HOLDERS,
     BusConfig,
     BusError,
     BusMode,
@@ -21,12 +20,13 @@ from duralab_bus import (
     open_bus,
     router_configuration,
 )
-from duralab_proto.access import Holder, Role
 from duralab_proto.keys import Keys
+from duralab_proto.members import Member, Role
 from duralab_proto.v1 import rig_pb2
 
 from .access_trials import secured_config
-from .secured_router import CONFIGURATION, SecuredRouter
+from .members import TRIED
+from .secured_router import ROOT, SecuredRouter
 
 
 def joining(endpoint: str, identity: Path) -> BusConfig:
@@ -51,8 +51,8 @@ def strangers(tmp_path_factory) -> Path:
     """Certificates of another authority, with the very names of this lab."""
     folder = tmp_path_factory.mktemp("strangers")
     init_authority(folder)
-    issue(folder, "operator", "main")
-    issue(folder, "router", "main")
+    issue(folder, MemberEntry(role="operator", name="main"))
+    issue(folder, MemberEntry(role="router", name="main"))
     return folder
 
 
@@ -93,7 +93,7 @@ def test_a_certificate_of_another_authority_does_not_get_in(router, certificates
 def test_an_expired_certificate_does_not_get_in(router, certificates, tmp_path):
     folder = tmp_path / "certificates"
     shutil.copytree(certificates, folder)
-    issue(folder, "operator", "late", days=1, begins=datetime.now(UTC) - timedelta(days=3))
+    issue(folder, MemberEntry(role="operator", name="late"), days=1, begins=datetime.now(UTC) - timedelta(days=3))
     expect_no_way_in(secured_config(router.endpoint, folder, "operator.late"))
     said = refusal(router.endpoint, folder / "operator.late")
     assert "expired on" in said
@@ -105,7 +105,12 @@ def test_a_link_is_closed_when_its_certificate_expires(certificates, router, tmp
     shutil.copytree(certificates, folder)
     # Valid for some seconds more: a day that began a day ago, nearly.
     lifetime = timedelta(seconds=10)
-    issue(folder, "viewer", "main2", days=1, begins=datetime.now(UTC) - timedelta(days=1) + lifetime)
+    issue(
+        folder,
+        MemberEntry(role="viewer", name="main2"),
+        days=1,
+        begins=datetime.now(UTC) - timedelta(days=1) + lifetime,
+    )
     with zenoh.open(secured_config(router.endpoint, folder, "viewer.main2")) as session:
         assert list(session.info.routers_zid())
         deadline = time.monotonic() + 60.0
@@ -129,7 +134,7 @@ def test_a_router_under_another_name_is_not_trusted(certificates, tmp_path):
     shutil.copytree(certificates, folder)
     for suffix in ("crt", "key"):
         (folder / f"router.main.{suffix}").unlink()
-    issue(folder, "router", "main", hosts=["lab.example.org"])
+    issue(folder, MemberEntry(role="router", name="main", hosts=("lab.example.org",)))
     with SecuredRouter(folder, log=tmp_path / "router.log") as router:
         said = refusal(router.endpoint, certificates / "viewer.main")
         assert "mismatch" in said
@@ -137,7 +142,7 @@ def test_a_router_under_another_name_is_not_trusted(certificates, tmp_path):
 
 
 def test_a_withdrawn_holder_gets_nothing_though_the_certificate_is_valid(certificates, tmp_path):
-    left = [holder for holder in DEFAULT_HOLDERS if holder != Holder("operator", "main")]
+    left = [member for member in TRIED if member != Member("operator", "main")]
     configuration = tmp_path / "zenohd.json5"
     configuration.write_text(router_configuration(left, version="1.10.2"))
     with SecuredRouter(certificates, log=tmp_path / "router.log", configuration=configuration) as router:
@@ -154,6 +159,28 @@ def test_a_withdrawn_holder_gets_nothing_though_the_certificate_is_valid(certifi
                     )
                 assert "UNAVAILABLE" in caught.value.code_name
         assert any("did not match any configured ACL subject" in line for line in router.lines())
+
+
+def test_a_bound_operator_starts_campaigns_on_its_own_rig_though_the_service_declares_all(router, certificates):
+    keys, asked = Keys(), []
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            asked.append(str(query.key_expr))
+            query.reply(query.key_expr, b"answered")
+
+    with (
+        zenoh.open(secured_config(router.endpoint, certificates, "iterator.main")) as iterator,
+        zenoh.open(secured_config(router.endpoint, certificates, "operator.ben")) as ben,
+    ):
+        iterator.declare_queryable(keys.campaign_start("*"), answer)
+        own, foreign, every = (keys.campaign_start(rig) for rig in ("a", "b", "*"))
+        deadline = time.monotonic() + 20.0
+        while not any(reply.ok is not None for reply in ben.get(own, timeout=1.0)):
+            assert time.monotonic() < deadline
+        for key in (foreign, every):
+            assert not [reply for reply in ben.get(key, timeout=2.0) if reply.ok is not None]
+    assert set(asked) == {own}
 
 
 def test_the_routers_own_space_is_open_to_the_admin_on_its_machine_only(router, certificates):
@@ -185,6 +212,10 @@ def test_a_viewer_cannot_take_everything_with_a_wildcard(router, certificates):
         assert came == []
 
 
-def test_the_shipped_configuration_is_what_the_commands_make(certificates, tmp_path):
-    made = configure_router(certificates, certificates="/etc/duralab/certificates")
-    assert made == CONFIGURATION.read_text(encoding="utf-8")
+def test_the_shipped_configuration_is_what_the_commands_make(tmp_path):
+    shipped = ROOT / "deploy" / "router"
+    members = read_members(shipped / "members.yaml")
+    init_authority(tmp_path)
+    issue_missing(tmp_path, members)
+    made = configure_router(tmp_path, members, certificates="/etc/duralab/certificates")
+    assert made == (shipped / "zenohd.json5").read_text(encoding="utf-8")

@@ -21,6 +21,13 @@ from duralab_proto.v1 import rig_pb2
 from .access_trials import secured_config
 from .secured_router import free_port
 
+MEMBERS = """
+members:
+  - {role: router, name: main}
+  - {role: rig, name: beam, rigs: [beam]}
+  - {role: operator, name: anna}
+  - {role: operator, name: ben, rigs: [other]}
+"""
 COMMAND = [sys.executable, "-m", "duralab"]
 
 
@@ -32,10 +39,10 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the certificates of a lab, and those of another one under the same names."""
     folder = tmp_path_factory.mktemp("made")
+    (folder / "members.yaml").write_text(MEMBERS)
     for place in ("certificates", "strangers"):
-        for holder in ("", "router main", "rig main", "operator anna"):
-            command = ["issue", *holder.split()] if holder else ["init"]
-            done = run(folder, "certs", *command, "--folder", place)
+        for command in ("init", "issue"):
+            done = run(folder, "certs", command, "--folder", place)
             assert done.returncode == 0, done.stderr
     return folder
 
@@ -53,7 +60,7 @@ def routing(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         try:
             assert process.stdout is not None
             told = json.loads(process.stdout.readline())
-            assert told["members"] == ["operator.anna", "rig.main"]
+            assert told["members"] == ["operator.anna", "operator.ben", "rig.beam"]
             yield process, told["endpoint"]
         finally:
             process.kill()
@@ -67,7 +74,7 @@ def test_members_talk_by_their_roles_and_others_are_refused(folder: Path) -> Non
     certificates = folder / "certificates"
     with (
         routing(folder) as (_, endpoint),
-        open_bus(joining(endpoint, certificates / "rig.main"), service="rig_sim") as rig,
+        open_bus(joining(endpoint, certificates / "rig.beam"), service="rig_sim") as rig,
         open_bus(joining(endpoint, certificates / "operator.anna"), service="duralab") as anna,
     ):
         key = rig.keys.rig_description("beam")
@@ -83,6 +90,12 @@ def test_members_talk_by_their_roles_and_others_are_refused(folder: Path) -> Non
             with pytest.raises(FaultError):
                 anna.wait_for_live({("rig_sim", "posed")}, 1.0)
             token.undeclare()
+        # Nor is one who is bound to another rig: at once where our client is used, by the router where it is not.
+        with open_bus(joining(endpoint, certificates / "operator.ben"), service="duralab") as ben:
+            assert ben.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription).rig == "beam"
+            with pytest.raises(FaultError, match=r"operator\.ben may not ask .*bound to other,") as refused:
+                ben.query(ben.keys.rig_play("beam"), rig_pb2.PlayRequest(), rig_pb2.PlayResult)
+            assert refused.value.code_name == "PERMISSION_DENIED"
         with pytest.raises(BusError, match="let this session not in"):
             open_bus(joining(endpoint, folder / "strangers" / "operator.anna"), service="duralab")
         plain = BusConfig(mode=BusMode.CLIENT, connect=(endpoint.replace("tls/", "tcp/"),), connect_timeout_seconds=1.0)
@@ -105,9 +118,9 @@ def test_it_ends_cleanly_on_a_signal(folder: Path, number: signal.Signals, code:
     [
         (lambda folder: (folder / "router.main.key").unlink(), "router.main.key cannot be read: No such file"),
         (lambda folder: (folder / "router.main.crt").write_text("x"), "router.main.crt"),
-        (lambda folder: (folder / "router.main.crt").unlink(), "holds 0 certificates of a router; one is needed"),
+        (lambda folder: (folder / "router.main.crt").unlink(), "holds no certificate of router.main"),
         (lambda folder: (folder / "router.main.key").chmod(0o644), "is open to others (mode 644)"),
-        (lambda folder: (folder / "router.main.key").write_bytes((folder / "rig.main.key").read_bytes()), "in pairs"),
+        (lambda folder: (folder / "router.main.key").write_bytes((folder / "rig.beam.key").read_bytes()), "in pairs"),
         (lambda folder: (folder / "ca.crt").unlink(), "ca.crt cannot be read: No such file"),
     ],
 )

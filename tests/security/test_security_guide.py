@@ -16,7 +16,7 @@ import yaml
 
 import duralab
 from duralab_bus import FaultError
-from duralab_proto.access import Role
+from duralab_proto.members import Role
 from duralab_proto.v1 import iterator_pb2
 
 from .secured_lab import ROLES, running, secured_bus
@@ -24,6 +24,7 @@ from .secured_router import AUDIT_LOG, ROOT, SecuredRouter
 
 PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
 COMMANDS = [re.sub(r"(?m)^\$ ", "", block) for block in re.findall(r"```console\n(.*?)```", PAGE, flags=re.S)]
+(MEMBERS,) = re.findall(r"```yaml file=members.yaml\n(.*?)```", PAGE, flags=re.S)
 (CONFIGURATION,) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.S)
 ENVIRONMENT = {
     **os.environ,
@@ -50,6 +51,7 @@ def shell(script: str, folder: Path, *, seconds: float = 170.0) -> str:
 def folder(tmp_path_factory) -> Path:
     """What the first commands of the page make."""
     folder = tmp_path_factory.mktemp("guide")
+    (folder / "members.yaml").write_text(MEMBERS)
     shell(COMMANDS[0], folder)
     return folder
 
@@ -68,7 +70,8 @@ def test_the_page_names_every_role_and_the_configuration_lets_in_who_was_issued_
     text = (folder / "zenohd.json5").read_text()
     subjects = json.loads(text[text.index("{") :])["access_control"]["subjects"]
     names = {name for subject in subjects for name in subject["cert_common_names"]}
-    assert names == {"rig.main", "identifier.main", "iterator.main", "recorder.main", "operator.anna", "viewer.hall"}
+    services = {"rig.front_axle", "identifier.main", "iterator.main", "sequencer.main", "recorder.main"}
+    assert names == {*services, "operator.anna", "operator.ben", "viewer.hall", "viewer.guest"}
 
 
 def test_the_page_has_the_roles_say_what_the_log_needs(folder):
@@ -128,7 +131,7 @@ def test_a_campaign_in_the_secured_lab_gives_the_bytes_of_one_on_one_machine(
             secured_bus(router.endpoint, certificates, "operator.main") as bus,
             pytest.raises(FaultError) as again,
         ):
-            bus.query(bus.keys.campaign_start(), sent, iterator_pb2.CampaignStatus)
+            bus.query(bus.keys.campaign_start(sent.rig), sent, iterator_pb2.CampaignStatus)
         assert (again.value.code_name, again.value.field) == ("ALREADY_EXISTS", "id")
     of_one, of_other = (
         [

@@ -1,4 +1,4 @@
-"""Comparison of recorded campaigns, the settings in which they differ, and a summary of signals."""
+"""Comparison of recorded campaigns, trends of an endurance test, and a summary of signals."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from duralab.analysis.comparison import ChannelComparison, ComparedRecording, Comparison, Recorded, compare
+    from duralab.analysis.endurance import damage_so_far, deviations, planned_so_far, planned_total
     from duralab.analysis.signal_summary import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
 
 __all__ = [
@@ -19,6 +20,10 @@ __all__ = [
     "Recorded",
     "SignalSummary",
     "compare",
+    "damage_so_far",
+    "deviations",
+    "planned_so_far",
+    "planned_total",
     "summarize",
 ]
 

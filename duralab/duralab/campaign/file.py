@@ -7,12 +7,15 @@ from typing import Any, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from duralab.campaign.start_from import StartFrom
 from duralab.campaign.target_edit import EditStep, SourceChannel
+from duralab_gateway import CalculatedChannel
 from duralab_settings import (
     Acceptance,
     ControlBandSettings,
     EstimatorSettings,
     ExcitationSettings,
+    HoldSettings,
     MisfitError,
     PlaybackSettings,
     Positive,
@@ -74,6 +77,11 @@ class Target(Section):
         default_factory=dict,
         description="Channel of the file, its unit and its sign for each response; left out: the one of its name.",
     )
+    calculated: tuple[CalculatedChannel, ...] = Field(
+        default=(),
+        strict=False,
+        description="Channels calculated from those of the file: sum, difference or weights; used like them.",
+    )
     vehicle: str | None = Field(default=None, description="The rig that plays roads, whose responses are the target.")
     speed: Positive = Field(default=15.0, le=60, description="Speed of the vehicle, in metres per second.")
     edit: tuple[EditStep, ...] = Field(
@@ -90,6 +98,8 @@ class Target(Section):
             raise ValueError(f"has a {sources[0]} but no vehicle to drive on it; name one, e.g. 'vehicle: predecessor'")
         if self.file is not None and self.vehicle is not None:
             raise ValueError("has a file and a vehicle; a file is the target already, so leave the vehicle out")
+        if self.file is None and self.calculated:
+            raise ValueError("has calculated channels but no file; let the rig calculate responses")
         if self.file is None and self.channels:
             raise ValueError("has channels but no file; the responses of a vehicle have their names already")
         return self
@@ -112,6 +122,14 @@ class Sections(Section):
     stop: StopCriteria = Field(description="When the iteration ends.")
     accept: Acceptance = Field(
         default=Acceptance(), description="What the result is judged by; left out: the defaults of its keys."
+    )
+    hold: HoldSettings | None = Field(
+        default=None,
+        description="Before which playbacks a person decides: never, first, each, or bounds of the prediction, e.g. "
+        "{predicted_peak: 1.2, predicted_damage: 2.0}; left out: never on a simulation, first on every other rig.",
+    )
+    start_from: StartFrom | None = Field(
+        default=None, description="What is known before the first playback; left out: nothing."
     )
 
 

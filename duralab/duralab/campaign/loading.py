@@ -15,6 +15,7 @@ from duralab.campaign.file import Campaign
 from duralab.campaign.target_edit import EditStep, SourceChannel
 from duralab.errors import InputError
 from duralab.near_files import did_you_mean
+from duralab_gateway import CalculatedChannel
 from duralab_settings import Section, SettingsError, YamlError, parse_yaml, read_yaml_text, with_new_keys
 
 _SUFFIX = ".yaml"
@@ -121,6 +122,9 @@ class ImportSettings(Section):
     channels: dict[str, SourceChannel] = Field(
         default_factory=dict,
         description="Channel of the file, its unit and its sign for each response; left out: the one of its name.",
+    )
+    calculated: tuple[CalculatedChannel, ...] = Field(
+        default=(), strict=False, description="Channels calculated from those of the file; used like them."
     )
     edit: tuple[EditStep, ...] = Field(default=(), strict=False, description="Steps of editing, one after the other.")
 

@@ -1,9 +1,9 @@
-"""Settings for a resumed campaign: a whole campaign file, or only the keys of `update` and `stop` that change."""
+"""Settings that change: of a resumed campaign, as a whole file or its changed keys; of a decision at a hold point."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,16 +15,18 @@ from duralab.campaign.file import Campaign
 from duralab.campaign.loading import explained, load_campaign, parse_campaign, parse_mapping, read_text, today
 from duralab.errors import InputError
 from duralab_proto.v1 import iterator_pb2
-from duralab_settings import Section, StopCriteria, UpdateSection, parse_yaml
+from duralab_settings import ControlBandSettings, Section, StopCriteria, UpdateSection, parse_yaml
 
-_SECTIONS: Final = {"update": UpdateSection, "stop": StopCriteria}
+_SECTIONS: Final = {"update": UpdateSection, "stop": StopCriteria, "control_band": ControlBandSettings}
+_RESUMED: Final = ("update", "stop")
+_DECIDED: Final = ("update", "control_band")
 
 
 @dataclass(frozen=True)
 class PartialSettings:
-    """Keys of `update` and `stop` that take the place of those of a recorded campaign.
+    """Keys of `update`, `stop` or `control_band` that take the place of those of a recorded campaign.
 
-    `name`: Of the file they were read from. `sections`: One or both sections; each holds only the keys that change.
+    `name`: Of the file they were read from. `sections`: Some of these sections; each holds only the keys that change.
     `remarks`: What to change in the file: keys that have another name now.
     """
 
@@ -45,8 +47,8 @@ def load_settings(source: str | Path) -> Campaign | PartialSettings:
         return load_campaign(source)
     name = str(source)
     what = "a file of settings to resume with"
-    content = parse_mapping(read_text(Path(source), what=what), name=name, what=what, keys=_SECTIONS)
-    others = [str(key) for key in content if key not in _SECTIONS]
+    content = parse_mapping(read_text(Path(source), what=what), name=name, what=what, keys=_RESUMED)
+    others = [str(key) for key in content if key not in _RESUMED]
     needed = [key for key, field in Campaign.model_fields.items() if field.is_required()]
     if others and any(key not in content for key in needed):
         raise InputError(
@@ -58,6 +60,37 @@ def load_settings(source: str | Path) -> Campaign | PartialSettings:
         return load_campaign(source)
     if not content:
         raise InputError(f"{name} is empty; give `update`, `stop` or both, with the keys that change.")
+    return _partial(content, name=name)
+
+
+def decision_settings(source: PartialSettings | Mapping[str, Any] | str | Path) -> PartialSettings:
+    """Return the settings of a decision at a hold point.
+
+    `source`: A YAML file or a mapping with `update`, `control_band` or both, each with the keys that change.
+    Returns: Both checked as far as a part of a section can be.
+    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
+    """
+    if isinstance(source, PartialSettings):
+        return source
+    what, name = "a file of settings to change", "settings"
+    if isinstance(source, Mapping):
+        content = dict(source)
+    elif isinstance(source, str | os.PathLike):
+        name = str(source)
+        content = parse_mapping(read_text(Path(source), what=what), name=name, what=what, keys=_DECIDED)
+    else:
+        raise InputError(f"settings is {source!r}; give a mapping, or the path of a file.", field="settings")
+    others = [str(key) for key in content if key not in _DECIDED]
+    if others or not content:
+        found = f"has {', '.join(others)}" if others else "is empty"
+        raise InputError(
+            f"{name} {found}; at a hold point `update`, `control_band` or both change, with the keys that change.",
+            field=others[0] if others else "settings",
+        )
+    return _partial(content, name=name)
+
+
+def _partial(content: dict[Any, Any], *, name: str) -> PartialSettings:
     content, remarks = today(content, name=name)
     for section, keys in content.items():
         _require_known(section, keys, name=name)

@@ -170,5 +170,7 @@ def build_specification(
         scenario=campaign.text,
     )
     fill_message(specification, campaign.control_band)
+    if campaign.hold is not None:
+        fill_message(specification.hold, campaign.hold)
     fill_message(specification, campaign, model=PlaybackSettings)
     return specification

@@ -22,6 +22,7 @@ _ENDS: Final = MappingProxyType(
         iterator_pb2.OUTCOME_ITERATIONS_USED: " It ended because all playbacks were used.",
         iterator_pb2.OUTCOME_NO_IMPROVEMENT: " It ended because the last playbacks did not improve the best error.",
         iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: " It ended because the specimen's damage budget was used.",
+        iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT: " It ended because a person decided so at a hold point.",
     }
 )
 

@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum
@@ -51,7 +52,8 @@ class TerminatedError(KeyboardInterrupt):
 def _on_termination(_number: int, _frame: FrameType | None) -> NoReturn:
     # A second signal must not cut the clean-up short; a shell that is closed sends SIGHUP after the terminal's own.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if sys.platform != "win32":
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     _leave_closed_terminal()
     raise TerminatedError
 
@@ -76,6 +78,8 @@ def _is_closed_terminal(number: int) -> bool:
     except OSError:
         return False
     # A terminal that was closed is still a character device, but no longer answers as a terminal.
+    if sys.platform == "win32":
+        return False
     null = Path(os.devnull).stat().st_rdev
     return stat.S_ISCHR(status.st_mode) and status.st_rdev != null and not os.isatty(number)
 
@@ -87,7 +91,7 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
     # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # `nohup` asks to go on after the terminal is closed.
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _on_termination)
     try:
         yield

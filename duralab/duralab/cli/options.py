@@ -37,12 +37,24 @@ RealTime = Annotated[
     bool, typer.Option("--real-time", help="Play no faster than real time, as a rehearsal of a real rig.")
 ]
 View = Annotated[bool, typer.Option("--view", help="Open the live viewer.")]
+Page = Annotated[bool, typer.Option("--page", help="Open the operator page on loopback, and say where.")]
 InputFormat = Annotated[
     str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of the file read; by suffix if left out.")
 ]
 Source = Annotated[Path, typer.Argument(metavar="IN", help="A file of signals.")]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
 Recording = Annotated[Path, typer.Argument(help="A recording.mcap.")]
+ControllerMapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="MAP",
+        help="YAML: channels, units and folder of a rig's controller; see the guide controller.md.",
+    ),
+]
+RunName = Annotated[
+    str | None, typer.Option("--run", metavar="NAME", help="With --map: name of the run and of its files.")
+]
 Unit = Annotated[
     list[str] | None,
     typer.Option(
@@ -107,6 +119,7 @@ def open_lab(
     rigs: Sequence[str] = (),
     out: Path | None = None,
     viewer: str | None = None,
+    recordings: Path | None = None,
 ) -> Iterator[Lab]:
     """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named)."""
     from duralab.lab import DEFAULT_RIGS, connect, start
@@ -119,6 +132,6 @@ def open_lab(
             lab = stack.enter_context(
                 connect(endpoint, out=out)
                 if endpoint is not None
-                else start(out, rigs=tuple(rigs) or DEFAULT_RIGS, viewer=viewer)
+                else start(out, rigs=tuple(rigs) or DEFAULT_RIGS, viewer=viewer, recordings=recordings)
             )
         yield lab

@@ -30,9 +30,16 @@ class RunDisplay:
     """Progress bars of a run, one a stage; without a terminal one line for each new activity instead."""
 
     def __init__(
-        self, console: Console, *, iterations: int | None = None, stages: Sequence[Stage] = CAMPAIGN_STAGES
+        self,
+        console: Console,
+        *,
+        iterations: int | None = None,
+        stages: Sequence[Stage] = CAMPAIGN_STAGES,
+        endpoint: str = "",
     ) -> None:
         self._console = console
+        self._endpoint = endpoint
+        self._last_proposal = 0
         self._iterations = iterations
         self._last_line = ""
         self._progress = Progress(
@@ -70,6 +77,24 @@ class RunDisplay:
         if not self._console.is_terminal and text != self._last_line:
             self._last_line = text
             self._console.print(f"{progress.stage}: {text}", highlight=False, markup=False)
+        self._show_proposal(progress)
+
+    def _show_proposal(self, progress: RunProgress) -> None:
+        """Show once what is to be decided on, and how."""
+        if (hold := progress.hold) is None or hold.number == self._last_proposal:
+            return
+        self._last_proposal = hold.number
+        choice = "end" if hold.refusal else "play"
+        command = f"{own_command()} decide {shlex.quote(progress.campaign)} {choice} --proposal {hold.number}"
+        self._console.print(str(hold), highlight=False, markup=False)
+        self._console.print(
+            f"Decide: {command} --name NAME --reason TEXT --connect {shlex.quote(self._endpoint)}\n"
+            f"In place of {choice}: change with --set KEY=VALUE, back with --from N"
+            f"{'' if hold.refusal else ', or end'}.",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
 
     def write_report(self) -> None:
         """Show that the report is written."""
@@ -116,10 +141,14 @@ LARGEST_COLUMNS = 8
 
 
 def follow(
-    output: Output, run: Callable[[Callable[[RunProgress], None]], CampaignResult], *, iterations: int | None
+    output: Output,
+    run: Callable[[Callable[[RunProgress], None]], CampaignResult],
+    *,
+    iterations: int | None,
+    endpoint: str,
 ) -> tuple[CampaignResult, Path]:
     """Run a campaign with a progress display, print its figures, and return it and its report."""
-    with RunDisplay(output.console, iterations=iterations) as display:
+    with RunDisplay(output.console, iterations=iterations, endpoint=endpoint) as display:
         result = run(display.show)
         display.write_report()
         report = result.report()

@@ -14,18 +14,10 @@ from duralab.conformance.refusal_checks import RefusalChecks
 from duralab.conformance.stop_checks import StopChecks
 from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import ArrayError, from_array
+from duralab_proto.channels import UNIT_OF_KIND
 from duralab_proto.v1 import array_pb2, rig_pb2
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_UNITS = {
-    array_pb2.CHANNEL_KIND_DISPLACEMENT: "m",
-    array_pb2.CHANNEL_KIND_FORCE: "N",
-    array_pb2.CHANNEL_KIND_MOMENT: "N*m",
-    array_pb2.CHANNEL_KIND_ACCELERATION: "m/s^2",
-    array_pb2.CHANNEL_KIND_PRESSURE: "Pa",
-    array_pb2.CHANNEL_KIND_RATIO: "1",
-    array_pb2.CHANNEL_KIND_VELOCITY: "m/s",
-}
 
 
 def check_is_live(bench: Bench) -> None:
@@ -60,10 +52,34 @@ def check_channels(bench: Bench) -> None:
     """Check that names, units and limits of drives and responses make sense."""
     _check_channels("drive", bench.description.drives)
     _check_channels("response", bench.description.responses)
+    _check_sensors(bench.description.responses)
     for channel in bench.description.drives:
         expect(
             channel.minimum <= 0.0 <= channel.maximum,
             f"drive {channel.name!r} goes from {channel.minimum:g} to {channel.maximum:g}; 0 is where it begins.",
+        )
+
+
+def _check_sensors(responses: Sequence[array_pb2.Channel]) -> None:
+    names = [channel.name for channel in responses if not channel.calculated]
+    for channel in responses:
+        sensor, what = channel.sensor, f"response {channel.name!r}"
+        for term in channel.calculated:
+            expect(
+                term.channel in names and bool(np.isfinite(term.weight)),
+                f"{what} is calculated from {term.weight:g} times {term.channel!r}; terms are finite weights of "
+                "measured responses.",
+            )
+        for field in ("calibration_date", "calibration_due"):
+            text = getattr(sensor, field)
+            expect(
+                not text or re.fullmatch(r"\d{4}-\d{2}-\d{2}", text) is not None,
+                f"{what} has the {field} {text!r}; a date is YYYY-MM-DD.",
+            )
+        levels = (sensor.warning_level, sensor.abort_level)
+        expect(
+            bool(np.isfinite(levels).all()) and min(levels) >= 0.0 and (not levels[1] or levels[0] < levels[1]),
+            f"{what} has the warning level {levels[0]:g} and the abort level {levels[1]:g}; they are 0 or in order.",
         )
 
 
@@ -97,7 +113,7 @@ def _check_channels(what: str, channels: Sequence[array_pb2.Channel]) -> None:
             _NAME.fullmatch(channel.name) is not None,
             f"a {what} is called {channel.name!r}; names are lower_snake_case.",
         )
-        unit = _UNITS.get(channel.kind)
+        unit = UNIT_OF_KIND.get(channel.kind)
         expect(unit is not None, f"{what} {channel.name!r} has no kind; say what it is.")
         expect(
             channel.unit == unit,

@@ -9,6 +9,7 @@ from duralab.lazy_face import lazy_face
 if TYPE_CHECKING:
     from duralab.data.band import BandNote, response_note, target_note
     from duralab.data.band_index import marked
+    from duralab.data.hold import Decided, Proposal, ProposedDrive, ProposedResponse
     from duralab.data.identification import Convergence, ExperimentPlan, LevelAdvice, LevelSeries, ModelDifference
     from duralab.data.iterations import (
         DAMAGE_SLOPES,
@@ -22,9 +23,11 @@ if TYPE_CHECKING:
     from duralab.data.model import Distortion, Model, excited_lines
     from duralab.data.playback import ActuatorUse, Playback, actuator_use, level_of, playback_of
     from duralab.data.played import Played
+    from duralab.data.pre_test import PreTest, PreTestFinding
     from duralab.data.recorded_signals import RecordedTarget
-    from duralab.data.rig import Rig, Rigs
+    from duralab.data.rig import SENSOR_COLUMNS, Rig, Rigs, sensor_rows
     from duralab.data.rig_state import RigMode, RigState
+    from duralab.data.sensor import Sensor
     from duralab.data.signals import LARGEST_RATE_ERROR, Channel, Signals, channels_of
     from duralab.data.target_steps import READ_FILE, ChannelRecord, SourceRecord, StepRecord, step_record
 
@@ -32,11 +35,13 @@ __all__ = [
     "DAMAGE_SLOPES",
     "LARGEST_RATE_ERROR",
     "READ_FILE",
+    "SENSOR_COLUMNS",
     "ActuatorUse",
     "BandNote",
     "Channel",
     "ChannelRecord",
     "Convergence",
+    "Decided",
     "Distortion",
     "ExperimentPlan",
     "IterationTable",
@@ -46,11 +51,17 @@ __all__ = [
     "ModelDifference",
     "Playback",
     "Played",
+    "PreTest",
+    "PreTestFinding",
+    "Proposal",
+    "ProposedDrive",
+    "ProposedResponse",
     "RecordedTarget",
     "Rig",
     "RigMode",
     "RigState",
     "Rigs",
+    "Sensor",
     "Signals",
     "SourceRecord",
     "StepRecord",
@@ -66,6 +77,7 @@ __all__ = [
     "passes",
     "playback_of",
     "response_note",
+    "sensor_rows",
     "step_record",
     "target_note",
 ]

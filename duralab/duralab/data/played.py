@@ -24,12 +24,15 @@ class Played:
         How each actuator was used.
     real_time_factor : float
         Simulated seconds per second of wall time.
+    warnings : tuple of str
+        Which responses crossed the warning level of their sensor, one sentence each.
     """
 
     run: str
     response: Signals
     actuators: tuple[ActuatorUse, ...]
     real_time_factor: float
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return it on one line, without arrays."""
@@ -51,10 +54,11 @@ def _played_title(played: Played) -> str:
 def played_text(played: Played) -> str:
     """Return responses and use of the actuators as text."""
     use = text_table(USE_COLUMNS, use_rows(played.actuators), left=1)
-    return f"{_played_title(played)}\n{signals_text(played.response)}\n\n{use}"
+    return "\n".join([f"{_played_title(played)}\n{signals_text(played.response)}\n\n{use}", *played.warnings])
 
 
 def played_html(played: Played) -> str:
     """Return the same as HTML, with the waveforms."""
     use = html_table(USE_COLUMNS, use_rows(played.actuators), left=1)
-    return f"<p>{escape(_played_title(played))}</p>{use}{signals_html(played.response)}"
+    warnings = "".join(f"<p>{escape(sentence)}</p>" for sentence in played.warnings)
+    return f"<p>{escape(_played_title(played))}</p>{use}{warnings}{signals_html(played.response)}"

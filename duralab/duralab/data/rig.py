@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date
+from html import escape
 from typing import Final
 
 import numpy as np
 
+from duralab.data.sensor import Sensor
 from duralab.data.signals import Channel, channels_of
 from duralab.display import html_table, text_table
 from duralab_proto.arrays import from_array
+from duralab_proto.channels import overdue_calibrations
 from duralab_proto.v1 import rig_pb2
 
 _RIG: Final = ("", "channel", "limits", "rate limit", "what it is")
+
+SENSOR_COLUMNS: Final = (
+    *("channel", "serial number", "sensitivity", "calibrated", "due", "range", "polarity", "warning", "abort"),
+    "calculated from",
+)
+"""Headings of the table of sensors."""
 
 _RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate")
 
@@ -42,6 +52,8 @@ class Rig:
         Its signal blocks are published when a run is over.
     cannot_be_stopped : bool
         A run that has begun goes on to its end; a stop latches the rig all the same.
+    simulated : bool
+        Nothing real moves; a campaign on any other rig waits before its first playback unless it says otherwise.
     """
 
     name: str
@@ -56,6 +68,12 @@ class Rig:
     content_hash: str
     publishes_after_run: bool = False
     cannot_be_stopped: bool = False
+    simulated: bool = False
+
+    @property
+    def overdue(self) -> tuple[str, ...]:
+        """Sensors whose calibration is overdue today, one sentence each."""
+        return tuple(overdue_calibrations((one.to_message() for one in self.responses), today=date.today()))
 
     @classmethod
     def from_message(cls, message: rig_pb2.RigDescription) -> Rig:
@@ -75,6 +93,7 @@ class Rig:
             content_hash=message.content_hash,
             publishes_after_run=message.publishes_after_run,
             cannot_be_stopped=message.cannot_be_stopped,
+            simulated=message.simulated,
         )
 
     def __repr__(self) -> str:
@@ -130,13 +149,49 @@ def _rig_title(rig: Rig) -> str:
 
 
 def rig_text(rig: Rig) -> str:
-    """Return a rig's channels as text."""
-    return f"{_rig_title(rig)}\n{text_table(_RIG, _rig_rows(rig), left=len(_RIG))}"
+    """Return a rig's channels and sensors as text."""
+    rows = sensor_rows(rig.responses)
+    sensors = f"\n{text_table(SENSOR_COLUMNS, rows, left=len(SENSOR_COLUMNS))}" if rows else ""
+    channels = text_table(_RIG, _rig_rows(rig), left=len(_RIG))
+    return "\n".join([f"{_rig_title(rig)}\n{channels}{sensors}", *rig.overdue])
 
 
 def rig_html(rig: Rig) -> str:
-    """Return a rig's channels as HTML."""
-    return html_table(_RIG, _rig_rows(rig), left=len(_RIG), caption=_rig_title(rig))
+    """Return a rig's channels and sensors as HTML."""
+    rows = sensor_rows(rig.responses)
+    sensors = html_table(SENSOR_COLUMNS, rows, left=len(SENSOR_COLUMNS)) if rows else ""
+    overdue = "".join(f"<p>{escape(sentence)}</p>" for sentence in rig.overdue)
+    return html_table(_RIG, _rig_rows(rig), left=len(_RIG), caption=_rig_title(rig)) + sensors + overdue
+
+
+def sensor_rows(channels: Iterable[Channel]) -> list[tuple[str, ...]]:
+    """Return the table of sensors and calculated channels; empty where no channel has either.
+
+    `channels`: Responses of a rig.
+    Returns: A row for each of those, as `SENSOR_COLUMNS`.
+    """
+    rows = []
+    for channel in channels:
+        sensor = channel.sensor or Sensor()
+        if channel.sensor is None and not channel.calculated:
+            continue
+        ranged = sensor.minimum or sensor.maximum
+        rows.append(
+            (
+                channel.name,
+                sensor.serial_number or "–",
+                f"{sensor.sensitivity:g} {sensor.sensitivity_unit}" if sensor.sensitivity else "–",
+                sensor.calibration_date or "–",
+                sensor.calibration_due or "–",
+                f"{sensor.minimum:g} … {sensor.maximum:g} {channel.unit}" if ranged else "–",
+                {1: "positive", -1: "negative"}.get(sensor.polarity, "–")
+                + (f" to {sensor.drive}" * bool(sensor.drive)),
+                f"{sensor.warning_level:g} {channel.unit}" if sensor.warning_level else "–",
+                f"{sensor.abort_level:g} {channel.unit}" if sensor.abort_level else "–",
+                " + ".join(f"{weight:g} × {name}" for name, weight in channel.calculated) or "–",
+            )
+        )
+    return rows
 
 
 def _rigs_rows(rigs: Sequence[Rig]) -> list[tuple[str, ...]]:

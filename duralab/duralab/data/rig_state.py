@@ -19,6 +19,7 @@ class RigMode(StrEnum):
     SETTLING = "settling"
     PLAYING = "playing"
     RAMPING_DOWN = "ramping down"
+    WAITING = "waiting"
     INTERLOCKED = "interlocked"
 
 
@@ -28,6 +29,7 @@ _MODES: Final = MappingProxyType(
         rig_pb2.RIG_MODE_SETTLING: RigMode.SETTLING,
         rig_pb2.RIG_MODE_PLAYING: RigMode.PLAYING,
         rig_pb2.RIG_MODE_RAMPING_DOWN: RigMode.RAMPING_DOWN,
+        rig_pb2.RIG_MODE_WAITING: RigMode.WAITING,
         rig_pb2.RIG_MODE_INTERLOCKED: RigMode.INTERLOCKED,
     }
 )
@@ -44,7 +46,7 @@ class RigState:
     mode : RigMode
         Interlocked: latched until `Lab.reset`.
     reason : str
-        Why it is interlocked; empty where it is not.
+        Why it is interlocked, or what its run waits for; empty otherwise.
     run : str
         The run that moves it; the rig rests if and only if this is empty.
     fraction : float

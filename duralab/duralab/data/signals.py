@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, cast
 import numpy as np
 
 from duralab.arguments import real_numbers
+from duralab.data.sensor import Sensor
 from duralab.display import MOST_CHARTS, Axis, Curve, html_table, line_chart, text_table
 from duralab.errors import InputError
 from duralab_proto.arrays import from_record, to_record
@@ -52,6 +53,10 @@ class Channel:
         Of a drive: whether the rig states that it holds a constant value of it, as displacement control does.
     ac_coupled : bool
         Of a response: whether the sensor does not measure a constant value.
+    sensor : Sensor, optional
+        Of a response: the sensor, where the rig says which.
+    calculated : tuple of (str, float)
+        Of a calculated channel: name and weight of each channel that it is the sum of.
     """
 
     name: str
@@ -64,6 +69,8 @@ class Channel:
     watchdog: float = 0.0
     holds_static: bool = False
     ac_coupled: bool = False
+    sensor: Sensor | None = None
+    calculated: tuple[tuple[str, float], ...] = ()
 
     @property
     def title(self) -> str:
@@ -84,6 +91,8 @@ class Channel:
             watchdog=message.watchdog,
             holds_static=message.holds_static,
             ac_coupled=message.ac_coupled,
+            sensor=Sensor.from_message(message.sensor) if message.HasField("sensor") else None,
+            calculated=tuple((term.channel, term.weight) for term in message.calculated),
         )
 
     def to_message(self) -> array_pb2.Channel:
@@ -99,6 +108,8 @@ class Channel:
             watchdog=self.watchdog,
             holds_static=self.holds_static,
             ac_coupled=self.ac_coupled,
+            sensor=None if self.sensor is None else self.sensor.to_message(),
+            calculated=[array_pb2.CalculatedTerm(channel=name, weight=weight) for name, weight in self.calculated],
         )
 
 

@@ -1,18 +1,24 @@
 """Signals in the files that durability engineers exchange; each format is imported when it is used."""
 
+from duralab.formats.controller_files import ExportedDrive, ImportedResponse, export_drive, import_response
 from duralab.formats.errors import FormatError, Written
 from duralab.formats.exchange import Format, format_of, read_signals, write_signals
 from duralab.formats.uff58 import FrequencyResponse, read_frequency_response, write_frequency_response
-from duralab.formats.units import SI_UNITS, convert_units, named_units
+from duralab.formats.units import SI_UNITS, add_calculated, convert_units, named_units
 
 __all__ = [
     "SI_UNITS",
+    "ExportedDrive",
     "Format",
     "FormatError",
     "FrequencyResponse",
+    "ImportedResponse",
     "Written",
+    "add_calculated",
     "convert_units",
+    "export_drive",
     "format_of",
+    "import_response",
     "named_units",
     "read_frequency_response",
     "read_signals",

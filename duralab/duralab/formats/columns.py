@@ -11,35 +11,10 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.formats.errors import FormatError
-
-
-def unique_names(names: Iterable[str]) -> list[str]:
-    """Return the names, each once, in order.
-
-    An empty one becomes "channel_<place>", from 1; one that stood before gets "_2", "_3" and so on.
-    """
-    taken: set[str] = set()
-    unique: list[str] = []
-    for place, given in enumerate(names, start=1):
-        base = given.strip() or f"channel_{place}"
-        name, count = base, 1
-        while name in taken:
-            count += 1
-            name = f"{base}_{count}"
-        taken.add(name)
-        unique.append(name)
-    return unique
-
+from duralab_drive_files import rate_of_step, unique_names
 
 LARGEST_TIME_STEP_ERROR: Final = 1e-3
 """How far a time stamp may lie from an even grid, as a share of the step."""
-
-
-def rate_of_step(step: float, *, resolution: float) -> float:
-    """Return the sample rate in hertz that a time step means."""
-    rate = 1 / step
-    whole = round(rate)
-    return float(whole) if whole > 0 and abs(1 / whole - step) <= resolution else rate
 
 
 def rate_of_times(path: Path, time: np.ndarray) -> float:

@@ -7,8 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import duralab_drive_files
 from duralab.errors import InputError
-from duralab_settings import require_regular
+from duralab_drive_files import DriveFileError
+from duralab_settings import UnitError
 
 
 class FormatError(InputError):
@@ -31,24 +33,29 @@ class FormatError(InputError):
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[None]:
-    """Turn what the operating system says of a file into one sentence."""
+def as_input_error() -> Iterator[None]:
+    """Raise what the library says of a file or a setting as an error of the SDK; also a decorator."""
     try:
         yield
-    except OSError as error:
-        raise FormatError(path, f"it cannot be read ({error.strerror or error}); give a file that is there.") from error
+    except UnitError as error:
+        raise InputError(str(error), field="unit") from error
+    except DriveFileError as error:
+        if error.path is None:
+            raise InputError(str(error), field=error.field) from error
+        raise FormatError(error.path, error.sentence, offset=error.offset) from error
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[None]:
+    """Turn what the operating system says of a file into one sentence."""
+    with as_input_error(), duralab_drive_files.opened(path):
+        yield
 
 
 def require_file(path: Path) -> int:
     """Return the size of a file in bytes."""
-    with opened(path):
-        try:
-            size = require_regular(path).st_size
-        except IsADirectoryError:
-            raise FormatError(path, "this is a folder; give a file.") from None
-    if size == 0:
-        raise FormatError(path, "the file is empty; a header was expected.", offset=0)
-    return size
+    with as_input_error():
+        return duralab_drive_files.require_file(path)
 
 
 @dataclass(frozen=True)

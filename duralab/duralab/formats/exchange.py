@@ -18,7 +18,7 @@ from duralab.near_files import did_you_mean
 from duralab.output_files import replace_when_complete, require_outputs
 
 if TYPE_CHECKING:
-    from duralab.formats.rpc3_header import DataType
+    from duralab_drive_files import DataType
 
 
 class Format(StrEnum):
@@ -43,7 +43,7 @@ class _Codec:
 
 
 _CODECS: Final = {
-    Format.RPC3: _Codec("rpc3_reading:read_rpc3", "rpc3_writing:write_rpc3", (".rsp", ".drv", ".tim", ".rpc", ".rpc3")),
+    Format.RPC3: _Codec("rpc3:read_rpc3", "rpc3:write_rpc3", (".rsp", ".drv", ".tim", ".rpc", ".rpc3")),
     Format.MDF4: _Codec("mdf4:read_mdf4", "mdf4:write_mdf4", (".mf4", ".mdf")),
     Format.UFF58: _Codec("uff58:read_uff58", "uff58:write_uff58", (".uff", ".unv")),
     Format.TDMS: _Codec("tdms:read_tdms", "tdms:write_tdms", (".tdms",)),
@@ -183,8 +183,7 @@ def write_signals(
 
 
 def _rpc3_settings(data_type: str, form: Format) -> object:
-    from duralab.formats.rpc3_header import DataType
-    from duralab.formats.rpc3_writing import Rpc3Settings
+    from duralab_drive_files import DataType, Rpc3Settings
 
     if form is not Format.RPC3:
         raise InputError(f"data_type is {data_type!r}; only rpc3 has a choice, so leave it out.", field="data_type")

@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 
 from duralab.data import Signals
-from duralab.formats.columns import one_step, rate_of_step, signals_read
+from duralab.formats.columns import one_step, signals_read
 from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library
+from duralab_drive_files import rate_of_step
 
 STEP: Final = "wf_increment"
 UNIT: Final = "unit_string"

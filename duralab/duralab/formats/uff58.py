@@ -16,9 +16,10 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
-from duralab.formats.columns import one_step, rate_of_step, signals_read
+from duralab.formats.columns import one_step, signals_read
 from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library
+from duralab_drive_files import rate_of_step
 
 
 @dataclass(frozen=True, eq=False)

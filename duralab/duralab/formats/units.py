@@ -1,17 +1,20 @@
-"""Units of channels, converted by pint."""
+"""Units of channels, converted by pint, and channels calculated from others."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from duralab.data import Signals
+import numpy as np
+
+from duralab.data import Channel, Signals
 from duralab.errors import InputError
+from duralab.formats.errors import as_input_error
+from duralab_settings import base_unit, unit_conversion
 
 if TYPE_CHECKING:
-    import pint
+    from duralab_gateway import CalculatedChannel
 
 SI_UNITS: Final = (
     *("m", "m/s", "m/s^2", "N", "N*m", "Pa", "rad", "rad/s", "rad/s^2"),
@@ -19,58 +22,8 @@ SI_UNITS: Final = (
 )
 """What a lab's contract speaks; channels of other dimensions are refused."""
 
-_WRITTEN_SO: Final = {
-    # As measurement systems write them; pint knows other things by some of these names (g is the gram).
-    "g": "standard_gravity",
-    "G": "standard_gravity",
-    "°": "degree",
-    "deg": "degree",
-    "°/s": "degree/second",
-    "deg/s": "degree/second",
-    "°C": "degC",
-    "%": "percent",
-    "µε": "microstrain",
-    "uE": "microstrain",
-    "ustrain": "microstrain",
-    "g's": "standard_gravity",
-    "G's": "standard_gravity",
-    "Nm": "newton*meter",
-    "N-m": "newton*meter",
-    "kNm": "kilonewton*meter",
-    "Nmm": "newton*millimeter",
-    "1": "dimensionless",
-    "-": "dimensionless",
-}
 
-
-@cache
-def _registry() -> pint.UnitRegistry:
-    from pint import UnitRegistry
-
-    registry = UnitRegistry(autoconvert_offset_to_baseunit=False)
-    registry.define("microstrain = 1e-6 = µstrain")
-    return registry
-
-
-def _unit(text: str, channel: str) -> pint.Unit:
-    if not text.strip():
-        raise InputError(f"{channel} names no unit, so that it cannot be converted; '1' stands for none.", field="unit")
-    written = _WRITTEN_SO.get(text.strip(), text.strip())
-    try:
-        return _registry().parse_units(written)
-    # Its parser of expressions fails with whatever a text breaks: tokens, types, assertions of its own.
-    except Exception as error:
-        raise InputError(
-            f"The unit {text!r} of {channel} is not known; units like N, kN, mm, m/s^2, g, deg or bar are.",
-            field="unit",
-        ) from error
-
-
-def _base(unit: pint.Unit) -> str:
-    """Return a unit's base units: unlike its dimension, they tell an angle from a strain, and rpm from Hz."""
-    return str(_registry().get_base_units(unit)[1]) or "1"
-
-
+@as_input_error()
 def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = SI_UNITS) -> Signals:
     """Convert channels to other units.
 
@@ -104,13 +57,53 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
     for row, channel in enumerate(signals.channels):
         unit = wanted.get(channel.name, channel.unit)
         if unit != channel.unit:
-            factor, offset = _conversion(channel.unit, unit, channel.name)
+            factor, offset = unit_conversion(channel.unit, unit, channel.name)
             samples[row] = samples[row] * factor + offset
             channels[row] = replace(
                 channel, unit=unit, minimum=channel.minimum * factor + offset,
                 maximum=channel.maximum * factor + offset, slew_limit=channel.slew_limit * factor,
+                sensor=None if channel.sensor is None else channel.sensor.scaled(factor, offset),
+                calculated=tuple((name, weight * factor) for name, weight in channel.calculated),
             )  # fmt: skip
     return replace(signals, channels=tuple(channels), samples=samples)
+
+
+def add_calculated(signals: Signals, calculated: Iterable[CalculatedChannel]) -> Signals:
+    """Add channels that are calculated from others, such as the sum of two measured forces.
+
+    Parameters
+    ----------
+    signals : Signals
+        In any units that pint knows.
+    calculated : iterable of CalculatedChannel
+        What to add, from `duralab_gateway`; each from the channels of `signals`, not from one another.
+
+    Returns
+    -------
+    Signals
+        The channels given, then the calculated ones in the SI unit of their kind.
+
+    Raises
+    ------
+    InputError
+        A channel does not exist, the name of a calculated one exists already, or a unit does not convert.
+    """
+    from duralab_gateway import weighted_sum
+    from duralab_settings import SettingsError
+
+    units = {channel.name: channel.unit for channel in signals.channels}
+    channels, rows = list(signals.channels), list(signals.samples)
+    for one in calculated:
+        if one.name in [channel.name for channel in channels]:
+            raise InputError(f"{one.name} is calculated, and exists already; give it another name.", field="calculated")
+        try:
+            factors = one.factors(units)
+        except SettingsError as error:
+            raise InputError(str(error), field="calculated") from error
+        terms = tuple(factors.items())
+        channels.append(Channel(one.name, one.unit, kind=one.kind_number, label=one.label, calculated=terms))
+        rows.append(weighted_sum({list(units).index(name): factor for name, factor in terms}, signals.samples))
+    return replace(signals, channels=tuple(channels), samples=np.stack(rows))
 
 
 def named_units(units: Sequence[str]) -> tuple[dict[str, str], list[str]]:
@@ -141,25 +134,12 @@ def named_units(units: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return named, [text for text in units if "=" not in text]
 
 
-def _conversion(given: str, wanted: str, channel: str) -> tuple[float, float]:
-    """Return factor and offset from one unit to another."""
-    source, goal = _unit(given, channel), _unit(wanted, channel)
-    if _base(source) != _base(goal):
-        raise InputError(
-            f"{channel} is in {given!r}, which cannot be converted to {wanted!r}: one is measured in {_base(source)}, "
-            f"the other in {_base(goal)}.",
-            field="unit",
-        )
-    zero, one = (float(_registry().Quantity(value, source).to(goal).magnitude) for value in (0.0, 1.0))
-    return (one - zero, zero) if zero else (one, 0.0)
-
-
 def _by_dimension(signals: Signals, units: tuple[str, ...]) -> dict[str, str]:
-    goals = [(unit, _unit(unit, "the units wanted")) for unit in units]
+    goals = [(unit, base_unit(unit, "the units wanted")) for unit in units]
+    bases = [base_unit(channel.unit, channel.name) for channel in signals.channels]
     wanted = {}
-    for channel in signals.channels:
-        base = _base(_unit(channel.unit, channel.name))
-        fitting = [unit for unit, goal in goals if _base(goal) == base]
+    for channel, base in zip(signals.channels, bases, strict=True):
+        fitting = [unit for unit, goal in goals if goal == base]
         if not fitting:
             raise InputError(
                 f"{channel.name} is in {channel.unit!r}; none of {', '.join(units)} has its dimension.", field="unit"

@@ -11,11 +11,13 @@ if TYPE_CHECKING:
     from duralab.lab.campaign_result import CampaignResult
     from duralab.lab.campaign_running import expected_id, recording_file
     from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
+    from duralab.lab.endurance import EnduranceChoice, EndurancePhase, EnduranceProgress, EnduranceTest
     from duralab.lab.identifier import Identifier
     from duralab.lab.lab import Lab
     from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, connect, join_bus, start
     from duralab.lab.playing import read_drive_file
     from duralab.lab.progress import RunProgress, Stage
+    from duralab.lab.project_result import EventResult, ProjectResult
     from duralab.lab.recorded_result import Result
     from duralab.lab.recordings_folder import RecordingsPlace
     from duralab.lab.status import SERVICES, LabStatus, ServiceHealth, lab_status
@@ -32,10 +34,16 @@ __all__ = [
     "Catalogue",
     "CatalogueEntries",
     "CatalogueEntry",
+    "EnduranceChoice",
+    "EndurancePhase",
+    "EnduranceProgress",
+    "EnduranceTest",
+    "EventResult",
     "Identifier",
     "Lab",
     "LabEvent",
     "LabStatus",
+    "ProjectResult",
     "RecordingsPlace",
     "Result",
     "RigEvent",

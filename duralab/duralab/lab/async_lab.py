@@ -111,10 +111,18 @@ class AsyncLab:
     """Play a drive of shape (drives, samples) and wait for the response; see `Lab.play`."""
     identify = _stoppable(Lab.identify)
     """Run an experiment on a rig and return the model; see `Lab.identify`."""
+    pre_test = _stoppable(Lab.pre_test)
+    """Look at a rig before a campaign; see `Lab.pre_test`."""
     run = _stoppable(Lab.run)
     """Run a campaign to its end; see `Lab.run`."""
+    begin = _stoppable(Lab.begin)
+    """Begin a campaign and return; see `Lab.begin`. Cancelled, it ends before the campaign begins."""
     resume = _stoppable(Lab.resume)
     """Continue a campaign; see `Lab.resume`."""
+    proposal = _awaited(Lab.proposal)
+    """Return what a campaign waits with at a hold point; see `Lab.proposal`."""
+    decide = _awaited(Lab.decide)
+    """Decide on it; see `Lab.decide`."""
     stop = _awaited(Lab.stop)
     """Stop a campaign; see `Lab.stop`."""
 

@@ -21,7 +21,8 @@ from duralab.lab.progress import ENDED, POLL_SECONDS, OnProgress, progress_of
 from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.output_files import OUTPUTS, require_outputs
 from duralab.recording import Recording
-from duralab_bus import Bus, BusError, FaultError, StreamItem
+from duralab_bus import BusError, FaultError, StreamItem
+from duralab_proto.decisions import decisions_in_force, revised_specification
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 
 SILENCE_SECONDS: Final = 10.0
@@ -168,9 +169,10 @@ def expected_id(recording: Recording, *, is_changed: bool) -> str:
     return f"{stem}-{number + 1}"
 
 
-def _specification_of(bus: Bus, key: str) -> iterator_pb2.CampaignSpec:
+def specification_of(ask: LabClient, id: str) -> iterator_pb2.CampaignSpec:
     """Return what a campaign was asked to do, from the first step of its recording."""
-    answer = bus.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+    key = ask.key("id", ask.bus.keys.recording_steps, id)
+    answer = ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
     first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
     if first.message_type != iterator_pb2.CampaignSpec.DESCRIPTOR.full_name:
         raise LabError(f"The first step is a {first.message_type!r}; the recording is not that of a campaign.")
@@ -231,7 +233,7 @@ def resume_campaign(
     def begin() -> iterator_pb2.CampaignStatus:
         was_copy = not request.new_id and place.expect_change(id)
         try:
-            return ask.bus.query(ask.bus.keys.campaign_resume(id), request, iterator_pb2.CampaignStatus)
+            return ask.bus.query(ask.bus.keys.campaign_resume(id, parent.rig), request, iterator_pb2.CampaignStatus)
         except FaultError as fault:
             if was_copy and fault.code in _REFUSED:
                 place.copies.add(id)
@@ -267,17 +269,30 @@ def resume_campaign(
 
 
 def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
-    """Check what is to be built on, and return what its campaign was asked to do."""
+    """Check what is to be built on, and return what its campaign does there: with what was changed at hold points."""
     if not (whole_number(from_iteration) and 0 <= from_iteration < 2**32):
         raise InputError(
             f"from_iteration is {from_iteration!r}; give the number of a playback from 1 to 2^32 - 1, or 0 for the "
             "last there is.",
             field="from_iteration",
         )
-    try:
-        return _specification_of(ask.bus, ask.key("id", ask.bus.keys.recording_steps, id))
-    except FaultError as fault:
-        raise ask.explained(fault) from fault
+    key, playbacks, first, total = ask.key("id", ask.bus.keys.recording_steps, id), 0, 0, 1
+    decisions, proposals = list[iterator_pb2.Decision](), list[iterator_pb2.Proposal]()
+    specification = specification_of(ask, id)
+    while first < total:
+        answer = ask.query(key, recorder_pb2.ReadStepsRequest(first=first), recorder_pb2.RecordedSteps)
+        for step in answer.steps:
+            if step.message_type == iterator_pb2.Decision.DESCRIPTOR.full_name:
+                decisions.append(iterator_pb2.Decision.FromString(step.payload))
+            if step.message_type == iterator_pb2.Proposal.DESCRIPTOR.full_name:
+                proposals.append(iterator_pb2.Proposal.FromString(step.payload))
+            playbacks += step.message_type == iterator_pb2.IterationStep.DESCRIPTOR.full_name
+        first, total = first + len(answer.steps), answer.total if answer.steps else 0
+    kept = from_iteration or playbacks
+    # As the iterator does: what was changed for the next playback counts where the campaign goes on there.
+    in_force = decisions_in_force(decisions, proposals)
+    changed = (each for each in in_force if each.playback <= kept + (kept == playbacks))
+    return revised_specification(specification, *changed)
 
 
 def _as_resumed(

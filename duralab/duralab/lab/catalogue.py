@@ -6,14 +6,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from numbers import Real
+from pathlib import Path
 from typing import Final
 
 from duralab.arguments import require_text
 from duralab.data import Signals
 from duralab.display import html_table, text_table
-from duralab.errors import InputError
-from duralab.lab.client import LabClient
+from duralab.errors import InputError, NotReadyError
+from duralab.lab.campaign_running import specification_of
+from duralab.lab.client import LabClient, recordings_key
+from duralab.lab.fetching import fetch_files
 from duralab.lab.recorded_result import Result
+from duralab_bus import FaultError
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 
 _CATALOGUE: Final = ("recording", "rig", "target", "begun", "result", "size")
@@ -34,6 +38,12 @@ _OUTCOMES: Final = {
     iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: Result.DAMAGE_BUDGET_USED,
     iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL: Result.RESPONSE_STOOD_STILL,
     iterator_pb2.OUTCOME_BOUND_PASSED: Result.BOUND_PASSED,
+    iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT: Result.ENDED_AT_HOLD_POINT,
+}
+_PRE_TESTS: Final = {
+    iterator_pb2.PRE_TEST_VERDICT_PASSED: Result.PRE_TEST_PASSED,
+    iterator_pb2.PRE_TEST_VERDICT_FAILED: Result.PRE_TEST_FAILED,
+    iterator_pb2.PRE_TEST_VERDICT_UNFINISHED: Result.PRE_TEST_UNFINISHED,
 }
 _PHASES: Final = {
     iterator_pb2.CAMPAIGN_PHASE_FINISHED: Result.FINISHED,
@@ -112,7 +122,11 @@ _SAME_NAMES: Final = ("rig", "target", "closed", "steps", "signal_blocks", "miss
 
 
 def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
-    result = _OUTCOMES.get(information.outcome) or _PHASES.get(information.phase, Result.NOT_ENDED)
+    result = (
+        _PRE_TESTS.get(information.pre_test)
+        or _OUTCOMES.get(information.outcome)
+        or _PHASES.get(information.phase, Result.NOT_ENDED)
+    )
     return CatalogueEntry(
         id=information.recording,
         # A moment no later than it was: a search from it on finds it, and one for what was before it does not.
@@ -232,7 +246,7 @@ class Catalogue:
             begun_from=_nanoseconds(begun_from, field="begun_from"),
             begun_before=_nanoseconds(begun_before, field="begun_before"),
         )
-        answer = self._ask.query(self._ask.bus.keys.recordings(), request, recorder_pb2.RecordingList)
+        answer = self._ask.query(recordings_key(self._ask.bus), request, recorder_pb2.RecordingList)
         entries = [_entry(information) for information in answer.recordings]
         wanted = [entry for entry in entries if ended is None or entry.result is ended]
         return CatalogueEntries(sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id)))
@@ -260,6 +274,60 @@ class Catalogue:
         key = self._ask.key("id", self._ask.bus.keys.recording_verify, id)
         answer = self._ask.query(key, recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult)
         return list(answer.findings)
+
+    def target(self, id: str) -> Signals:
+        """Return the target that a campaign reproduces, also while it runs.
+
+        Parameters
+        ----------
+        id : str
+            The campaign.
+
+        Returns
+        -------
+        Signals
+            As the iterator took it: all responses of the rig.
+
+        Raises
+        ------
+        LabError
+            There is no such recording, or it is not a campaign's.
+        """
+        specification = specification_of(self._ask, id)
+        return Signals.from_message(specification.target, field="target")
+
+    def fetch(self, id: str, folder: Path) -> Path:
+        """Bring the files of a recording into a folder.
+
+        Parameters
+        ----------
+        id : str
+            The recording; it is not written any more.
+        folder : Path
+            Made if it is not there.
+
+        Returns
+        -------
+        Path
+            Of `recording.mcap`; its parts and `live.rrd` lie beside it.
+
+        Raises
+        ------
+        LabError
+            There is no such recording, it is still written, or it does not come whole.
+        """
+        information = self._ask.query(
+            self._ask.key("id", self._ask.bus.keys.recording, id),
+            recorder_pb2.RecordingRequest(),
+            recorder_pb2.RecordingInfo,
+        )
+        if not information.closed:
+            raise NotReadyError(f"The recording {id!r} is still written; ask again when it is closed.", field="id")
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            return fetch_files(self._ask.bus, information, folder=folder)[0]
+        except FaultError as fault:
+            raise self._ask.explained(fault) from fault
 
     def signals(
         self, id: str, run: str, *, first_second: float, seconds: float, channels: Sequence[str] = ()

@@ -86,6 +86,12 @@ _ERRORS: Final = MappingProxyType(
 MessageT = TypeVar("MessageT", bound=Message)
 
 
+def recordings_key(bus: Bus) -> str:
+    """Return the key that lists all recordings that this member may read."""
+    project = bus.member.project if bus.member is not None else ""
+    return bus.keys.project_recordings(project) if project else bus.keys.recordings()
+
+
 class LabClient:
     """A session on the bus, as the SDK asks through it; `failure` returns the end of a service of this lab, or None."""
 

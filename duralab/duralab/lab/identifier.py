@@ -101,7 +101,7 @@ class Identifier:
         end = deadline_of(timeout_seconds, cancel)
         with halting(self._ask, rig, end):
             message = self._ask.query(
-                self._keys.identify(),
+                self._keys.identify(rig),
                 request,
                 identifier_pb2.Model,
                 on_progress=_report_to(on_progress),
@@ -144,7 +144,7 @@ class Identifier:
             factors=to_array(real_numbers(factors, what="factors", field="factors")),
         )
         answer = self._ask.query(
-            self._keys.identify_levels(), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
+            self._keys.identify_levels(rig), request, identifier_pb2.LevelsResult, on_progress=_report_to(on_progress)
         )
         return LevelSeries(
             models=tuple(Model.from_message(message) for message in answer.models),

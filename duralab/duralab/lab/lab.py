@@ -4,47 +4,45 @@ from __future__ import annotations
 
 import secrets
 import threading
-import uuid
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from duralab.arguments import folder_of, progress_callback, require_text
-from duralab.campaign import (
-    Campaign,
-    PartialSettings,
-    build_specification,
-    check_against_rig,
-    load_campaign,
-    load_settings,
-)
-from duralab.data import Model, Played, Rig, Rigs, RigState, Signals
+from duralab.campaign import Campaign, PartialSettings, Project, load_campaign, load_project, load_settings
+from duralab.data import Model, Played, PreTest, Proposal, Rig, Rigs, RigState, Signals
 from duralab.errors import InputError, LabError
 from duralab.lab.campaign_result import CampaignResult
-from duralab.lab.campaign_running import collect, followed, free_id, recording_file, resume_campaign, stop_campaign
+from duralab.lab.campaign_running import free_id, recording_file, resume_campaign, stop_campaign
+from duralab.lab.campaign_starting import StartingLab, begin_campaign, run_campaign
 from duralab.lab.catalogue import Catalogue
-from duralab.lab.client import Deadline, LabClient, deadline_of
-from duralab.lab.fetching import Recovery
+from duralab.lab.client import LabClient, deadline_of
+from duralab.lab.deciding import decide, proposal_of
+from duralab.lab.endurance import EnduranceTest, start_endurance
 from duralab.lab.identifier import Identifier
 from duralab.lab.playing import play_drive, stop_rig
-from duralab.lab.progress import OnProgress, RunProgress, Stage, progress_of
+from duralab.lab.pre_testing import make_pre_test
+from duralab.lab.progress import OnProgress, RunProgress, progress_of
+from duralab.lab.project_result import EventResult, ProjectResult
+from duralab.lab.project_running import run_project
 from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.lab.status import ServiceHealth, health_of
 from duralab.lab.watching import Watch, Watched
 from duralab.output_files import OUTPUTS, require_other
 from duralab.processes import Supervisor
 from duralab.recording import open_recording
-from duralab.target import describe_target, make_target
+from duralab.schedule import load_schedule
 from duralab_bus import Bus, FaultError
 from duralab_proto.keys import ANY
-from duralab_proto.v1 import iterator_pb2, rig_pb2
-from duralab_settings import EstimatorSettings, ExcitationSettings
+from duralab_proto.v1 import rig_pb2
+from duralab_settings import DecisionKind, EstimatorSettings, ExcitationSettings
 
 if TYPE_CHECKING:
     import xarray
+
+    from duralab_schedules import Schedule
 
 
 class Lab:
@@ -227,23 +225,16 @@ class Lab:
             It met a limit, or is gone.
         """
         end = deadline_of(timeout_seconds, cancel)
-        return self._play(
-            rig, drive, run=run, seed=seed, real_time=real_time, tell=progress_callback(on_progress), end=end
+        return play_drive(
+            self._ask,
+            self.describe(rig),
+            drive,
+            run=run,
+            seed=seed,
+            real_time=real_time,
+            tell=progress_callback(on_progress),
+            deadline=end,
         )
-
-    def _play(
-        self,
-        rig: str,
-        drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals,
-        *,
-        run: str | None,
-        seed: int,
-        tell: OnProgress,
-        end: Deadline,
-        real_time: bool = False,
-    ) -> Played:
-        described = self.describe(rig)
-        return play_drive(self._ask, described, drive, run=run, seed=seed, real_time=real_time, tell=tell, deadline=end)
 
     def identify(
         self,
@@ -267,6 +258,67 @@ class Lab:
             on_progress=on_progress,
             timeout_seconds=timeout_seconds,
             cancel=cancel,
+        )
+
+    def pre_test(
+        self,
+        rig: str,
+        *,
+        id: str | None = None,
+        level: float = 0.05,
+        seed: int = 0,
+        real_time: bool = False,
+        on_progress: OnProgress | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> PreTest:
+        """Look at a rig at rest, then play small pulses on each drive in turn; say what is wrong with which channel.
+
+        Parameters
+        ----------
+        rig : str
+            Its name; no campaign uses it.
+        id : str, optional
+            Name of the recording, which must be new; the rig's with the time where not given.
+        level : float
+            Largest share of limits and slew limits that is used, above 0 to 0.05.
+        seed : int
+            Of what is random in a simulated rig, 0 to 2^63 - 1.
+        real_time : bool
+            Play no faster than real time.
+        on_progress : callable, optional
+            Called with a `RunProgress` about once a second; a calibration that is overdue comes before anything moves.
+        timeout_seconds : float, optional
+            Longest time to wait; then the rig is stopped and latched. However long it takes, where not given.
+        cancel : threading.Event, optional
+            Set from another thread, it stops the rig and latches it.
+
+        Returns
+        -------
+        PreTest
+            Printed, it is a table with the findings and the verdict.
+
+        Raises
+        ------
+        InputError
+            There is no such rig, `level` is not allowed, or `id` exists.
+        BusyError, NotReadyError
+            A campaign uses the rig, it plays, is latched, or plays too short drives.
+        StoppedError, LabTimeoutError
+            Somebody stopped it, or the time was over.
+        LabError
+            The rig or a service is gone, or nothing can be recorded.
+        """
+        end, tell = deadline_of(timeout_seconds, cancel), progress_callback(on_progress)
+        return make_pre_test(
+            self._ask,
+            self.describe(rig),
+            id=id,
+            level=level,
+            seed=seed,
+            real_time=real_time,
+            tell=tell,
+            deadline=end,
         )
 
     def stop_rig(self, rig: str, *, reason: str = "") -> RigState:
@@ -376,44 +428,108 @@ class Lab:
         LabError
             A service is not there or ended.
         """
-        end = deadline_of(timeout_seconds, cancel)
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
-        tell = progress_callback(on_progress)
-        id = free_id(self._ask, plan.name)
-        folder = folder_of(out, usual=self.out / id)
-        tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
-        rig = self.describe(plan.rig)
-        check_against_rig(plan, rig)
-        vehicle = self.describe(plan.target.vehicle) if plan.target.vehicle is not None else None
-        driven: list[Signals] = []
-
-        def tell_of_target(progress: RunProgress) -> None:
-            tell(replace(progress, stage=Stage.TARGET))
-
-        def drive_road(inputs: Signals) -> Signals:
-            driven.append(inputs)
-            driver = plan.target.vehicle or ""
-            tell(RunProgress(Stage.TARGET, f"driving {driver} over the road", 0.0, -1.0))
-            run = f"{id}.target-{uuid.uuid4().hex[:8]}"
-            return self._play(driver, inputs, run=run, seed=plan.seed, tell=tell_of_target, end=end).response
-
-        target = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
-        tell(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
-        specification = build_specification(
-            plan, id=id, rig=rig, target=target.signals, source=describe_target(plan.target)
+        return run_campaign(
+            self._starting,
+            plan,
+            folder=lambda id: folder_of(out, usual=self.out / id),
+            tell=progress_callback(on_progress),
+            deadline=deadline_of(timeout_seconds, cancel),
         )
-        specification.target_steps.extend(record.to_message() for record in target.records)
-        for inputs in driven:
-            # With these the target can be made again, sample by sample.
-            specification.target_drive.CopyFrom(inputs.to_message())
-            specification.target_rig, specification.target_seed = plan.target.vehicle or "", plan.seed
 
-        def begin() -> iterator_pb2.CampaignStatus:
-            return self._bus.query(self._bus.keys.campaign_start(), specification, iterator_pb2.CampaignStatus)
+    def begin(
+        self,
+        campaign: Campaign | str | Path,
+        *,
+        on_progress: OnProgress | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> str:
+        """Begin a campaign and return: make the target, hand it to the iterator, do not wait for its end.
 
-        recovery = Recovery(self._ask, id, folder, self._recordings)
-        status = followed(self._ask, id, begin=begin, tell=tell, recovery=recovery, deadline=end)
-        return collect(self._ask, specification, status, folder=folder, recovery=recovery)
+        The campaign goes on without this script; `watch` follows it, `stop` ends it, `catalogue.fetch` brings its
+        recording.
+
+        Parameters
+        ----------
+        campaign, on_progress, timeout_seconds, cancel
+            As for `run`, until the campaign has begun.
+
+        Returns
+        -------
+        str
+            Id of the campaign.
+
+        Raises
+        ------
+        InputError
+            The campaign does not fit the rig, or a service refused a value.
+        StoppedError, LabTimeoutError
+            `cancel` was set, or the time was over, while the target was made.
+        LabError
+            A service is not there or ended.
+        """
+        plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
+        deadline = deadline_of(timeout_seconds, cancel)
+        return begin_campaign(self._starting, plan, tell=progress_callback(on_progress), deadline=deadline)
+
+    def run_project(
+        self,
+        project: Project | str | Path,
+        *,
+        out: str | Path | None = None,
+        on_progress: OnProgress | None = None,
+        on_event: Callable[[EventResult], None] | None = None,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> ProjectResult:
+        """Run the events of a project: one identification of each rig, each event from the nearest one's result.
+
+        What `out` holds of the project already is not made again: an event that ended is read, one that was broken off
+        is resumed. Write a report, the drives of all events and their order file.
+
+        Parameters
+        ----------
+        project : Project, str or Path
+            A project, its file, or the name of one that comes with the package.
+        out : str or Path, optional
+            Folder with a folder for each event; `<lab.out>/<name of the project>` where not given.
+        on_progress : callable, optional
+            Called with every `RunProgress`, one call at a time.
+        on_event : callable, optional
+            Called with the `EventResult` of each event when it has one, one call at a time.
+        timeout_seconds : float, optional
+            Longest time from now to the end of the last event; then the one that runs is stopped, and its rig latched.
+        cancel : threading.Event, optional
+            Set from another thread, it stops the project within about a second.
+
+        Returns
+        -------
+        ProjectResult
+            Printed, it is a table with a row for each event, also for those that ended early.
+
+        Raises
+        ------
+        InputError
+            An event does not fit its rig, or `out` holds recordings that were made with other settings.
+        StoppedError, LabTimeoutError
+            `cancel` was set, or the time was over.
+        LabError
+            A service is not there or ended.
+        """
+        plan = project if isinstance(project, Project) else load_project(project)
+        return run_project(
+            self._starting,
+            plan,
+            folder=folder_of(out, usual=self.out / plan.name),
+            tell=progress_callback(on_progress),
+            deadline=deadline_of(timeout_seconds, cancel),
+            on_event=progress_callback(on_event),
+        )
+
+    @property
+    def _starting(self) -> StartingLab:
+        return StartingLab(self._ask, self.describe, self._recordings)
 
     def resume(
         self,
@@ -481,6 +597,142 @@ class Lab:
         require_other([folder_of(out, usual=self.out) / name for name in OUTPUTS], read=recording.files)
         self._recordings.copy_in(recording)
         return recording.specification.id
+
+    def endure(
+        self,
+        schedule: Schedule | str | Path,
+        *,
+        id: str | None = None,
+        seed: int = 0,
+        real_time: bool = False,
+    ) -> EnduranceTest:
+        """Start an endurance test: every repeat of a schedule played, monitored and recorded; return at once.
+
+        Parameters
+        ----------
+        schedule : Schedule, str or Path
+            A schedule or its file.
+        id : str, optional
+            Name of the test, which must be new; that of the schedule, with a number where it exists, if left out.
+        seed : int
+            Of what is random in a simulated rig, 0 to 2^63 - 1.
+        real_time : bool
+            Play no faster than real time.
+
+        Returns
+        -------
+        EnduranceTest
+            It goes on in the lab, whatever becomes of this process.
+
+        Raises
+        ------
+        InputError
+            The schedule, a drive or the rig does not fit, more damage than planned, or longer than the disk holds.
+        BusyError, NotReadyError
+            The rig is in use or latched.
+        LabError
+            The lab has no sequencer, or a service is gone.
+        """
+        plan = load_schedule(schedule) if isinstance(schedule, str | Path) else schedule
+        return start_endurance(
+            self._ask,
+            self.describe(plan.rig),
+            plan,
+            id=id or free_id(self._ask, plan.name),
+            seed=seed,
+            real_time=real_time,
+            recordings=self._recordings.folder,
+        )
+
+    def endurance(self, id: str) -> EnduranceTest:
+        """Return an endurance test of this lab: how far it is; to hold, decide, resume or stop it.
+
+        Parameters
+        ----------
+        id : str
+            Its name.
+
+        Returns
+        -------
+        EnduranceTest
+            Asked when it is used.
+        """
+        return EnduranceTest(self._ask, id)
+
+    def proposal(self, id: str) -> Proposal | None:
+        """Return what a campaign waits with at a hold point, with the drive and the predicted responses.
+
+        Parameters
+        ----------
+        id : str
+            The campaign.
+
+        Returns
+        -------
+        Proposal or None
+            None where the campaign waits for no decision.
+
+        Raises
+        ------
+        InputError
+            No such campaign was started or resumed since the iterator began.
+        """
+        return proposal_of(self._ask, id)
+
+    def decide(
+        self,
+        id: str,
+        kind: DecisionKind | str,
+        *,
+        proposal: int,
+        name: str,
+        reason: str,
+        settings: Mapping[str, Any] | PartialSettings | str | Path | None = None,
+        from_iteration: int = 0,
+    ) -> RunProgress:
+        """Decide on what a campaign proposes at a hold point; return when the decision is recorded.
+
+        Parameters
+        ----------
+        id : str
+            The campaign.
+        kind : DecisionKind or str
+            "play" the drive; "change" settings and make it again; go "back" to an earlier playback and make it again;
+            "end" the campaign.
+        proposal : int
+            Number of the proposal that is decided on: a decision on another one, or a second one, is refused.
+        name, reason : str
+            Who decides, up to 80 characters, and why, up to 1000; both are kept in the recording.
+        settings : mapping, str or Path, optional
+            Of "change": `update`, `control_band` or both, each with the keys that change, or a YAML file of them.
+        from_iteration : int
+            Of "back": the playback that the next drive is made from.
+
+        Returns
+        -------
+        RunProgress
+            How far the campaign is.
+
+        Raises
+        ------
+        InputError
+            A value is not allowed, or there is no such campaign.
+        NotReadyError
+            The campaign does not wait for a decision on this proposal.
+        """
+        return progress_of(
+            decide(
+                self._ask,
+                id,
+                kind,
+                proposal=proposal,
+                name=name,
+                reason=reason,
+                settings=settings,
+                from_iteration=from_iteration,
+                describe=self.describe,
+            )
+        )
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
         """Stop a campaign and return how far it got; one that has ended stays as it is.

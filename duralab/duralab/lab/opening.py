@@ -46,6 +46,7 @@ def start(
     rigs: Sequence[str] = DEFAULT_RIGS,
     viewer: str | None = None,
     real_time: bool = False,
+    endurance: bool = False,
 ) -> Iterator[Lab]:
     """Start a private lab on this machine: four service processes, ended with the `with` statement.
 
@@ -65,6 +66,8 @@ def start(
         Address of a running Rerun viewer.
     real_time : bool
         Play every drive in real time, whatever is asked: a rehearsal of a real rig. The responses are the same.
+    endurance : bool
+        Start a sequencer as well, for `Lab.endure`.
 
     Yields
     ------
@@ -89,6 +92,7 @@ def start(
     for rig in rigs:
         require_text(rig, field="rigs")
     require_switch(real_time, field="real_time")
+    require_switch(endurance, field="endurance")
     with ExitStack() as stack:
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
         if recordings is None:
@@ -96,7 +100,13 @@ def start(
         else:
             place = RecordingsPlace(Path(recordings), passing=_passing(stack, out))
         folder = place.passing or Path(out or "")
-        plans = lab_services(rigs=rigs, recordings=place.folder or folder, viewer=viewer, real_time=bool(real_time))
+        plans = lab_services(
+            rigs=rigs,
+            recordings=place.folder or folder,
+            viewer=viewer,
+            real_time=bool(real_time),
+            endurance=bool(endurance),
+        )
         supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
         supervisor.start()
         yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)

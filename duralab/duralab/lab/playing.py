@@ -56,6 +56,7 @@ def play_drive(
         response=_checked_response(result, rig, run=name, samples=signals.samples.shape[1]),
         actuators=actuator_use(result.actuators),
         real_time_factor=result.real_time_factor,
+        warnings=tuple(result.warnings),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from duralab.data import IterationTable
+from duralab.data import IterationTable, Proposal
 from duralab_proto.v1 import iterator_pb2
 
 POLL_SECONDS: Final = 1.0
@@ -29,6 +29,7 @@ class Stage(StrEnum):
     CAMPAIGN = "campaign"
     IDENTIFICATION = "identification"
     PLAYBACK = "playback"
+    PRE_TEST = "pre-test"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class RunProgress:
         Expected time to the stage's end; negative where unknown.
     iterations : IterationTable or None
         The figures of the playbacks done; None before the first.
+    hold : Proposal or None
+        What the campaign waits with for a decision, without samples; None where it does not wait.
+    campaign : str
+        Id of the campaign; empty where it is not a campaign's.
     """
 
     stage: Stage
@@ -54,6 +59,8 @@ class RunProgress:
     fraction: float
     remaining_seconds: float
     iterations: IterationTable | None = None
+    hold: Proposal | None = None
+    campaign: str = ""
 
     def __str__(self) -> str:
         """Return it in words."""
@@ -72,4 +79,6 @@ def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:
         fraction=status.fraction,
         remaining_seconds=status.remaining_seconds,
         iterations=IterationTable.from_status(status) if status.iterations else None,
+        hold=Proposal.from_message(status.hold) if status.HasField("hold") else None,
+        campaign=status.id,
     )

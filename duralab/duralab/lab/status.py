@@ -12,6 +12,7 @@ from typing import Final, TypeVar
 from google.protobuf.message import Message
 
 from duralab.data import IterationTable, RigMode, RigState
+from duralab.lab.client import recordings_key
 from duralab.lab.progress import ENDED
 from duralab_bus import Bus, FaultError, FigureKind
 from duralab_proto.keys import MAIN_INSTANCE
@@ -99,7 +100,11 @@ SERVICES: Final = ("rig_sim", "identifier", "iterator", "recorder")
 
 @dataclass(frozen=True)
 class CampaignUnderWay:
-    """A campaign that has not ended; its overall error is that of its last playback, None before the first."""
+    """A campaign that has not ended.
+
+    `error`: Overall one of its last playback, None before the first. `proposal`: Number of the proposal that it waits
+    with for a decision; 0 where it does not wait.
+    """
 
     id: str
     rig: str
@@ -108,6 +113,7 @@ class CampaignUnderWay:
     remaining_seconds: float
     playbacks: int
     error: float | None
+    proposal: int = 0
 
 
 @dataclass(frozen=True)
@@ -177,7 +183,7 @@ def _ask(bus: Bus, key: str, request: Message, kind: type[MessageT]) -> MessageT
 def _held(bus: Bus) -> list[recorder_pb2.RecordingInfo] | None:
     try:
         request = recorder_pb2.ListRecordingsRequest()
-        return list(_ask(bus, bus.keys.recordings(), request, recorder_pb2.RecordingList).recordings)
+        return list(_ask(bus, recordings_key(bus), request, recorder_pb2.RecordingList).recordings)
     except FaultError:
         return None
 
@@ -206,6 +212,7 @@ def _under_way(status: iterator_pb2.CampaignStatus, *, rig: str) -> CampaignUnde
         remaining_seconds=status.remaining_seconds,
         playbacks=len(status.iterations),
         error=None if table is None else float(table.overall[-1]),
+        proposal=status.hold.number,
     )
 
 

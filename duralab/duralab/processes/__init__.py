@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         running_labs,
         the_running_lab,
     )
+    from duralab.processes.page import PAGE_PORT, OperatorPage
     from duralab.processes.service_programs import (
         findings_of,
         is_recording,
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GRPC_PORT",
+    "PAGE_PORT",
     "WEB_PORT",
+    "OperatorPage",
     "RunningLab",
     "ServicePlan",
     "Supervisor",

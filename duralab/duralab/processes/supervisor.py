@@ -63,11 +63,12 @@ def lab_services(
     specimens: Mapping[str, Path] = MappingProxyType({}),
     live_file: bool = True,
     real_time: bool = False,
+    endurance: bool = False,
 ) -> tuple[ServicePlan, ...]:
-    """Return the four services of a lab in the order of their start; the recorder comes last, and ends last.
+    """Return the services of a lab in the order of their start; the recorder comes last, and ends last.
 
     `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes what a
-    viewer would show.
+    viewer would show. `endurance`: Whether a sequencer is among them.
     """
     return (
         ServicePlan(
@@ -78,11 +79,13 @@ def lab_services(
                 "rigs": list(rigs),
                 "specimens": [str(path) for path in specimens.values()],
                 "spool_folder": str(recordings.resolve() / "spool"),
+                "wear_folder": str(recordings.resolve() / "wear"),
                 "real_time": real_time,
             },
         ),
         ServicePlan("identifier"),
         ServicePlan("iterator"),
+        *((ServicePlan("sequencer"),) if endurance else ()),
         ServicePlan(
             "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
         ),
@@ -160,7 +163,8 @@ class Supervisor:
             if (code := process.poll()) is not None:
                 log = self.log_path(name)
                 last = last_lines(log).rstrip(".")
-                if is_process_limit(last):
+                # Rust's panics that follow may fill the last lines.
+                if is_process_limit(_tail(log)):
                     found = f": it could not start a thread, {PROCESS_LIMIT}; its log is {log}"
                 else:
                     found = f"; last in its log {log}: {last}"
@@ -216,14 +220,18 @@ def describe_exit(code: int) -> str:
 
 def last_lines(path: Path) -> str:
     """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
+    found = [line.strip() for line in _tail(path).splitlines() if line.strip() and not _is_trace(line)][-LOG_LINES:]
+    return " / ".join(_readable(line) for line in found) or "none"
+
+
+def _tail(path: Path) -> str:
+    """Return the end of a log; empty where it cannot be read."""
     try:
         with path.open("rb") as stream:
             stream.seek(max(0, stream.seek(0, 2) - _TAIL_BYTES))
-            text = stream.read().decode("utf-8", errors="replace")
+            return stream.read().decode("utf-8", errors="replace")
     except OSError:
-        return "none"
-    found = [line.strip() for line in text.splitlines() if line.strip() and not _is_trace(line)][-LOG_LINES:]
-    return " / ".join(_readable(line) for line in found) or "none"
+        return ""
 
 
 def _is_trace(line: str) -> bool:

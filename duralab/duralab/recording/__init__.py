@@ -1,9 +1,12 @@
 """Recordings: opening their files, and reading runs, playbacks and signals out of them."""
 
+from duralab.recording.endurance import EnduranceRecording, EnduranceRepeats
 from duralab.recording.files import RecordingFiles, parts_beside
 from duralab.recording.recording import Recording, open_recording
 
 __all__ = [
+    "EnduranceRecording",
+    "EnduranceRepeats",
     "Recording",
     "RecordingFiles",
     "open_recording",

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from duralab.errors import InputError
 from duralab.recording.files import RecordingFiles, input_errors
 from duralab_proto.v1 import iterator_pb2
-from duralab_recordings import Window, WindowCache, response_in_band, within_contract
+from duralab_recordings import Window, WindowCache, response_in_band, target_of, within_contract
 
 
 class JudgedWindows:
     """Reads in-band responses, or their errors, as `SignalWindows` reads measured ones.
 
-    `file`: The recording's files. `target`, shape (responses, samples): In the control band. `sample_rate`: In hertz.
+    `file`: The recording's files. `targets`, shape (responses, samples): In each control band. `sample_rate`: In hertz.
     `levels`: Level of each run that was judged: iterations and confirmations. `errors`: Whether to read target minus
     response.
     """
 
     def __init__(
-        self, file: RecordingFiles, *, target: np.ndarray, sample_rate: float, levels: Mapping[str, float], errors: bool
+        self,
+        file: RecordingFiles,
+        *,
+        targets: Sequence[np.ndarray],
+        sample_rate: float,
+        levels: Mapping[str, float],
+        errors: bool,
     ) -> None:
         self._file = file
-        self._target = target
+        self._targets = targets
         self._sample_rate = sample_rate
         self._levels = levels
         self._errors = errors
@@ -37,7 +43,7 @@ class JudgedWindows:
                 f"The run {run!r} was not judged, so the recording holds no in-band response of it; it holds "
                 f"{', '.join(self._levels) or 'none'}."
             )
-        return self._target.shape[1], self._sample_rate
+        return self._targets[0].shape[1], self._sample_rate
 
     def read(self, run: str, first: int, last: int) -> Window:
         """Return the samples from `first` to the one before `last` of a run; read-only."""
@@ -60,6 +66,7 @@ class JudgedWindows:
 
     def _window(self, step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> Window:
         with input_errors(), within_contract(self._file.path):
-            response = response_in_band(step, self._target)
-        read = self._target - response if self._errors else response
+            target = target_of(step, self._targets)
+            response = response_in_band(step, target)
+        read = target - response if self._errors else response
         return Window(np.zeros((0, read.shape[1])), read)

@@ -17,9 +17,12 @@ from duralab.campaign import Verdict, judge
 from duralab.data import (
     READ_FILE,
     ActuatorUse,
+    Decided,
     IterationTable,
     Model,
     Playback,
+    PreTest,
+    Proposal,
     RecordedTarget,
     Signals,
     actuator_use,
@@ -33,10 +36,20 @@ from duralab.data import (
 from duralab.errors import InputError
 from duralab.recording.files import RecordingFiles, SignalWindows, input_errors
 from duralab_proto.arrays import from_array
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
-from duralab_recordings import check_samples, played_epochs, response_in_band, unreadable, within_contract
+from duralab_proto.decisions import decisions_in_force, revised_specification
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2, sequencer_pb2
+from duralab_recordings import (
+    check_samples,
+    index_of,
+    played_epochs,
+    response_in_band,
+    target_of,
+    unreadable,
+    within_contract,
+)
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray
 
     from duralab.recording.arrays import Direction
@@ -72,6 +85,12 @@ class Recording:
         return tuple(self._file.paths)
 
     @property
+    def begun(self) -> int:
+        """When its first step was stored, in nanoseconds since 1970 UTC; 0 where it has no index that says so."""
+        statistics = index_of(self.path).statistics if self.whole else None
+        return 0 if statistics is None else statistics.message_start_time
+
+    @property
     def whole(self) -> bool:
         """False where a file was never finished; what was written is read all the same.
 
@@ -102,9 +121,24 @@ class Recording:
         """
         return self._file.messages(kind)
 
+    @cached_property
+    def is_endurance(self) -> bool:
+        """Whether it is of an endurance test, which `EnduranceRecording` reads."""
+        return next(self.messages(sequencer_pb2.EnduranceVolume), None) is not None
+
     def _first(self, kind: type[MessageT], what: str) -> MessageT:
         message = next(self.messages(kind), None)
         if message is None:
+            if next(self.messages(iterator_pb2.PreTest), None) is not None:
+                raise InputError(
+                    f"The recording {self.path} is that of a pre-test and holds no {what}; "
+                    "`open_recording(path).pre_test` has what it found."
+                )
+            if self.is_endurance:
+                raise InputError(
+                    f"The recording {self.path} is that of an endurance test and holds no {what}; `duralab report` "
+                    "shows it."
+                )
             raise InputError(f"The recording {self.path} holds no {what}; it ended before one was committed.")
         return message
 
@@ -125,6 +159,13 @@ class Recording:
         return last.pop() if last else None
 
     @cached_property
+    def pre_test(self) -> PreTest | None:
+        """What a pre-test found; None where it is no pre-test's, or that was broken off."""
+        message = next(self.messages(iterator_pb2.PreTest), None)
+        with input_errors(), within_contract(self.path):
+            return PreTest.from_message(message) if message is not None else None
+
+    @cached_property
     def closed(self) -> recorder_pb2.RecordingClosed | None:
         """The last step; None where the recording was not closed."""
         return next(self.messages(recorder_pb2.RecordingClosed), None)
@@ -133,20 +174,60 @@ class Recording:
     def target(self) -> RecordedTarget:
         """The target as it is judged, in the control band; `target(in_band=...)` has the layout of the responses.
 
+        Where a decision changed the band, it is the target in the last one.
         `responses()` are as measured. Compare `target(in_band=True)` with `responses(in_band=True)`, or take `error()`,
         which is their difference.
         """
-        message = self._first(iterator_pb2.TargetInBand, "target")
         given = self.specification.target
-        with input_errors(), within_contract(self.path):
-            samples = from_array(message.samples, field="samples", shape=(len(given.channels), None))
         return RecordedTarget(
             channels_of(given.channels),
             given.sample_rate,
-            samples,
-            note=target_note(self.specification, in_band=True),
+            self._targets[-1],
+            note=target_note(self.specification_in_use, in_band=True),
             dataset=self._target_dataset,
         )
+
+    @cached_property
+    def _targets(self) -> list[np.ndarray]:
+        """The target in each control band of the campaign, shape (responses, samples)."""
+        self._first(iterator_pb2.TargetInBand, "target")
+        shape = (len(self.specification.target.channels), None)
+        with input_errors(), within_contract(self.path):
+            return [
+                from_array(message.samples, field="samples", shape=shape)
+                for message in self.messages(iterator_pb2.TargetInBand)
+            ]
+
+    @cached_property
+    def decisions(self) -> tuple[Decided, ...]:
+        """What was decided at the campaign's hold points, in order."""
+        return tuple(Decided.from_message(message) for message in self.decision_messages)
+
+    @cached_property
+    def decision_messages(self) -> list[iterator_pb2.Decision]:
+        """The same as messages of the contract, with the settings that they change."""
+        return decisions_in_force(self.messages(iterator_pb2.Decision), self.messages(iterator_pb2.Proposal))
+
+    @cached_property
+    def specification_in_use(self) -> iterator_pb2.CampaignSpec:
+        """What was asked for in the end: the specification, with what was changed at hold points."""
+        return self._specifications[-1]
+
+    @cached_property
+    def _specifications(self) -> list[iterator_pb2.CampaignSpec]:
+        """The specification in each control band of the campaign, with the changes up to the next one."""
+        found = [self.specification]
+        for decision in self.decision_messages:
+            revised = revised_specification(found[-1], decision)
+            found[len(found) - (not decision.HasField("control_band")) :] = [revised]
+        return found
+
+    @property
+    def proposals(self) -> Iterator[Proposal]:
+        """What was proposed at the campaign's hold points, each with its drive; read one after the other."""
+        for message in self.messages(iterator_pb2.Proposal):
+            with input_errors(), within_contract(self.path):
+                yield Proposal.from_message(message)
 
     def _target_dataset(self, in_band: bool) -> xarray.Dataset:
         from duralab.recording.arrays import target_dataset
@@ -157,7 +238,7 @@ class Recording:
             with input_errors(), within_contract(self.path):
                 signals = Signals.from_message(self.specification.target, field="target")
         channels = channels_of(self.rig.responses)
-        return target_dataset(signals, channels, target_note(self.specification, in_band=in_band))
+        return target_dataset(signals, channels, target_note(self.specification_in_use, in_band=in_band))
 
     @cached_property
     def model(self) -> Model | None:
@@ -221,8 +302,9 @@ class Recording:
             if step.iteration == number:
                 drive, response = self._samples_of(step)
                 with input_errors(), within_contract(self.path):
-                    in_band = response_in_band(step, self.target.samples)
-                return playback_of(step, self.specification, drive=drive, response=response, in_band=in_band)
+                    in_band = response_in_band(step, target_of(step, self._targets))
+                specification = self._specifications[min(step.judged_target, len(self._specifications) - 1)]
+                return playback_of(step, specification, drive=drive, response=response, in_band=in_band)
         numbers = ", ".join(str(n) for n in self.iterations.numbers) or "none"
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
 
@@ -346,11 +428,11 @@ class Recording:
 
         for run in runs:
             require_run_name(run, example=f"{quantity}('demo.i01')")
-        target = self.target
+        self._require_one_band(runs)
         windows = JudgedWindows(
             self._file,
-            target=target.samples,
-            sample_rate=target.sample_rate,
+            targets=self._targets,
+            sample_rate=self.specification.target.sample_rate,
             levels=self._levels,
             errors=quantity == "error",
         )
@@ -362,8 +444,20 @@ class Recording:
             iterations=self._iteration_runs,
             levels=self._levels,
             flat=len(runs) == 1,
-            note=response_note(self.specification, in_band=True, quantity=quantity),
+            note=response_note(self.specification_in_use, in_band=True, quantity=quantity),
         )
+
+    def _require_one_band(self, runs: Sequence[str]) -> None:
+        """Refuse responses in several control bands at once, as in a campaign whose band was changed by a decision."""
+        steps = (*self.messages(iterator_pb2.IterationStep), *self.messages(iterator_pb2.ConfirmationStep))
+        last = len(self._targets) - 1
+        others = [step.run for step in steps if (step.run in runs or not runs) and step.judged_target != last]
+        if others:
+            raise InputError(
+                f"{', '.join(others)} of {self.path} were judged in another control band, which a decision changed; "
+                "ask for the runs after it, or read `playback(number).response_in_band`.",
+                field="runs",
+            )
 
     def _signals(self, runs: Sequence[str], direction: Direction) -> xarray.Dataset:
         from duralab.recording.arrays import Direction, signal_dataset

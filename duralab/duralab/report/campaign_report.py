@@ -8,14 +8,26 @@ from pathlib import Path
 from typing import Any, Final
 
 from duralab.campaign import Criterion, Judgement, Verdict, compare_with_first
-from duralab.data import DAMAGE_SLOPES, Channel, IterationTable, Model, Signals, counted_slope, damage_note
+from duralab.data import (
+    DAMAGE_SLOPES,
+    SENSOR_COLUMNS,
+    Channel,
+    IterationTable,
+    Model,
+    Signals,
+    channels_of,
+    counted_slope,
+    damage_note,
+    sensor_rows,
+)
 from duralab.errors import InputError
 from duralab.recording import Recording, open_recording
 from duralab.report import convergence_figures, load_figures, model_figures, tables, waveforms
 from duralab.report.actuator_rows import actuator_rows, held_rows
 from duralab.report.drawing import Figure
+from duralab.report.endurance_report import write_endurance_report
 from duralab.report.held_drives import HeldStretch, held_stretches
-from duralab.report.provenance import method_in_words, provenance, source_rows, target_step_rows
+from duralab.report.provenance import decision_rows, method_in_words, provenance, source_rows, target_step_rows
 from duralab.report.rendering import render, write_page
 
 TONES: Final = {
@@ -27,7 +39,7 @@ TONES: Final = {
 
 
 def write_report(source: str | Path | Recording, path: str | Path) -> Path:
-    """Write the report of a recording.
+    """Write the report of a recording, of a campaign or of an endurance test.
 
     Parameters
     ----------
@@ -44,9 +56,11 @@ def write_report(source: str | Path | Recording, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        The recording cannot be read or holds no playback yet, or `path` is a file of it.
+        The recording cannot be read or holds no playback or repeat yet, or `path` is a file of it.
     """
     recording = source if isinstance(source, Recording) else open_recording(source)
+    if recording.is_endurance:
+        return write_endurance_report(recording.path, path)
     return write_page(path, lambda: render_report(recording), read=recording.files)
 
 
@@ -60,7 +74,7 @@ def render_report(recording: Recording) -> str:
     specification = recording.specification
     slope = counted_slope(specification)
     verdict = recording.verdict
-    shown, model = _shown(recording), recording.model
+    shown, model = shown_playbacks(recording), recording.model
     held = held_stretches(shown.best.drive)
     window = waveforms.zoom_window(shown.target)
     channels, drives = shown.target.channels, shown.best.drive.channels
@@ -88,7 +102,10 @@ def render_report(recording: Recording) -> str:
         held=held_rows(held, drives),
         steps=target_step_rows(specification),
         sources=source_rows(specification),
+        sensor_columns=SENSOR_COLUMNS,
+        sensors=sensor_rows(channels_of(recording.rig.responses)),
         method=method_in_words(specification),
+        decisions=decision_rows(recording),
         provenance=provenance(recording, shown.best),
         scenario=specification.scenario,
         scenario_link=base64.b64encode(specification.scenario.encode()).decode(),
@@ -193,8 +210,9 @@ def _options(channels: Sequence[Channel]) -> list[tuple[int, str]]:
     return [(row, channel.title) for row, channel in enumerate(channels)]
 
 
-def _shown(recording: Recording) -> waveforms.Shown:
-    table, specification = recording.iterations, recording.specification
+def shown_playbacks(recording: Recording) -> waveforms.Shown:
+    """Return the target of a recording, and its first, best and last playback."""
+    table, specification = recording.iterations, recording.specification_in_use
     numbers = {table.numbers[0], table.numbers[table.best], table.numbers[-1]}
     playbacks = {number: recording.playback(number) for number in numbers}
     return waveforms.Shown(

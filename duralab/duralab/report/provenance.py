@@ -9,11 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from duralab.data import READ_FILE, Playback, StepRecord
+from duralab.data import READ_FILE, Decided, Playback, StepRecord
 from duralab.recording import Recording
 from duralab.report.identification_words import identification_in_words
 from duralab.report.update_words import iteration_in_words
+from duralab_proto.decisions import revised_specification
 from duralab_proto.v1 import iterator_pb2
+from duralab_settings import DecisionKind
 
 
 def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
@@ -23,7 +25,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
     stop = specification.stop
     return [
         ("Target", f"{specification.target_source}; {seconds:g} s at {specification.target.sample_rate:g} Hz"),
-        ("Control band", f"{specification.lowest_frequency:g} to {specification.highest_frequency:g} Hz"),
+        ("Control band", _band(specification)),
         ("Identification", identification_in_words(specification.excitation, specification.estimator)),
         *iteration_in_words(specification),
         (
@@ -128,6 +130,50 @@ def source_rows(specification: iterator_pb2.CampaignSpec) -> list[SourceRow]:
             )
         )
     return rows
+
+
+@dataclass(frozen=True)
+class DecisionRow:
+    """One decision at a hold point, as printed."""
+
+    playback: int
+    what: str
+    name: str
+    reason: str
+    when: str
+
+
+def decision_rows(recording: Recording) -> list[DecisionRow]:
+    """Return who decided what at hold points, in order."""
+    specification, rows = recording.specification, []
+    for message in recording.decision_messages:
+        found, before = Decided.from_message(message), specification
+        specification = revised_specification(before, message)
+        rows.append(
+            DecisionRow(
+                playback=found.playback,
+                what=_decided_in_words(found, before, specification),
+                name=found.name,
+                reason=found.reason,
+                when=f"{found.when:%Y-%m-%d %H:%M:%S} UTC",
+            )
+        )
+    return rows
+
+
+def _decided_in_words(found: Decided, before: iterator_pb2.CampaignSpec, after: iterator_pb2.CampaignSpec) -> str:
+    if found.kind is DecisionKind.BACK:
+        return f"back to playback {found.from_iteration}"
+    if found.kind is not DecisionKind.CHANGE:
+        return found.kind.value
+    named = dict([*iteration_in_words(before), ("Control band", _band(before))])
+    now = [*iteration_in_words(after), ("Control band", _band(after))]
+    changed = [f"{term}: {value}" for term, value in now if named.get(term) != value]
+    return f"change: {'; '.join(changed) or 'of settings that this report does not name'}"
+
+
+def _band(specification: iterator_pb2.CampaignSpec) -> str:
+    return f"{specification.lowest_frequency:g} to {specification.highest_frequency:g} Hz"
 
 
 _MADE_BY: Final = "software"

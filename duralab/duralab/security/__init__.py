@@ -1,4 +1,4 @@
-"""Certificates of a secured lab, and the refusals in its router's log."""
+"""Members of a secured lab and their certificates, and the refusals in its router's log."""
 
 from duralab.security.certificates import (
     AUTHORITY,
@@ -6,18 +6,23 @@ from duralab.security.certificates import (
     configure_router,
     init_authority,
     issue,
+    issue_missing,
     read_certificates,
     renew,
 )
+from duralab.security.members import MemberEntry, read_members
 from duralab.security.router_log import read_refusals
 
 __all__ = [
     "AUTHORITY",
     "CertificateFile",
+    "MemberEntry",
     "configure_router",
     "init_authority",
     "issue",
+    "issue_missing",
     "read_certificates",
+    "read_members",
     "read_refusals",
     "renew",
 ]

@@ -1,6 +1,6 @@
 """The certificates of a secured lab: its own authority, and one certificate for each who may join.
 
-A folder holds `ca.crt` and `ca.key`, and a pair `<role>.<name>.crt` and `.key` for each holder. Keys are readable by
+A folder holds `ca.crt` and `ca.key`, and a pair `<role>.<name>.crt` and `.key` for each member. Keys are readable by
 their owner only. `ca.key` makes anybody a member of the lab: keep it off the machines that only need their own pair.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -22,10 +23,11 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from duralab.errors import InputError
-from duralab_bus import DEFAULT_PORT, router_configuration
-from duralab_proto.access import HOLDER_ROLES, ROUTER, Holder, HolderNameError
+from duralab.security.members import MemberEntry
+from duralab_bus import DEFAULT_PORT, member_of, router_configuration
 from duralab_proto.keys import KeyNameError, Keys
-from duralab_settings import read_regular
+from duralab_proto.members import ROUTER, Member, MemberError
+from duralab_settings import OPEN_BINARY, read_regular
 
 AUTHORITY: Final = "ca"
 """Name of the authority's files."""
@@ -43,7 +45,7 @@ class CertificateFile:
 
     `name`: Common name, e.g. "operator.anna"; "ca" for the authority. `path`: Of the certificate; the key is beside it.
     `begins`, `expires`: When it is valid. `hosts`: Names and addresses it stands for; of a router only. `fingerprint`:
-    SHA-256, in hexadecimal digits.
+    SHA-256, in hexadecimal digits. `member`: Whose it is; None of the authority and of one that names no member.
     """
 
     name: str
@@ -52,6 +54,7 @@ class CertificateFile:
     expires: datetime
     hosts: tuple[str, ...]
     fingerprint: str
+    member: Member | None
 
     @property
     def key(self) -> Path:
@@ -77,9 +80,13 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
     certificate = load_certificate(path)
     try:
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-        hosts = tuple(str(host.value) for host in names)
+        hosts = tuple(str(host.value) for host in names if not isinstance(host, x509.UniformResourceIdentifier))
     except x509.ExtensionNotFound:
         hosts = ()
+    try:
+        member = member_of(certificate)
+    except MemberError:
+        member = None
     return CertificateFile(
         name=name,
         path=path,
@@ -87,6 +94,7 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
         expires=certificate.not_valid_after_utc,
         hosts=hosts,
         fingerprint=certificate.fingerprint(hashes.SHA256()).hex(),
+        member=member,
     )
 
 
@@ -126,10 +134,11 @@ def write_pair(
 def _replace(path: Path, content: bytes, *, mode: int) -> None:
     """Write a file as a whole, never readable by others for a moment."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_BINARY, mode)
     try:
         with os.fdopen(descriptor, "wb") as stream:
-            os.fchmod(stream.fileno(), mode)
+            if sys.platform != "win32":
+                os.fchmod(stream.fileno(), mode)
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
@@ -161,62 +170,82 @@ def init_authority(folder: Path, *, lab: str = "local") -> CertificateFile:
 
 
 def issue(
-    folder: Path,
-    role: str,
-    name: str,
-    *,
-    hosts: Sequence[str] = (),
-    days: int = DEFAULT_DAYS,
-    begins: datetime | None = None,
+    folder: Path, entry: MemberEntry, *, days: int = DEFAULT_DAYS, begins: datetime | None = None
 ) -> CertificateFile:
-    """Issue a certificate and its private key to a role of `duralab_proto.access.HOLDER_ROLES` and a name.
+    """Issue a certificate and its private key to a member.
 
-    `hosts`: Names and addresses under which clients reach a router, localhost where none is given; other roles have
-    none. `begins`: With its time zone; now where not given.
+    `begins`: With its time zone; now where not given.
     """
-    try:
-        holder = Holder(role, name)
-    except HolderNameError as error:
-        raise InputError(str(error), field="role" if role not in HOLDER_ROLES else "name") from error
-    if hosts and role != ROUTER:
-        raise InputError(f"A certificate of role {role} stands for no host; leave {', '.join(hosts)} out.")
-    expect_free(folder, holder.common_name)
-    return _write_certificate(folder, holder, hosts=tuple(hosts) or DEFAULT_HOSTS, days=days, begins=begins)
+    expect_free(folder, entry.member.common_name)
+    return _write_certificate(folder, entry, days=days, begins=begins)
 
 
-def renew(folder: Path, name: str, *, days: int | None = None) -> CertificateFile:
-    """Replace a certificate and its key by new ones with the same name and hosts.
+def issue_missing(folder: Path, members: Sequence[MemberEntry], *, days: int = DEFAULT_DAYS) -> list[CertificateFile]:
+    """Issue certificates to all members that have none; raise InputError where one says what the members do not."""
+    missing = [entry for entry in members if not _agrees(folder, entry)]
+    return [issue(folder, entry, days=days) for entry in missing]
+
+
+def renew(folder: Path, name: str, *, members: Sequence[MemberEntry] = (), days: int | None = None) -> CertificateFile:
+    """Replace the certificate of one of the members and its key by new ones, as the members now say.
 
     "ca" renews the authority with the key that it has, so that what it issued stays valid.
     """
-    old = read_certificate(folder, name)
     if name == AUTHORITY:
         certificate, key = _authority(folder)
         return _write_authority(folder, key, certificate.subject, days=days or AUTHORITY_DAYS)
-    return _write_certificate(folder, Holder.parse(name), hosts=old.hosts, days=days or DEFAULT_DAYS)
+    entry = next((entry for entry in members if entry.member.common_name == name), None)
+    if entry is None:
+        raise InputError(f"{name} is not among the members; add it to the file of members, or name one that is listed.")
+    read_certificate(folder, name)
+    return _write_certificate(folder, entry, days=days or DEFAULT_DAYS)
 
 
-def configure_router(folder: Path, *, lab: str = "local", certificates: str, port: int = DEFAULT_PORT) -> str:
-    """Return the configuration of a router, as JSON5: it admits those whose certificates are in the folder.
+def configure_router(
+    folder: Path,
+    members: Sequence[MemberEntry],
+    *,
+    lab: str = "local",
+    certificates: str,
+    port: int = DEFAULT_PORT,
+) -> str:
+    """Return the configuration of a router, as JSON5: it admits the members, each on its own keys.
 
-    A file that is taken out withdraws access. `certificates`: Where the router finds its own pair and `ca.crt`.
+    A certificate whose name is not listed is of no use. `certificates`: Where the router finds its own pair and
+    `ca.crt`.
     """
     _check_lab(lab)
-    try:
-        holders = [Holder.parse(file.name) for file in read_certificates(folder) if file.name != AUTHORITY]
-    except HolderNameError as error:
-        raise InputError(f"{error} Take that file out of {folder}.") from error
-    routers = [holder.name for holder in holders if holder.role == ROUTER]
-    if len(routers) != 1:
-        raise InputError(f"{folder} holds {len(routers)} certificates of a router; one is needed.")
+    if without := [entry.member.common_name for entry in members if not _agrees(folder, entry)]:
+        raise InputError(
+            f"{folder} holds no certificate of {', '.join(without)}; issue what is missing with `duralab certs issue`."
+        )
+    (router,) = (entry.name for entry in members if entry.role == ROUTER)
     return router_configuration(
-        holders,
+        [entry.member for entry in members],
         lab=lab,
         version=version("eclipse-zenoh"),
         certificates=certificates,
-        router=routers[0],
+        router=router,
         port=port,
     )
+
+
+def _agrees(folder: Path, entry: MemberEntry) -> bool:
+    """Return whether a member has a certificate; raise InputError where it says other than the members do."""
+    name = entry.member.common_name
+    if not (folder / f"{name}.crt").exists():
+        return False
+    file = read_certificate(folder, name)
+    if (file.member, file.hosts) != (entry.member, _hosts_of(entry)):
+        raise InputError(
+            f"{file.path} was issued for other rigs, another project or other hosts than the members list; make a new "
+            f"one with `duralab certs renew {name}`."
+        )
+    return True
+
+
+def _hosts_of(entry: MemberEntry) -> tuple[str, ...]:
+    return (entry.hosts or DEFAULT_HOSTS) if entry.role == ROUTER else ()
 
 
 def _check_lab(lab: str) -> None:
@@ -266,20 +295,24 @@ def _write_authority(
 
 
 def _write_certificate(
-    folder: Path, holder: Holder, *, hosts: tuple[str, ...], days: int, begins: datetime | None = None
+    folder: Path, entry: MemberEntry, *, days: int, begins: datetime | None = None
 ) -> CertificateFile:
+    member = entry.member
     authority, authority_key = _authority(folder)
     key = _new_key()
     builder = _builder(
-        x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, holder.common_name)]),
+        x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, member.common_name)]),
         authority.subject,
         key,
         days=days,
         begins=begins,
     )
-    server = holder.role == ROUTER
-    if server:
-        builder = builder.add_extension(x509.SubjectAlternativeName([_host(host) for host in hosts]), critical=False)
+    server = member.role == ROUTER
+    names = [_host(host) for host in _hosts_of(entry)] + [
+        x509.UniformResourceIdentifier(uri) for uri in member.bindings
+    ]
+    if names:
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
     # A client's certificate is of no use to pose as the router.
     purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
     certificate = (
@@ -294,7 +327,7 @@ def _write_certificate(
             f"{days} days are longer than the authority is valid (until {authority.not_valid_after_utc:%Y-%m-%d}); "
             "ask for fewer, or say `duralab certs renew ca`."
         )
-    return write_pair(folder, holder.common_name, certificate, key)
+    return write_pair(folder, member.common_name, certificate, key)
 
 
 def _builder(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import logging
 import os
+import platform
 import shutil
 import tempfile
 import threading
@@ -72,8 +73,9 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
 def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
     """Return the settings of services in one process, the recorder first, so that it goes last."""
     settings = {plan.name: dict(plan.settings) for plan in reversed(plans)}
-    # What is not yet stored need not outlive a process whose recorder goes with it.
-    settings["rig_sim"].pop("spool_folder", None)
+    # What is not yet stored need not outlive a process whose recorder goes with it, and every cell has new specimens.
+    for folder in ("spool_folder", "wear_folder"):
+        settings["rig_sim"].pop(folder, None)
     return settings
 
 
@@ -146,7 +148,7 @@ def run_point(task: Task) -> Outcome:
         now = time.perf_counter()
         return Costs(cell=opened - begun, campaign=now - opened, processor=time.process_time() - processor)
 
-    worker = f"{os.uname().nodename}:{os.getpid()}"
+    worker = f"{platform.node()}:{os.getpid()}"
     folder.mkdir(parents=True, exist_ok=True)
     for specimen in point.specimens:
         specimen.write(folder / "specimens")
@@ -198,10 +200,10 @@ def prepare_worker(folder: Path) -> None:
     logs = folder / "logs"
     try:
         logs.mkdir(parents=True, exist_ok=True)
-        stream = (logs / f"worker-{os.uname().nodename}-{os.getpid()}.log").open("a", encoding="utf-8")
+        stream = (logs / f"worker-{platform.node()}-{os.getpid()}.log").open("a", encoding="utf-8")
     except OSError as error:
         raise LabError(
-            f"The worker {os.uname().nodename}:{os.getpid()} cannot write in {folder}: {error.strerror}; give a folder "
+            f"The worker {platform.node()}:{os.getpid()} cannot write in {folder}: {error.strerror}; give a folder "
             "(--out) that all workers share."
         ) from error
     configure_logs("cell", stream=stream)

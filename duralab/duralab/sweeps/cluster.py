@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -30,7 +31,7 @@ WORKER_SECONDS: Final = 60
 
 def cores() -> int:
     """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def check_address(scheduler: str | None, *, workers: int | None) -> None:
@@ -124,7 +125,7 @@ def _plugin(folder: Path, *, own_cores: bool) -> Any:
 
 def _keep_to_core(number: int) -> None:
     """Let this process and those that it starts run on one core: a cell's threads lose a fifth by moving about."""
-    if hasattr(os, "sched_setaffinity"):
+    if sys.platform == "linux":
         allowed = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {allowed[number % len(allowed)]})
 

@@ -19,7 +19,7 @@ from duralab.campaign import Campaign, load_campaign, parse_campaign
 from duralab.errors import InputError
 from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText, change, look_up
 from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
-from duralab_settings import new_key, open_regular, parse_yaml, with_new_keys
+from duralab_settings import HoldPoint, new_key, open_regular, parse_yaml, with_new_keys
 
 _DISTRIBUTIONS: Final = (
     "duralab",
@@ -118,6 +118,12 @@ class PointMaker:
         place = f"sweep {self._sweep.name}, point ({described})"
         document["name"] = self._sweep.name
         plan = parse_campaign(yaml.safe_dump(document, sort_keys=False), name=place, folder=self._base.folder)
+        if plan.hold is not None and plan.hold.when is not HoldPoint.NEVER:
+            raise InputError(
+                f"{place}: hold is {plan.hold.model_dump()}, and a sweep has no person who decides; give never, or "
+                "leave it out.",
+                field="hold",
+            )
         rigs, specimens = self._specimens.of(plan.rigs, changes)
         id = point_id(
             _without_paths(plan),
@@ -201,7 +207,7 @@ def _values(axis: Sequence[Any] | Counted | Scaled) -> Sequence[Any]:
 
 
 def _without_paths(plan: Campaign) -> dict[str, Any]:
-    content = plan.model_dump(mode="json", exclude={"name"})
+    content = plan.model_dump(mode="json", exclude={"name", "hold"})
     content["target"].pop("file")
     if content["target"]["opencrg"] is not None:
         content["target"]["opencrg"].pop("path")

@@ -111,7 +111,13 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
 def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad | None) -> EditedTarget:
     target, watched = campaign.target, campaign.update.watch
     if target.file is not None:
-        return read_target_file(campaign.folder / target.file, rig=rig, channels=target.channels, watched=watched)
+        return read_target_file(
+            campaign.folder / target.file,
+            rig=rig,
+            channels=target.channels,
+            watched=watched,
+            calculated=target.calculated,
+        )
     if vehicle is None or play is None:
         raise ValueError("A road needs a vehicle that plays it.")
     if vehicle.sample_rate != rig.sample_rate:

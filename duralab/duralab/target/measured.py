@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,10 +14,16 @@ from duralab.campaign import SourceChannel
 from duralab.data import READ_FILE, ChannelRecord, Rig, Signals, SourceRecord, StepRecord
 from duralab.errors import InputError
 from duralab.target.editing import EditedTarget
+from duralab_gateway import CalculatedChannel
 
 
 def read_target_file(
-    path: Path, *, rig: Rig, channels: Mapping[str, SourceChannel], watched: Collection[str] = ()
+    path: Path,
+    *,
+    rig: Rig,
+    channels: Mapping[str, SourceChannel],
+    watched: Collection[str] = (),
+    calculated: Sequence[CalculatedChannel] = (),
 ) -> EditedTarget:
     """Read a target from a file of any format that `duralab.formats` knows.
 
@@ -31,6 +37,8 @@ def read_target_file(
         Which channel of the file a response follows; one that is not named follows the channel of its own name.
     watched : collection of str
         Responses that the file need not have: their target is silent.
+    calculated : sequence of CalculatedChannel
+        Channels calculated from those of the file; a response follows them like any other.
 
     Returns
     -------
@@ -42,12 +50,16 @@ def read_target_file(
     InputError
         The file cannot be read, a channel is missing, or a unit does not fit.
     """
-    from duralab.formats import read_signals
+    from duralab.formats import add_calculated, read_signals
 
     try:
         given = read_signals(path)
     except InputError as error:
         raise InputError(f"target.file: {error.message}", field="target.file") from error
+    try:
+        given = add_calculated(given, calculated)
+    except InputError as error:
+        raise InputError(f"target.calculated: {error.message}", field="target.calculated") from error
     target = map_channels(
         given,
         rig=rig,
@@ -56,13 +68,23 @@ def read_target_file(
         source=f"file {path}",
         remedy="say in target.channels which is which",
     )
-    return EditedTarget(target, (_read_record(path, given=given, target=target, channels=channels),))
+    return EditedTarget(
+        target, (_read_record(path, given=given, target=target, channels=channels, calculated=calculated),)
+    )
 
 
-def _read_record(path: Path, *, given: Signals, target: Signals, channels: Mapping[str, SourceChannel]) -> StepRecord:
+def _read_record(
+    path: Path,
+    *,
+    given: Signals,
+    target: Signals,
+    channels: Mapping[str, SourceChannel],
+    calculated: Sequence[CalculatedChannel],
+) -> StepRecord:
     """Return how the responses were read from the channels of a file."""
     stated = {name: channel.model_dump(mode="json", exclude_none=True) for name, channel in channels.items()}
-    settings = {"file": path.name, **({"channels": stated} if stated else {})}
+    made = [one.model_dump(mode="json", exclude_none=True, exclude_defaults=True) for one in calculated]
+    settings = {"file": path.name, **({"channels": stated} if stated else {}), **({"calculated": made} if made else {})}
     return StepRecord(
         name=READ_FILE,
         settings=yaml.safe_dump(settings, default_flow_style=True, sort_keys=False, width=10_000).strip(),

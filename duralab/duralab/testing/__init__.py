@@ -3,14 +3,18 @@
 `duralab.testing.fixtures` has the same as fixtures of pytest, which is not imported here.
 """
 
-from duralab.testing.labs import FOREIGN_RIG, check_contract, foreign_gateway, lab
+from duralab.testing.file_controller import ControllerFault, FileController
+from duralab.testing.labs import FOREIGN_RIG, check_contract, file_gateway, foreign_gateway, lab
 from duralab.testing.linear_rig import Filter, LinearRig
 
 __all__ = [
     "FOREIGN_RIG",
+    "ControllerFault",
+    "FileController",
     "Filter",
     "LinearRig",
     "check_contract",
+    "file_gateway",
     "foreign_gateway",
     "lab",
 ]

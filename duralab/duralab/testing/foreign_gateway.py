@@ -126,6 +126,7 @@ class Stranger:
             content_hash=hashlib.sha256(b"beam-1").hexdigest(),
             publishes_after_run=True,
             cannot_be_stopped=True,
+            simulated=True,
         )
 
     def state(self) -> rig_pb2.RigState:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+import yaml
 
 from duralab.conformance import Finding, check_rig
 from duralab.errors import InputError, LabError
 from duralab.lab import Lab, RecordingsPlace
 from duralab.processes import Supervisor, lab_services
-from duralab_bus import BusConfig, open_bus
+from duralab_bus import Bus, BusConfig, FaultError, open_bus
+from duralab_drive_files import read_controller_map
 from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
 
 FOREIGN_RIG = "stranger"
@@ -139,3 +143,59 @@ def foreign_gateway(endpoint: str) -> Iterator[int]:
             yield process.pid
         finally:
             process.kill()
+
+
+@contextmanager
+def file_gateway(controller_map: Path, endpoint: str, *, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a gateway to a controller that exchanges files, `file_rig`, as a process until the block ends.
+
+    Parameters
+    ----------
+    controller_map : Path
+        YAML of the rig that it serves.
+    endpoint : str
+        Of the lab that it joins, as `Lab.endpoints` says.
+    folder : Path
+        For its configuration, its spool and its log, `file_rig.log`.
+
+    Yields
+    ------
+    subprocess.Popen
+        The process; its rig is on the bus.
+
+    Raises
+    ------
+    DriveFileError
+        The map is not allowed.
+    LabError
+        It did not join.
+    """
+    rig = read_controller_map(controller_map).rig
+    folder.mkdir(parents=True, exist_ok=True)
+    config = folder / "file_rig.yaml"
+    settings = {"maps": [str(controller_map.resolve())], "spool_folder": str((folder / "spool").resolve())}
+    config.write_text(yaml.safe_dump({"bus": {"connect": [endpoint]}, "exit_with_parent": True, **settings}))
+    with ExitStack() as stack:
+        log = stack.enter_context((folder / "file_rig.log").open("ab"))
+        command = [sys.executable, "-m", "file_rig", "--config", str(config)]
+        process = stack.enter_context(
+            subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True)
+        )
+        stack.callback(process.kill)
+        with open_bus(BusConfig(connect=(endpoint,)), service="duralab") as bus:
+            _wait_for_gateway(bus, process, rig, folder / "file_rig.log")
+        yield process
+        process.terminate()
+        process.wait(_WAIT_SECONDS)
+
+
+def _wait_for_gateway(bus: Bus, process: subprocess.Popen[bytes], rig: str, log: Path) -> None:
+    end = time.monotonic() + _WAIT_SECONDS
+    while True:
+        try:
+            return bus.wait_for_live({(SERVICE, rig)}, 0.5)
+        except FaultError as fault:
+            if process.poll() is None and time.monotonic() < end:
+                continue
+            said = log.read_text(encoding="utf-8").strip().splitlines()[-1:]
+            raise LabError(f"file_rig did not join the lab: {said[0] if said else 'it says nothing'}") from fault

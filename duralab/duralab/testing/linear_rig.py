@@ -98,6 +98,7 @@ class LinearRig:
             longest_drive_seconds=self._longest_drive,
             static_response=to_array(self.static),
             block_samples=self._block_samples,
+            simulated=True,
         )
 
     def play(self, commands: np.ndarray, run: Run) -> np.ndarray:

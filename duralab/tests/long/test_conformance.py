@@ -84,17 +84,16 @@ AT_THE_END = {
 
 @pytest.fixture(scope="module")
 def hall():
-    """A bus with one gateway for every defect and every kind of rig, and a client's."""
+    """A client of a bus with a gateway for every defect and kind of rig, its address, and the gateways of each kind."""
     with duralab_bus.open_bus(service="rig_sim", workers=16) as served:
         for defect in Defect:
             Gateway(served, f"rig_{defect}", defect)
-        for rig, kind in AT_THE_END.items():
-            Gateway(served, rig, Defect.NONE, **kind)
+        at_the_end = {rig: Gateway(served, rig, Defect.NONE, **kind) for rig, kind in AT_THE_END.items()}
         connect = duralab_bus.BusConfig(connect=tuple(served.listening))
         with duralab_bus.open_bus(connect, service="duralab") as bus:
             rigs = {*(f"rig_{defect}" for defect in Defect), *AT_THE_END}
             bus.wait_for_live({("rig_sim", rig) for rig in rigs}, 120.0)
-            yield bus, served.listening[0]
+            yield bus, served.listening[0], at_the_end
 
 
 @pytest.fixture(scope="module")
@@ -116,12 +115,15 @@ def test_a_rig_that_answers_at_the_end_keeps_the_contract_where_its_description_
     assert [finding for finding in found if finding.outcome is not Outcome.PASSED] == []
 
 
-def test_a_pause_of_this_process_is_not_a_silence_of_the_rig(hall):
-    bus, playing = hall[0], threading.Event()
+@pytest.mark.parametrize("playback", [1, 2], ids=["played", "stopped"])
+def test_a_pause_of_this_process_is_no_fault_of_the_rig(hall, playback):
+    bus, playing, runs = hall[0], threading.Event(), {}
 
     def on_state(item):
         if item.message.mode == rig_pb2.RIG_MODE_PLAYING:
-            playing.set()
+            runs[item.message.run] = None
+            if len(runs) == playback:
+                playing.set()
 
     def pause():
         assert playing.wait(60.0)
@@ -220,6 +222,8 @@ def test_a_playback_that_cannot_be_stopped_is_never_told_as_stopped(hall, tmp_pa
     def stop(_progress):
         cancel.set()
 
+    may_end = hall[2]["rig_onward"].may_end
+    may_end.clear()
     with pytest.raises(StoppedError) as caught:
         lab.play("rig_onward", drive, run="onward", real_time=True, cancel=cancel, on_progress=stop)
     assert f"{words} The rig is latched from then on: wait for its end" in str(caught.value)
@@ -227,5 +231,6 @@ def test_a_playback_that_cannot_be_stopped_is_never_told_as_stopped(hall, tmp_pa
     assert (state.mode, state.run, state.goes_on, state.resting) == (RigMode.INTERLOCKED, "onward", True, False)
     assert words in str(state)
     shown = CliRunner().invoke(app, ["status", "--connect", hall[1]], env={"COLUMNS": "300"})
+    may_end.set()
     assert words in shown.stdout
     assert lab.reset("rig_onward").mode is RigMode.IDLE

@@ -9,9 +9,6 @@ import tracemalloc
 
 import numpy as np
 import pytest
-import rpc3_files
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from duralab import Channel, Signals
 from duralab.formats import (
@@ -23,7 +20,6 @@ from duralab.formats import (
     write_frequency_response,
     write_signals,
 )
-from duralab.formats.rpc3_reading import read_rpc3
 
 EXAMPLES = int(os.environ.get("DURALAB_FUZZ_EXAMPLES", "12"))
 FIRST_SEED = int(os.environ.get("DURALAB_FUZZ_SEED", "0"))
@@ -126,21 +122,3 @@ def test_damaged_frequency_responses_are_read_or_refused_in_one_sentence(tmp_pat
     for seed in range(FIRST_SEED, FIRST_SEED + EXAMPLES):
         path.write_bytes(mutated(content, seed))
         read_and_judge(read_frequency_response, path)
-
-
-RECORDS = st.sampled_from(sorted(rpc3_files.keywords([("a", "N", "1"), ("b", "N", "1")])))
-VALUES = st.one_of(
-    st.integers().map(str), st.floats().map(str), st.text(st.characters(max_codepoint=255), max_size=40),
-    st.sampled_from(["ASCII", "BINARY", "PEAK_PICK", "FLOATING_POINT", "1E99999999", "1" * 90, "left out"]),
-)  # fmt: skip
-
-
-@settings(max_examples=max(60, EXAMPLES), suppress_health_check=list(HealthCheck))
-@given(st.dictionaries(RECORDS, VALUES, min_size=1, max_size=3))
-def test_any_value_in_an_rpc3_header_is_read_or_refused_in_one_sentence(tmp_path, changes):
-    path = tmp_path / "a.rsp"
-    values = rpc3_files.keywords([("a", "N", "1"), ("b", "N", "1")]) | changes
-    # The three that begin a header stay: without them it is none.
-    values = {key: value for key, value in values.items() if value != "left out" or key in rpc3_files.FIRST}
-    path.write_bytes(rpc3_files.header(values) + bytes(2 * 2 * 2048))
-    read_and_judge(read_rpc3, path)

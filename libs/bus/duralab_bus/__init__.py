@@ -1,6 +1,7 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
 from duralab_bus.bus import Bus, open_bus
+from duralab_bus.commanding import SAMPLES_LACK, RecordingLog, bring_to_rest, described_rig, latch_rig
 from duralab_bus.encoding import encoding_of
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.metrics import FigureKind, Metrics
@@ -14,15 +15,15 @@ from duralab_bus.process import (
     service_main,
 )
 from duralab_bus.queries import Call
-from duralab_bus.security import DEFAULT_HOLDERS, DEFAULT_PORT, router_configuration, run_router
-from duralab_bus.session import BusConfig, BusMode, TlsConfig, check_identity
+from duralab_bus.security import DEFAULT_PORT, router_configuration, run_router
+from duralab_bus.session import BusConfig, BusMode, TlsConfig, check_identity, member_of
 from duralab_bus.spool import SpoolFolder, SpoolFullError, SpoolSpace
 from duralab_bus.streams import Continuity, StreamItem, StreamProof, StreamPublisher, Subscription
 from duralab_bus.yaml_config import ConfigError, load_config
 
 __all__ = [
-    "DEFAULT_HOLDERS",
     "DEFAULT_PORT",
+    "SAMPLES_LACK",
     "Bus",
     "BusConfig",
     "BusError",
@@ -34,6 +35,7 @@ __all__ = [
     "FigureKind",
     "HostedService",
     "Metrics",
+    "RecordingLog",
     "ServiceConfig",
     "SpoolFolder",
     "SpoolFullError",
@@ -43,13 +45,17 @@ __all__ = [
     "StreamPublisher",
     "Subscription",
     "TlsConfig",
+    "bring_to_rest",
     "check_identity",
     "configure_logs",
+    "described_rig",
     "encoding_of",
     "host_services",
     "keep_few_arenas",
+    "latch_rig",
     "load_config",
     "log_stacks_on_signal",
+    "member_of",
     "open_bus",
     "router_configuration",
     "run_router",

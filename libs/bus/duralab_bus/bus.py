@@ -78,6 +78,8 @@ class Bus:
         self._tracker = LivelinessTracker(self._session, self.keys)
         self._reintroduction = Reintroduction(config, self._tracker)
         self._permission = Permission(identity, self.keys)
+        self.member = self._permission.member
+        """The member of the secured lab whose certificate this session shows; None without one."""
         self._client = QueryClient(self._session, self.keys, self._tracker, largest_bytes=self._limit)
         self.metrics = Metrics()
         """Metrics of this process: served to Prometheus, and in the answer to a health query."""
@@ -164,7 +166,7 @@ class Bus:
         A service gives a sign of life every second; the wait ends after `silence_seconds` without one, or once `cancel`
         is set, such as a `threading.Event`: the service is told but may finish all the same.
 
-        Raises `FaultError` PERMISSION_DENIED when this role may not ask it, UNAVAILABLE when the service is not there
+        Raises `FaultError` PERMISSION_DENIED when this member may not ask it, UNAVAILABLE when the service is not there
         or vanishes, DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve
         the key, DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also
         where the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names

@@ -1,4 +1,4 @@
-"""Access control of a secured lab: what a role may do, and the router that drops the rest without a word."""
+"""Access control of a secured lab: what a member may do, and the router that drops the rest without a word."""
 
 from __future__ import annotations
 
@@ -22,19 +22,13 @@ from duralab_bus.session import (
 )
 from duralab_proto.access import (
     ACCESS,
-    ADMIN,
-    ROUTER,
     SMALL_QUERY_BYTES,
-    Holder,
-    KeyAccess,
     KeyKind,
     Operation,
-    Role,
-    covers,
     permits,
-    reserved,
 )
 from duralab_proto.keys import Keys
+from duralab_proto.members import ADMIN, ROUTER, Member
 from duralab_proto.v1 import query_pb2
 
 
@@ -42,25 +36,21 @@ class Permission:
     """Tells whether a session may do something; one without a certificate may try everything."""
 
     def __init__(self, identity: Identity | None, keys: Keys) -> None:
-        self._holder: Holder | None = identity.holder if identity is not None else None
+        self.member: Member | None = identity.member if identity is not None else None
         self._keys = keys
 
     def expect(self, operation: Operation, key: str) -> None:
         """Raise FaultError, PERMISSION_DENIED, where the router would drop this."""
-        holder = self._holder
-        if holder is None:
+        member = self.member
+        if member is None or permits(member, operation, key, self._keys):
             return
-        role = Role(holder.role) if holder.role in set(Role) else None
-        if role is None or not permits(role, operation, key, self._keys):
-            raise FaultError(
-                query_pb2.FAULT_CODE_PERMISSION_DENIED,
-                f"{holder.common_name} may not {operation} {key}: the role {holder.role} does not include it; "
-                "use the certificate of a role that does.",
-            )
+        bound = f", bound to {', '.join([*member.rigs, member.project]).rstrip(', ')}," if member.bindings else ""
+        raise FaultError(
+            query_pb2.FAULT_CODE_PERMISSION_DENIED,
+            f"{member.common_name} may not {operation} {key}: the role {member.role}{bound} does not include it; "
+            "use the certificate of a member that may.",
+        )
 
-
-DEFAULT_HOLDERS: Final = (*(Holder(role, "main") for role in Role), Holder(ADMIN, "main"))
-"""Who is let in by the configuration in deploy/router; `duralab certs router` writes one for those of a folder."""
 
 DEFAULT_PORT: Final = 7447
 CERTIFICATES_FOLDER: Final = "/etc/duralab/certificates"
@@ -87,7 +77,7 @@ _HEAD: Final = """\
 
 
 def router_configuration(
-    holders: Iterable[Holder] = DEFAULT_HOLDERS,
+    members: Iterable[Member],
     *,
     lab: str = "local",
     version: str,
@@ -99,9 +89,9 @@ def router_configuration(
 
     Parameters
     ----------
-    holders : iterable of Holder
-        Who is let in, by the common names of their certificates. Who is left out is refused everything, also with a
-        certificate that is still valid: so one is withdrawn.
+    members : iterable of Member
+        Who is let in. Who is left out is refused everything, also with a certificate that is still valid: so one is
+        withdrawn.
     lab : str
         Name of the lab.
     version : str
@@ -119,9 +109,7 @@ def router_configuration(
         For `zenohd --config`.
     """
     keys = Keys(lab)
-    own = f"{certificates.rstrip('/')}/{Holder(ROUTER, router).common_name}"
-    people = sorted({holder.common_name for holder in holders if holder.role not in (ADMIN, ROUTER)})
-    admins = sorted({holder.common_name for holder in holders if holder.role == ADMIN})
+    own = f"{certificates.rstrip('/')}/{Member(ROUTER, router).common_name}"
     content: dict[str, Any] = {
         "mode": "router",
         "listen": {"endpoints": {"router": [f"tls/0.0.0.0:{port}"]}, "timeout_ms": 0, "exit_on_failure": True},
@@ -151,7 +139,7 @@ def router_configuration(
                 },
             },
         },
-        "access_control": _access_control(keys, people=people, admins=admins),
+        "access_control": _access_control(keys, members),
         # Requests without a record are small: what is larger does not reach the service it was meant to choke.
         "low_pass_filter": [
             {
@@ -166,27 +154,20 @@ def router_configuration(
     return _HEAD.format(version=version) + json.dumps(content, indent=2) + "\n"
 
 
-def _access_control(keys: Keys, *, people: Sequence[str], admins: Sequence[str]) -> dict[str, Any]:
+def _access_control(keys: Keys, members: Iterable[Member]) -> dict[str, Any]:
     rules: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
-    for role in Role:
-        names = [name for name in people if Holder.parse(name).role == role]
-        if not names:
+    # A subject of its own for each certificate: what one may do says nothing of another.
+    for member in sorted(members, key=lambda member: member.common_name):
+        name = member.common_name
+        if member.role == ROUTER:
             continue
-        own = list(_rules(role, keys))
+        own = _admin_rules(name) if member.role == ADMIN else list(_rules(member, keys))
+        here = {"interfaces": ["lo"]} if member.role == ADMIN else {}
         rules += own
-        subjects.append({"id": role.value, "link_protocols": ["tls"], "cert_common_names": names})
-        policies.append({"id": role.value, "rules": [rule["id"] for rule in own], "subjects": [role.value]})
-    if admins:
-        rules += [
-            _rule("admin-asks", "ingress", ("query",), ["@/**"]),
-            _rule("admin-is-answered", "egress", ("reply", "declare_queryable"), ["@/**"]),
-        ]
-        subjects.append(
-            {"id": "admin", "link_protocols": ["tls"], "interfaces": ["lo"], "cert_common_names": list(admins)}
-        )
-        policies.append({"id": "admin", "rules": ["admin-asks", "admin-is-answered"], "subjects": ["admin"]})
+        subjects.append({"id": name, "link_protocols": ["tls"], **here, "cert_common_names": [name]})
+        policies.append({"id": name, "rules": [rule["id"] for rule in own], "subjects": [name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -196,29 +177,30 @@ def _access_control(keys: Keys, *, people: Sequence[str], admins: Sequence[str])
     }
 
 
-def _rules(role: Role, keys: Keys) -> Iterable[dict[str, Any]]:
+def _admin_rules(name: str) -> list[dict[str, Any]]:
+    return [
+        _rule(f"{name}-asks", "ingress", ("query",), ["@/**"]),
+        _rule(f"{name}-is-answered", "egress", ("reply", "declare_queryable"), ["@/**"]),
+    ]
+
+
+def _rules(member: Member, keys: Keys) -> Iterator[dict[str, Any]]:
+    """Yield what the router lets in from a member, on its own keys alone, and what it sends to it in return.
+
+    What is sent follows what was let in. It is not narrowed to the member's keys: a service declares what it serves for
+    all names at once, and an asker that may not see such a declaration asks nobody.
+    """
     for operation, flows in _MESSAGES.items():
-        expressions = _expressions(ACCESS, role, operation, keys)
-        if expressions:
-            for flow, messages in flows.items():
-                yield _rule(f"{role}-{operation}-{flow}", flow, messages, expressions)
-            # Zenoh lets a denial win over what is allowed.
-            if withheld := reserved(role, operation, keys):
-                for flow, messages in flows.items():
-                    rule = _rule(f"{role}-{operation}-{flow}-not", flow, messages, withheld)
-                    yield {**rule, "permission": "deny"}
-
-
-def _expressions(rows: Sequence[KeyAccess], role: Role, operation: Operation, keys: Keys) -> list[str]:
-    # In the order of the table, each once.
-    return list(dict.fromkeys(row.expression(keys) for row in rows if row.permits(role, operation)))
+        rows = [(row.expression(keys), row.expressions(member, operation, keys)) for row in ACCESS]
+        allowed = {"ingress": [each for _, own in rows for each in own], "egress": [wide for wide, own in rows if own]}
+        for flow, messages in flows.items():
+            # In the order of the table, each once.
+            if expressions := list(dict.fromkeys(allowed[flow])):
+                yield _rule(f"{member.common_name}-{operation}-{flow}", flow, messages, expressions)
 
 
 def _small_queries(keys: Keys) -> list[str]:
-    queries = [row for row in ACCESS if row.kind is KeyKind.QUERY]
-    bulk = [row.expression(keys) for row in queries if row.bulk]
-    small = [row.expression(keys) for row in queries if not row.bulk]
-    return [expression for expression in small if not any(covers(expression, large) for large in bulk)]
+    return [row.expression(keys) for row in ACCESS if row.kind is KeyKind.QUERY and not row.bulk]
 
 
 def _rule(id: str, flow: str, messages: Sequence[str], expressions: Sequence[str]) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def files(tmp_path):
 
 def test_sound_files_say_who_it_is_and_until_when(files):
     identity = check_identity(files.tls)
-    assert (identity.holder.role, identity.holder.name) == ("operator", "anna")
+    assert (identity.member.role, identity.member.name) == ("operator", "anna")
     assert timedelta(minutes=50) < identity.expires - datetime.now(UTC) < timedelta(hours=1)
 
 
@@ -98,7 +98,7 @@ def test_a_key_that_root_lends_to_the_services_group_is_taken(files, monkeypatch
     if owner != 0:
         pytest.skip("only root can make a file of root")
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    assert check_identity(files.tls).holder.name == "anna"
+    assert check_identity(files.tls).member.name == "anna"
     files.tls.key.chmod(0o444)
     assert "open to others" in files.finding()
 

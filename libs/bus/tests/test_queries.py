@@ -247,14 +247,14 @@ def test_more_specific_key_answers_alone():
         return handle
 
     with duralab_bus.open_bus(service="iterator") as bus:
-        bus.serve(bus.keys.campaign("*"), iterator_pb2.CampaignRequest, handler("any"))
-        bus.serve(bus.keys.campaign_start(), iterator_pb2.CampaignRequest, handler("start"))
-        bus.declare_live("iterator", "main")
+        bus.serve(bus.keys.recording("*"), iterator_pb2.CampaignRequest, handler("any"))
+        bus.serve(bus.keys.recordings(), iterator_pb2.CampaignRequest, handler("list"))
+        bus.declare_live("recorder", "main")
         with duralab_bus.open_bus(duralab_bus.BusConfig(connect=bus.listening), service="sdk") as client:
-            for key, name in [(bus.keys.campaign_start(), "start"), (bus.keys.campaign("c1"), "any")]:
+            for key, name in [(bus.keys.recordings(), "list"), (bus.keys.recording("c1"), "any")]:
                 request = iterator_pb2.CampaignRequest()
                 assert client.query(key, request, iterator_pb2.CampaignStatus).id == name
-    assert calls == ["start", "any"]
+    assert calls == ["list", "any"]
 
 
 def test_message_beyond_the_limit_is_refused_on_both_sides(hub):

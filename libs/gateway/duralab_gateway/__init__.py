@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING
 from duralab_gateway.motion import Approach, RigFaultError
 
 if TYPE_CHECKING:
+    from duralab_gateway.channels import CalculatedChannel, ChannelTable, weighted_sum
     from duralab_gateway.description import complete_description
-    from duralab_gateway.gateway_process import GatewayConfig, open_spools, serve, serving
-    from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, ShowsFrames
+    from duralab_gateway.gateway_process import GatewayConfig, open_spools, require_served, serve, serving
+    from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, RunEndedError, ShowsFrames
     from duralab_gateway.server import SERVICE, RigServer, serve_refusal
 
 __all__ = [
     "SERVICE",
     "Approach",
+    "CalculatedChannel",
+    "ChannelTable",
     "GatewayConfig",
     "KnowsItsFrf",
     "Phase",
@@ -22,15 +25,18 @@ __all__ = [
     "RigFaultError",
     "RigServer",
     "Run",
+    "RunEndedError",
     "ShowsFrames",
     "complete_description",
     "open_spools",
+    "require_served",
     "serve",
     "serve_refusal",
     "serving",
+    "weighted_sum",
 ]
 
-_MODULES = ("rig", "description", "gateway_process", "server")
+_MODULES = ("channels", "rig", "description", "gateway_process", "server")
 
 
 def __getattr__(name: str) -> object:

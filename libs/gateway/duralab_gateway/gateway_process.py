@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import structlog
 from pydantic import Field
 
-from duralab_bus import Bus, ServiceConfig, SpoolFolder, SpoolSpace, service_main
+from duralab_bus import Bus, ConfigError, ServiceConfig, SpoolFolder, SpoolSpace, service_main
+from duralab_gateway.channels import ChannelTable
 from duralab_gateway.description import complete_description
 from duralab_gateway.motion import Approach
 from duralab_gateway.rig import Rig, StepwiseRig
@@ -30,6 +31,8 @@ class GatewayConfig(ServiceConfig):
     #: How long a simulation waits for the recorder where there is no more room, in s, before it ramps down. A rig that
     #: plays in real time cannot wait.
     spool_wait_seconds: float = Field(default=30.0, ge=0.0, le=3600.0)
+    #: Sensors and calculated channels of the responses, by the rig's name.
+    channels: dict[str, ChannelTable] = Field(default_factory=dict)
 
 
 def open_spools(bus: Bus, config: GatewayConfig) -> SpoolSpace:
@@ -53,6 +56,25 @@ def open_spools(bus: Bus, config: GatewayConfig) -> SpoolSpace:
     if left := bus.serve_left_spools(spools):
         structlog.get_logger(SERVICE).warning("streams of a rig that was killed are served again", streams=left)
     return spools
+
+
+def require_served(channels: Mapping[str, ChannelTable], rigs: Sequence[str]) -> None:
+    """Refuse channel tables of rigs that are not served.
+
+    Parameters
+    ----------
+    channels : mapping of str to ChannelTable
+        Of the configuration.
+    rigs : sequence of str
+        Names of the rigs served.
+
+    Raises
+    ------
+    ConfigError
+        A table is of another rig; one sentence.
+    """
+    if idle := [name for name in channels if name not in rigs]:
+        raise ConfigError(f"channels: {', '.join(idle)} is not a rig served here; those are {', '.join(rigs)}.")
 
 
 @contextmanager
@@ -83,17 +105,23 @@ def serving(
     Raises
     ------
     ConfigError
-        A description cannot be served; one sentence.
+        A description or a table of channels cannot be served; one sentence.
     """
     spools = open_spools(bus, config)
     servers: list[RigServer] = []
+    descriptions = [complete_description(rig.describe()) for rig in rigs]
+    require_served(config.channels, [description.rig for description in descriptions])
     try:
-        for rig in rigs:
-            description = complete_description(rig.describe())
+        for rig, description in zip(rigs, descriptions, strict=True):
             playing = StepwiseRig(rig, description, approach=approach)
             servers.append(
                 RigServer(
-                    bus, playing, spools, spool_wait_seconds=config.spool_wait_seconds, real_time=config.real_time
+                    bus,
+                    playing,
+                    spools,
+                    spool_wait_seconds=config.spool_wait_seconds,
+                    real_time=config.real_time,
+                    channels=config.channels.get(description.rig, ChannelTable()),
                 )
             )
             # Last: whoever sees a rig may ask it.

@@ -30,6 +30,7 @@ class Interlock:
         """How often it was tripped so far."""
         self._run = ""
         self._mode: rig_pb2.RigMode = rig_pb2.RIG_MODE_IDLE
+        self._awaited = ""
         self.fraction = 0.0
         """Share of the run that is played, 0 to 1."""
         self._stop = threading.Event()
@@ -43,7 +44,7 @@ class Interlock:
             return rig_pb2.RigState(
                 rig=self._rig,
                 mode=rig_pb2.RIG_MODE_INTERLOCKED if self._latched else self._mode,
-                reason=self._reason,
+                reason=self._reason if self._latched else self._awaited,
                 run=self._run,
                 fraction=self.fraction,
             )
@@ -67,15 +68,17 @@ class Interlock:
             _remember(self._runs, run)
             self._run, self.fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
 
-    def enter(self, mode: rig_pb2.RigMode) -> None:
-        """Say what the playback under way does now: settling, playing, ramping down."""
+    def enter(self, mode: rig_pb2.RigMode, *, awaited: str = "") -> bool:
+        """Say what the playback under way does now, and what it waits for; return whether that is new."""
         with self._changed:
-            self._mode = mode
+            was = self._mode, self._awaited
+            self._mode, self._awaited = mode, awaited
+            return was != (mode, awaited)
 
     def end(self) -> None:
         """Give the rig back, at rest."""
         with self._changed:
-            self._run, self.fraction, self._mode = "", 0.0, rig_pb2.RIG_MODE_IDLE
+            self._run, self.fraction, self._mode, self._awaited = "", 0.0, rig_pb2.RIG_MODE_IDLE, ""
             self._changed.notify_all()
 
     def trip(self, reason: str) -> str:

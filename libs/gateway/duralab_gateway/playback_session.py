@@ -11,9 +11,9 @@ import structlog
 
 from duralab_bus import Bus, Call, FaultError, SpoolSpace, StreamPublisher
 from duralab_gateway.interlock import Interlock
-from duralab_gateway.motion import Block, DrivePlayback, RigFaultError, WatchdogMonitor
+from duralab_gateway.motion import Block, DrivePlayback, Level, RigFaultError, WatchdogMonitor
 from duralab_gateway.publishing import BlockPublisher, Clock, PoseStream
-from duralab_gateway.rig import Phase, PlaybackRig, Run
+from duralab_gateway.rig import KnowsMore, Phase, PlaybackRig, Run, RunEndedError
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 
@@ -51,7 +51,14 @@ class PlaybackSession:
         self._name, self._rate = description.rig, description.sample_rate
         self._goes_on = description.cannot_be_stopped
         self._interlock = interlock
-        self._monitor = WatchdogMonitor(rig.watchdogs, sample_rate=self._rate)
+        ending = [dog for dog in rig.watchdogs if dog.level is not Level.WARNING]
+        self._monitor = WatchdogMonitor(ending, sample_rate=self._rate)
+        # One monitor for each: every response is reported once a run, whatever the others do.
+        self._warning_monitors = [
+            WatchdogMonitor([dog], sample_rate=self._rate) for dog in rig.watchdogs if dog.level is Level.WARNING
+        ]
+        self._unwarned: list[WatchdogMonitor] = []
+        self._warnings: list[str] = []
         self._latch = latch
         self._report_state = report_state
         self._poses = PoseStream(bus, self._name) if description.bodies else None
@@ -67,6 +74,7 @@ class PlaybackSession:
             real_time=real_time,
             report=lambda sentence, fraction: self._report(call, request.run, sentence, fraction),
             stopping=lambda seconds: self._must_end(call, seconds),
+            waiting=self._wait_for,
         )
         playback = self._rig.playback(drive, run)
         rate, limit = self._rate, self._description.block_samples
@@ -80,7 +88,8 @@ class PlaybackSession:
         )
         hold = self._description.publishes_after_run
         publish = BlockPublisher(publisher, request.run, rate, size=size, limit=limit, hold=hold)
-        clock, moved = Clock(rate, real_time=real_time), False
+        clock, moved = Clock(rate, real_time=real_time and playback.is_paced), False
+        self._unwarned, self._warnings = list(self._warning_monitors), []
         if self._poses is not None:
             self._poses.begin(request.run)
         try:
@@ -93,6 +102,9 @@ class PlaybackSession:
             seconds = drive.shape[1] / rate
             factor = seconds / (time.monotonic() - began)
             self._come_to_rest(run, playback, clock, call)
+        except RunEndedError as error:
+            self._log.info("ended before anything moved", run=request.run, reason=error.message)
+            raise
         except RigFaultError as error:
             publish.flush(last=False)
             self._latch(str(error).rstrip("."))
@@ -107,18 +119,32 @@ class PlaybackSession:
             if self._poses is not None:
                 self._poses.flush()
             publisher.close()
+            if moved:
+                self._end(request.run, playback)
         self._log.info("played", run=request.run, seconds=seconds, real_time_factor=factor)
         return self._result(request.run, playback, publish, factor)
 
+    def _end(self, run: str, playback: DrivePlayback) -> None:
+        try:
+            playback.end()
+        except RigFaultError as error:
+            self._latch(str(error).rstrip("."))
+            self._log.exception("a run could not be ended", run=run)
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
+
     def _result(self, run: str, playback: DrivePlayback, publish: BlockPublisher, factor: float) -> rig_pb2.PlayResult:
-        return rig_pb2.PlayResult(
+        result = rig_pb2.PlayResult(
             run=run,
             response=to_record(list(self._description.responses), self._rate, playback.response),
             actuators=[rig_pb2.ActuatorUse(**asdict(use)) for use in playback.uses()],
             epoch=publish.publisher.epoch,
             blocks=publish.blocks,
             real_time_factor=factor,
+            warnings=self._warnings,
         )
+        if isinstance(playback, KnowsMore):
+            playback.complete(result)
+        return result
 
     def _settle(self, run: Run, playback: DrivePlayback, clock: Clock, call: Call) -> None:
         """Bring the rig to the drive's first sample; its way there is watched, and no part of the stream."""
@@ -188,6 +214,10 @@ class PlaybackSession:
                 break
         return ""
 
+    def _wait_for(self, sentence: str) -> None:
+        if self._interlock.enter(rig_pb2.RIG_MODE_WAITING, awaited=sentence):
+            self._report_state()
+
     def _report(self, call: Call, run: str, sentence: str, fraction: float | None) -> None:
         if fraction is not None:
             self._interlock.fraction = fraction
@@ -202,6 +232,12 @@ class PlaybackSession:
 
     def _watch(self, block: Block) -> str:
         """Return what a watchdog found, for which the run has to end; a run that cannot be stopped latches only."""
+        for monitor in tuple(self._unwarned):
+            if (crossed := monitor.first_trip(block)) is not None:
+                self._unwarned.remove(monitor)
+                sentence = f"{crossed.sentence[:1].upper()}{crossed.sentence[1:]}."
+                self._warnings.append(sentence)
+                self._log.warning("warning level crossed", channel=crossed.watchdog.name, what=sentence)
         trip = self._monitor.first_trip(block)
         if trip is None:
             return ""

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from duralab_bus import FaultError
 from duralab_gateway.motion import Approach, DrivePlayback, FollowedDrive, Source, Watchdog
 from duralab_proto.v1 import rig_pb2
 
@@ -35,6 +36,8 @@ class Run:
         Sends a sentence of progress to the commander, and the share of the drive that is played where it is known.
     stopping : callable
         Given a time in s, waits so long for a stop; returns whether one came.
+    waiting : callable
+        Publishes as the rig's state what the run waits for.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class Run:
         real_time: bool = False,
         report: Callable[[str, float | None], None] = lambda _sentence, _fraction: None,
         stopping: Callable[[float], bool] = lambda _seconds: False,
+        waiting: Callable[[str], None] = lambda _sentence: None,
     ) -> None:
         self.name = name
         self.seed = seed
@@ -52,6 +56,7 @@ class Run:
         self.phase = Phase.SETTLING
         self._report = report
         self._stopping = stopping
+        self._waiting = waiting
 
     def report(self, sentence: str, fraction: float | None = None) -> None:
         """Tell people what the rig does, e.g. "waiting for the operator to press start".
@@ -65,6 +70,17 @@ class Run:
         """
         self._report(sentence, None if fraction is None else min(max(fraction, 0.0), 1.0))
 
+    def wait_for(self, sentence: str) -> None:
+        """Say in the rig's state and to the commander what the run waits for, and that it still does.
+
+        Parameters
+        ----------
+        sentence : str
+            E.g. "the response file run_3.rsp".
+        """
+        self._waiting(sentence)
+        self.report(f"waiting for {sentence}")
+
     @property
     def stopped(self) -> bool:
         """Whether `play` has to end early: somebody stopped the rig, or nobody waits for the run any more.
@@ -76,6 +92,10 @@ class Run:
     def wait_for_stop(self, seconds: float) -> bool:
         """Wait for at most so long, in s; return at once, and whether, the run is to end."""
         return self.phase is not Phase.RAMPING_DOWN and self._stopping(seconds)
+
+
+class RunEndedError(FaultError):
+    """A run that ended before anything moved here: its commander gets the fault, and the rig does not latch."""
 
 
 class Rig(Protocol):
@@ -94,7 +114,8 @@ class Rig(Protocol):
             Names, channels, units and hard limits, sample rate in Hz, longest drive in s. A `watchdog` of a response is
             watched. `static_response` is zero, `block_samples` a tenth of a second, and `content_hash` that of the
             description where they are not given. `publishes_after_run` makes the gateway give the whole drive to one
-            call of `play`; `cannot_be_stopped` makes a run go on to its end.
+            call of `play`; `cannot_be_stopped` makes a run go on to its end. Campaigns wait for a person before their
+            first playback unless it states `simulated`.
         """
         ...
 
@@ -184,6 +205,15 @@ class ShowsFrames(Protocol):
 
     def frames(self) -> np.ndarray:
         """Return (bodies, 12), in the order of the description: rotation row by row, then the origin in m."""
+        ...
+
+
+@runtime_checkable
+class KnowsMore(Protocol):
+    """A playback that adds to its answer, once its blocks are published."""
+
+    def complete(self, result: rig_pb2.PlayResult) -> None:
+        """Add what only this playback knows."""
         ...
 
 

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from datetime import date
 from typing import Final, NoReturn
 
 import numpy as np
 import structlog
 
 from duralab_bus import Bus, Call, FaultError, Metrics, SpoolFullError, SpoolSpace
+from duralab_gateway.channels import ChannelTable
 from duralab_gateway.description import check_drive
+from duralab_gateway.equipped_rig import EquippedRig
 from duralab_gateway.interlock import Interlock
 from duralab_gateway.motion import RigFaultError
 from duralab_gateway.playback_session import PlaybackSession
-from duralab_gateway.rig import KnowsItsFrf, PlaybackRig, StepwiseRig
+from duralab_gateway.rig import KnowsItsFrf, PlaybackRig
 from duralab_proto.arrays import from_array, from_record, to_array
+from duralab_proto.channels import overdue_calibrations
 from duralab_proto.keys import KeyNameError, check_run
 from duralab_proto.v1 import query_pb2, rig_pb2
 
@@ -116,6 +120,13 @@ class RigServer:
         How long a simulation waits for room there, in s.
     real_time : bool
         Play every drive in real time, whatever its request says.
+    channels : ChannelTable
+        Sensors and calculated channels that are added to the responses.
+
+    Raises
+    ------
+    ConfigError
+        The table does not fit the rig, or a sensor in its description cannot be; one sentence.
     """
 
     def __init__(
@@ -126,12 +137,15 @@ class RigServer:
         *,
         spool_wait_seconds: float,
         real_time: bool = False,
+        channels: ChannelTable = ChannelTable(),  # noqa: B008 - frozen
     ) -> None:
-        self._rig = rig
+        self._rig = rig = EquippedRig(rig, channels)
         self._real_time = real_time
         self._description = rig.describe()
         self.name = self._description.rig
         self._log = structlog.get_logger(SERVICE).bind(rig=self.name)
+        for sentence in overdue_calibrations(self._description.responses, today=date.today()):
+            self._log.warning("calibration overdue", what=sentence)
         self._interlock = Interlock(self.name)
         self._metrics = RigMetrics(bus.metrics, self.name, self._interlock.state)
         self._publishing = threading.Lock()
@@ -161,8 +175,7 @@ class RigServer:
         self._trip("the service ends")
 
     def _answer_frf(self, request: rig_pb2.RigFrfRequest, _call: Call) -> rig_pb2.RigFrf:
-        knowing = self._rig.rig if isinstance(self._rig, StepwiseRig) else self._rig
-        return answer_frf(knowing, self._description, request)
+        return answer_frf(self._rig.knowing, self._description, request)
 
     def _play(self, request: rig_pb2.PlayRequest, call: Call) -> rig_pb2.PlayResult:
         try:

@@ -64,9 +64,12 @@ class Client:
     def ask(self, key, request, answer=rig_pb2.RigState, **options):
         return self.bus.query(key(self.name), request, answer, **options)
 
-    def play(self, run, drive, *, real_time=False, **options):
+    def request(self, run, drive, *, real_time=False):
         record = to_record(list(self.told.drives), RATE, drive)
-        request = rig_pb2.PlayRequest(run=run, drive=record, real_time=real_time, seed=3)
+        return rig_pb2.PlayRequest(run=run, drive=record, real_time=real_time, seed=3)
+
+    def play(self, run, drive, *, real_time=False, **options):
+        request = self.request(run, drive, real_time=real_time)
         result = self.ask(self.bus.keys.rig_play, request, rig_pb2.PlayResult, **options)
         return from_record(result.response)[2]
 

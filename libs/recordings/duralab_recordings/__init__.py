@@ -48,6 +48,7 @@ from duralab_recordings.windows import (
     hash_of_blocks,
     played_epochs,
     response_in_band,
+    target_of,
 )
 
 __all__ = [
@@ -88,6 +89,7 @@ __all__ = [
     "reason_of",
     "response_in_band",
     "scan",
+    "target_of",
     "unreadable",
     "within_contract",
 ]

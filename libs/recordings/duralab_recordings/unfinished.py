@@ -9,6 +9,7 @@ import errno
 import os
 import stat
 import struct
+import sys
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -370,6 +371,9 @@ def _chunk_heads(stream: IO[bytes], start: int) -> Iterator[tuple[int, int]]:
 
 def _next_data(stream: IO[bytes], start: int) -> int | None:
     """Return the position of the next stored byte from `start` on; None where only a hole follows."""
+    if sys.platform == "win32":
+        # Nothing says where its holes are: they are read, as zeros.
+        return start if start < os.fstat(stream.fileno()).st_size else None
     descriptor = stream.fileno()
     # The stream's buffer counts on where its descriptor stands.
     before = os.lseek(descriptor, 0, os.SEEK_CUR)

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from mcap.exceptions import McapError
 
-from duralab_proto.arrays import SamplesHash, from_array, samples_hash
+from duralab_proto.arrays import ArrayError, SamplesHash, from_array, samples_hash
 from duralab_proto.keys import rig_of
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
 from duralab_recordings.damage import MissingSamplesError, RecordingError, reading, within_contract
@@ -422,6 +422,36 @@ def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int,
             return reached, block.first_sample
         reached = block.first_sample + block.response.shape[-1]
     return (reached, last) if reached < last else None
+
+
+def target_of(
+    step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, targets: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the target that a playback was judged against.
+
+    Parameters
+    ----------
+    step : IterationStep or ConfirmationStep
+        Of the playback.
+    targets : sequence of ndarray, shape (responses, samples)
+        The recording's targets, one for each control band, in order.
+
+    Returns
+    -------
+    ndarray, shape (responses, samples)
+        One of them.
+
+    Raises
+    ------
+    ArrayError
+        The step names a target that the recording does not hold.
+    """
+    if step.judged_target >= len(targets):
+        raise ArrayError(
+            f"judged_target is {step.judged_target} and the recording holds {len(targets)} targets",
+            field="judged_target",
+        )
+    return targets[step.judged_target]
 
 
 def response_in_band(

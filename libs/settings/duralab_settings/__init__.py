@@ -18,6 +18,7 @@ from duralab_settings.excitation import (
     TabulatedSpectrum,
     WhitePinkSpectrum,
 )
+from duralab_settings.hold import Decision, DecisionKind, HoldPoint, HoldSettings
 from duralab_settings.iteration import (
     Acceptance,
     ControlBandSettings,
@@ -36,21 +37,26 @@ from duralab_settings.iteration import (
     UpdateSection,
 )
 from duralab_settings.old_keys import new_key, remarks_on, with_new_keys
+from duralab_settings.portable_files import OPEN_BINARY, lock_file
 from duralab_settings.regular_files import open_regular, read_regular, require_regular
 from duralab_settings.section import Section
 from duralab_settings.strict_yaml import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
+from duralab_settings.units import UnitError, base_unit, unit_conversion
 from duralab_settings.validation import Explanation, explain_validation
 from duralab_settings.values import Gain, MisfitError, NotNegative, Positive, Range, Seed, SettingsError, per_channel
 from duralab_settings.wording import explained
 
 __all__ = [
     "LARGEST_TEXT",
+    "OPEN_BINARY",
     "Acceptance",
     "BlockSettings",
     "ControlBandSettings",
     "CorrectionPrediction",
     "CorrectionShape",
     "DamageExponent",
+    "Decision",
+    "DecisionKind",
     "DriveMapSettings",
     "DriveSpectrum",
     "EstimatorKind",
@@ -60,6 +66,8 @@ __all__ = [
     "Explanation",
     "Gain",
     "GainPoint",
+    "HoldPoint",
+    "HoldSettings",
     "LevelKind",
     "LimitPolicy",
     "MisfitError",
@@ -78,12 +86,15 @@ __all__ = [
     "Spectrum",
     "StopCriteria",
     "TabulatedSpectrum",
+    "UnitError",
     "UpdateKind",
     "UpdateSection",
     "WhitePinkSpectrum",
     "YamlError",
+    "base_unit",
     "explain_validation",
     "explained",
+    "lock_file",
     "new_key",
     "open_regular",
     "parse_yaml",
@@ -92,5 +103,6 @@ __all__ = [
     "read_yaml_text",
     "remarks_on",
     "require_regular",
+    "unit_conversion",
     "with_new_keys",
 ]

@@ -408,6 +408,11 @@ class PlaybackSettings(Section):
         description="Whether the rig plays in real time, as a rehearsal of a real one; left out: as fast as it can.",
     )
 
+    pre_test: Annotated[float | None, Field(gt=0, le=8760), Wire()] = Field(
+        default=None,
+        description="Age, in hours, up to which a passed pre-test of the rig counts; left out: none is needed.",
+    )
+
     @model_validator(mode="after")
     def _check_levels(self) -> Self:
         if self.levels and (list(self.levels) != sorted(self.levels) or self.levels[-1] != 1.0):

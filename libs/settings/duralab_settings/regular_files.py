@@ -5,9 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 from io import BufferedReader
 from pathlib import Path
 from typing import Final
+
+from duralab_settings.portable_files import OPEN_BINARY
 
 _KINDS: Final = {
     stat.S_IFIFO: "a FIFO",
@@ -60,8 +63,10 @@ def open_regular(path: Path) -> BufferedReader:
     """
     # Looked at before it is opened: opening a FIFO for a moment would already disturb who writes into it.
     require_regular(path)
-    # And when it is open, for another file may have taken its name; O_NONBLOCK keeps that from waiting.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    # And when it is open, for another file may have taken its name; O_NONBLOCK keeps that from waiting. On Windows no
+    # file can be a FIFO.
+    without_waiting = OPEN_BINARY if sys.platform == "win32" else os.O_NONBLOCK
+    descriptor = os.open(path, os.O_RDONLY | without_waiting)
     try:
         _checked(path, os.fstat(descriptor))
     except OSError:

@@ -15,8 +15,12 @@ from duralab_settings import (
     Acceptance,
     ControlBandSettings,
     DamageExponent,
+    Decision,
+    DecisionKind,
     DriveMapSettings,
     EstimatorSettings,
+    HoldPoint,
+    HoldSettings,
     PlaybackSettings,
     ResolvedExcitation,
     ResolvedUpdate,
@@ -42,11 +46,16 @@ WHOLE = {
     DriveMapSettings: iterator_pb2.DriveMapSettings,
     StopCriteria: iterator_pb2.StopCriteria,
     Acceptance: iterator_pb2.Acceptance,
+    HoldSettings: iterator_pb2.HoldSettings,
 }
 """Models whose messages hold nothing else."""
-PARTS = {PlaybackSettings: iterator_pb2.CampaignSpec, ControlBandSettings: iterator_pb2.CampaignSpec}
-NO_SETTINGS = {"Record", "Array", "TargetStep", "DriveMapRequest"}
-"""Messages in a specification that hold signals and what was done with them, or figures of another service."""
+PARTS = {
+    PlaybackSettings: iterator_pb2.CampaignSpec,
+    ControlBandSettings: iterator_pb2.CampaignSpec,
+    Decision: iterator_pb2.Decision,
+}
+NO_SETTINGS = {"Record", "Array", "TargetStep", "DriveMapRequest", "KnownBefore"}
+"""Messages in a specification that hold signals and what was done with them, or figures that were found before."""
 
 PINK = {"lowest_frequency": 1.0, "highest_frequency": 50.0, "corner_frequency": 5.0, "decibels_per_octave": 3.0}
 
@@ -110,6 +119,8 @@ def values(annotation, metadata=()):
         return instances(annotation)
     if annotation is bool:
         return st.booleans()
+    if annotation is str:
+        return st.text("AZ az09_", min_size=1, max_size=20).filter(str.strip)
     if annotation is int:
         step = bounds["multipleof"].multiple_of if "multipleof" in bounds else 1
         least = -(-bounds["ge"].ge // step)
@@ -182,6 +193,17 @@ def consistent(model, found, draw):
         band = draw(bands())
         found |= {"lowest_frequency": band["lowest_frequency"], "highest_frequency": band["highest_frequency"]}
         found["lower_flank"] = draw(st.none() | st.just(band["lowest_frequency"] / 2))
+    if model is HoldSettings:
+        bounds = ("predicted_peak", "predicted_damage")
+        if found["when"] is not HoldPoint.PREDICTED:
+            found |= dict.fromkeys(bounds)
+        elif all(found[key] is None for key in bounds):
+            found["predicted_peak"] = 1.2
+    if model is Decision:
+        changes = found["kind"] is DecisionKind.CHANGE
+        found |= {"update": draw(instances(ResolvedUpdate)) if changes else None}
+        found |= {} if changes else {"control_band": None, "scenario": ""}
+        found["from_iteration"] = 3 if found["kind"] is DecisionKind.BACK else 0
     return found
 
 

@@ -24,21 +24,27 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16\x64uralab/v1/array.proto\x12\nduralab.v1\"S\n\x05\x41rray\x12-\n\x0c\x65lement_type\x18\x01 \x01(\x0e\x32\x17.duralab.v1.ElementType\x12\r\n\x05shape\x18\x02 \x03(\x04\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\"\xcd\x01\n\x07\x43hannel\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04unit\x18\x02 \x01(\t\x12%\n\x04kind\x18\x03 \x01(\x0e\x32\x17.duralab.v1.ChannelKind\x12\x0f\n\x07minimum\x18\x04 \x01(\x01\x12\x0f\n\x07maximum\x18\x05 \x01(\x01\x12\x12\n\nslew_limit\x18\x06 \x01(\x01\x12\r\n\x05label\x18\x07 \x01(\t\x12\x10\n\x08watchdog\x18\x08 \x01(\x01\x12\x14\n\x0cholds_static\x18\x30 \x01(\x08\x12\x12\n\nac_coupled\x18\x31 \x01(\x08\"h\n\x06Record\x12%\n\x08\x63hannels\x18\x01 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x02 \x01(\x01\x12\"\n\x07samples\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*\x94\x01\n\x0b\x45lementType\x12\x1c\n\x18\x45LEMENT_TYPE_UNSPECIFIED\x10\x00\x12\x18\n\x14\x45LEMENT_TYPE_FLOAT64\x10\x01\x12\x18\n\x14\x45LEMENT_TYPE_FLOAT32\x10\x02\x12\x1b\n\x17\x45LEMENT_TYPE_COMPLEX128\x10\x03\x12\x16\n\x12\x45LEMENT_TYPE_INT64\x10\x04*\xe8\x01\n\x0b\x43hannelKind\x12\x1c\n\x18\x43HANNEL_KIND_UNSPECIFIED\x10\x00\x12\x1d\n\x19\x43HANNEL_KIND_DISPLACEMENT\x10\x01\x12\x16\n\x12\x43HANNEL_KIND_FORCE\x10\x02\x12\x17\n\x13\x43HANNEL_KIND_MOMENT\x10\x03\x12\x1d\n\x19\x43HANNEL_KIND_ACCELERATION\x10\x04\x12\x19\n\x15\x43HANNEL_KIND_PRESSURE\x10\x05\x12\x16\n\x12\x43HANNEL_KIND_RATIO\x10\x06\x12\x19\n\x15\x43HANNEL_KIND_VELOCITY\x10\x07\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16\x64uralab/v1/array.proto\x12\nduralab.v1\"S\n\x05\x41rray\x12-\n\x0c\x65lement_type\x18\x01 \x01(\x0e\x32\x17.duralab.v1.ElementType\x12\r\n\x05shape\x18\x02 \x03(\x04\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\"\x86\x02\n\x06Sensor\x12\x15\n\rserial_number\x18\x01 \x01(\t\x12\x13\n\x0bsensitivity\x18\x02 \x01(\x01\x12\x18\n\x10sensitivity_unit\x18\x03 \x01(\t\x12\x18\n\x10\x63\x61libration_date\x18\x04 \x01(\t\x12\x17\n\x0f\x63\x61libration_due\x18\x05 \x01(\t\x12\x0f\n\x07minimum\x18\x06 \x01(\x01\x12\x0f\n\x07maximum\x18\x07 \x01(\x01\x12&\n\x08polarity\x18\x08 \x01(\x0e\x32\x14.duralab.v1.Polarity\x12\x15\n\rwarning_level\x18\t \x01(\x01\x12\x13\n\x0b\x61\x62ort_level\x18\n \x01(\x01\x12\r\n\x05\x64rive\x18\x0b \x01(\t\"1\n\x0e\x43\x61lculatedTerm\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\t\x12\x0e\n\x06weight\x18\x02 \x01(\x01\"\xa1\x02\n\x07\x43hannel\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04unit\x18\x02 \x01(\t\x12%\n\x04kind\x18\x03 \x01(\x0e\x32\x17.duralab.v1.ChannelKind\x12\x0f\n\x07minimum\x18\x04 \x01(\x01\x12\x0f\n\x07maximum\x18\x05 \x01(\x01\x12\x12\n\nslew_limit\x18\x06 \x01(\x01\x12\r\n\x05label\x18\x07 \x01(\t\x12\x10\n\x08watchdog\x18\x08 \x01(\x01\x12\"\n\x06sensor\x18\t \x01(\x0b\x32\x12.duralab.v1.Sensor\x12.\n\ncalculated\x18\n \x03(\x0b\x32\x1a.duralab.v1.CalculatedTerm\x12\x14\n\x0cholds_static\x18\x30 \x01(\x08\x12\x12\n\nac_coupled\x18\x31 \x01(\x08\"h\n\x06Record\x12%\n\x08\x63hannels\x18\x01 \x03(\x0b\x32\x13.duralab.v1.Channel\x12\x13\n\x0bsample_rate\x18\x02 \x01(\x01\x12\"\n\x07samples\x18\x03 \x01(\x0b\x32\x11.duralab.v1.Array*\x94\x01\n\x0b\x45lementType\x12\x1c\n\x18\x45LEMENT_TYPE_UNSPECIFIED\x10\x00\x12\x18\n\x14\x45LEMENT_TYPE_FLOAT64\x10\x01\x12\x18\n\x14\x45LEMENT_TYPE_FLOAT32\x10\x02\x12\x1b\n\x17\x45LEMENT_TYPE_COMPLEX128\x10\x03\x12\x16\n\x12\x45LEMENT_TYPE_INT64\x10\x04*\xcd\x02\n\x0b\x43hannelKind\x12\x1c\n\x18\x43HANNEL_KIND_UNSPECIFIED\x10\x00\x12\x1d\n\x19\x43HANNEL_KIND_DISPLACEMENT\x10\x01\x12\x16\n\x12\x43HANNEL_KIND_FORCE\x10\x02\x12\x17\n\x13\x43HANNEL_KIND_MOMENT\x10\x03\x12\x1d\n\x19\x43HANNEL_KIND_ACCELERATION\x10\x04\x12\x19\n\x15\x43HANNEL_KIND_PRESSURE\x10\x05\x12\x16\n\x12\x43HANNEL_KIND_RATIO\x10\x06\x12\x19\n\x15\x43HANNEL_KIND_VELOCITY\x10\x07\x12\x17\n\x13\x43HANNEL_KIND_STRAIN\x10\x08\x12\x16\n\x12\x43HANNEL_KIND_ANGLE\x10\t\x12\x18\n\x14\x43HANNEL_KIND_VOLTAGE\x10\n\x12\x18\n\x14\x43HANNEL_KIND_CURRENT\x10\x0b*R\n\x08Polarity\x12\x18\n\x14POLARITY_UNSPECIFIED\x10\x00\x12\x15\n\x11POLARITY_POSITIVE\x10\x01\x12\x15\n\x11POLARITY_NEGATIVE\x10\x02\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'duralab.v1.array_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_ELEMENTTYPE']._serialized_start=438
-  _globals['_ELEMENTTYPE']._serialized_end=586
-  _globals['_CHANNELKIND']._serialized_start=589
-  _globals['_CHANNELKIND']._serialized_end=821
+  _globals['_ELEMENTTYPE']._serialized_start=838
+  _globals['_ELEMENTTYPE']._serialized_end=986
+  _globals['_CHANNELKIND']._serialized_start=989
+  _globals['_CHANNELKIND']._serialized_end=1322
+  _globals['_POLARITY']._serialized_start=1324
+  _globals['_POLARITY']._serialized_end=1406
   _globals['_ARRAY']._serialized_start=38
   _globals['_ARRAY']._serialized_end=121
-  _globals['_CHANNEL']._serialized_start=124
-  _globals['_CHANNEL']._serialized_end=329
-  _globals['_RECORD']._serialized_start=331
-  _globals['_RECORD']._serialized_end=435
+  _globals['_SENSOR']._serialized_start=124
+  _globals['_SENSOR']._serialized_end=386
+  _globals['_CALCULATEDTERM']._serialized_start=388
+  _globals['_CALCULATEDTERM']._serialized_end=437
+  _globals['_CHANNEL']._serialized_start=440
+  _globals['_CHANNEL']._serialized_end=729
+  _globals['_RECORD']._serialized_start=731
+  _globals['_RECORD']._serialized_end=835
 # @@protoc_insertion_point(module_scope)

@@ -36,6 +36,14 @@ class LimitPolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     LIMIT_POLICY_REFUSE: _ClassVar[LimitPolicy]
     LIMIT_POLICY_PROJECT: _ClassVar[LimitPolicy]
 
+class HoldPoint(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    HOLD_POINT_UNSPECIFIED: _ClassVar[HoldPoint]
+    HOLD_POINT_NEVER: _ClassVar[HoldPoint]
+    HOLD_POINT_FIRST: _ClassVar[HoldPoint]
+    HOLD_POINT_EACH: _ClassVar[HoldPoint]
+    HOLD_POINT_PREDICTED: _ClassVar[HoldPoint]
+
 class CampaignPhase(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     CAMPAIGN_PHASE_UNSPECIFIED: _ClassVar[CampaignPhase]
@@ -57,6 +65,36 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_DAMAGE_BUDGET_USED: _ClassVar[Outcome]
     OUTCOME_RESPONSE_STOOD_STILL: _ClassVar[Outcome]
     OUTCOME_BOUND_PASSED: _ClassVar[Outcome]
+    OUTCOME_ENDED_AT_HOLD_POINT: _ClassVar[Outcome]
+
+class DecisionKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DECISION_KIND_UNSPECIFIED: _ClassVar[DecisionKind]
+    DECISION_KIND_PLAY: _ClassVar[DecisionKind]
+    DECISION_KIND_CHANGE: _ClassVar[DecisionKind]
+    DECISION_KIND_BACK: _ClassVar[DecisionKind]
+    DECISION_KIND_END: _ClassVar[DecisionKind]
+
+class PreTestVerdict(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PRE_TEST_VERDICT_UNSPECIFIED: _ClassVar[PreTestVerdict]
+    PRE_TEST_VERDICT_PASSED: _ClassVar[PreTestVerdict]
+    PRE_TEST_VERDICT_FAILED: _ClassVar[PreTestVerdict]
+    PRE_TEST_VERDICT_UNFINISHED: _ClassVar[PreTestVerdict]
+
+class PreTestCheck(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PRE_TEST_CHECK_UNSPECIFIED: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_CALIBRATION: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_NOISE: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_OFFSET: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_SATURATION: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_DEAD: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_POLARITY: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_SWAPPED: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_CROSS_TALK: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_LAG: _ClassVar[PreTestCheck]
+    PRE_TEST_CHECK_GAIN: _ClassVar[PreTestCheck]
 UPDATE_KIND_UNSPECIFIED: UpdateKind
 UPDATE_KIND_BASIC_TWR: UpdateKind
 UPDATE_KIND_ADAPTIVE_MODELLING: UpdateKind
@@ -70,6 +108,11 @@ CORRECTION_SHAPE_FULL: CorrectionShape
 LIMIT_POLICY_UNSPECIFIED: LimitPolicy
 LIMIT_POLICY_REFUSE: LimitPolicy
 LIMIT_POLICY_PROJECT: LimitPolicy
+HOLD_POINT_UNSPECIFIED: HoldPoint
+HOLD_POINT_NEVER: HoldPoint
+HOLD_POINT_FIRST: HoldPoint
+HOLD_POINT_EACH: HoldPoint
+HOLD_POINT_PREDICTED: HoldPoint
 CAMPAIGN_PHASE_UNSPECIFIED: CampaignPhase
 CAMPAIGN_PHASE_CHECKING: CampaignPhase
 CAMPAIGN_PHASE_IDENTIFYING: CampaignPhase
@@ -86,6 +129,27 @@ OUTCOME_NO_IMPROVEMENT: Outcome
 OUTCOME_DAMAGE_BUDGET_USED: Outcome
 OUTCOME_RESPONSE_STOOD_STILL: Outcome
 OUTCOME_BOUND_PASSED: Outcome
+OUTCOME_ENDED_AT_HOLD_POINT: Outcome
+DECISION_KIND_UNSPECIFIED: DecisionKind
+DECISION_KIND_PLAY: DecisionKind
+DECISION_KIND_CHANGE: DecisionKind
+DECISION_KIND_BACK: DecisionKind
+DECISION_KIND_END: DecisionKind
+PRE_TEST_VERDICT_UNSPECIFIED: PreTestVerdict
+PRE_TEST_VERDICT_PASSED: PreTestVerdict
+PRE_TEST_VERDICT_FAILED: PreTestVerdict
+PRE_TEST_VERDICT_UNFINISHED: PreTestVerdict
+PRE_TEST_CHECK_UNSPECIFIED: PreTestCheck
+PRE_TEST_CHECK_CALIBRATION: PreTestCheck
+PRE_TEST_CHECK_NOISE: PreTestCheck
+PRE_TEST_CHECK_OFFSET: PreTestCheck
+PRE_TEST_CHECK_SATURATION: PreTestCheck
+PRE_TEST_CHECK_DEAD: PreTestCheck
+PRE_TEST_CHECK_POLARITY: PreTestCheck
+PRE_TEST_CHECK_SWAPPED: PreTestCheck
+PRE_TEST_CHECK_CROSS_TALK: PreTestCheck
+PRE_TEST_CHECK_LAG: PreTestCheck
+PRE_TEST_CHECK_GAIN: PreTestCheck
 
 class SecantSettings(_message.Message):
     __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms")
@@ -183,6 +247,16 @@ class Acceptance(_message.Message):
     energy_outside_band: float
     def __init__(self, relative_rms_error: _Optional[float] = ..., peak_ratio: _Optional[_Iterable[float]] = ..., damage_ratio: _Optional[_Iterable[float]] = ..., damage_exponent: _Optional[float] = ..., energy_outside_band: _Optional[float] = ...) -> None: ...
 
+class HoldSettings(_message.Message):
+    __slots__ = ("when", "predicted_peak", "predicted_damage")
+    WHEN_FIELD_NUMBER: _ClassVar[int]
+    PREDICTED_PEAK_FIELD_NUMBER: _ClassVar[int]
+    PREDICTED_DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    when: HoldPoint
+    predicted_peak: float
+    predicted_damage: float
+    def __init__(self, when: _Optional[_Union[HoldPoint, str]] = ..., predicted_peak: _Optional[float] = ..., predicted_damage: _Optional[float] = ...) -> None: ...
+
 class TargetStepChannel(_message.Message):
     __slots__ = ("channel", "energy_removed", "spikes", "damage_kept", "source", "source_unit", "stated_unit", "factor", "peak_before", "rms_before", "peak_after", "rms_after")
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
@@ -241,8 +315,34 @@ class TargetStep(_message.Message):
     sections: _containers.RepeatedCompositeFieldContainer[TargetSection]
     def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ...) -> None: ...
 
+class FirstDrive(_message.Message):
+    __slots__ = ("drive", "response", "source")
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    drive: _array_pb2.Record
+    response: _array_pb2.Record
+    source: str
+    def __init__(self, drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., source: _Optional[str] = ...) -> None: ...
+
+class KnownBefore(_message.Message):
+    __slots__ = ("model", "model_source", "model_time", "largest_model_age", "learn_from", "first_drive")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    MODEL_SOURCE_FIELD_NUMBER: _ClassVar[int]
+    MODEL_TIME_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_MODEL_AGE_FIELD_NUMBER: _ClassVar[int]
+    LEARN_FROM_FIELD_NUMBER: _ClassVar[int]
+    FIRST_DRIVE_FIELD_NUMBER: _ClassVar[int]
+    model: _identifier_pb2.Model
+    model_source: str
+    model_time: int
+    largest_model_age: float
+    learn_from: _containers.RepeatedScalarFieldContainer[str]
+    first_drive: FirstDrive
+    def __init__(self, model: _Optional[_Union[_identifier_pb2.Model, _Mapping]] = ..., model_source: _Optional[str] = ..., model_time: _Optional[int] = ..., largest_model_age: _Optional[float] = ..., learn_from: _Optional[_Iterable[str]] = ..., first_drive: _Optional[_Union[FirstDrive, _Mapping]] = ...) -> None: ...
+
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time", "accept")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time", "accept", "pre_test", "hold", "known")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -269,6 +369,9 @@ class CampaignSpec(_message.Message):
     TARGET_STEPS_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
     ACCEPT_FIELD_NUMBER: _ClassVar[int]
+    PRE_TEST_FIELD_NUMBER: _ClassVar[int]
+    HOLD_FIELD_NUMBER: _ClassVar[int]
+    KNOWN_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     target: _array_pb2.Record
@@ -295,7 +398,10 @@ class CampaignSpec(_message.Message):
     target_steps: _containers.RepeatedCompositeFieldContainer[TargetStep]
     real_time: bool
     accept: Acceptance
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ...) -> None: ...
+    pre_test: float
+    hold: HoldSettings
+    known: KnownBefore
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ..., pre_test: _Optional[float] = ..., hold: _Optional[_Union[HoldSettings, _Mapping]] = ..., known: _Optional[_Union[KnownBefore, _Mapping]] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()
@@ -323,8 +429,100 @@ class ResumeCampaignRequest(_message.Message):
     accept: Acceptance
     def __init__(self, new_id: _Optional[str] = ..., from_iteration: _Optional[int] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., scenario: _Optional[str] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ...) -> None: ...
 
+class ProposedDrive(_message.Message):
+    __slots__ = ("channel", "peak", "slew", "range_share", "slew_share", "change")
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    PEAK_FIELD_NUMBER: _ClassVar[int]
+    SLEW_FIELD_NUMBER: _ClassVar[int]
+    RANGE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    SLEW_SHARE_FIELD_NUMBER: _ClassVar[int]
+    CHANGE_FIELD_NUMBER: _ClassVar[int]
+    channel: str
+    peak: float
+    slew: float
+    range_share: float
+    slew_share: float
+    change: float
+    def __init__(self, channel: _Optional[str] = ..., peak: _Optional[float] = ..., slew: _Optional[float] = ..., range_share: _Optional[float] = ..., slew_share: _Optional[float] = ..., change: _Optional[float] = ...) -> None: ...
+
+class ProposedResponse(_message.Message):
+    __slots__ = ("channel", "forecast")
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    FORECAST_FIELD_NUMBER: _ClassVar[int]
+    channel: str
+    forecast: ChannelForecast
+    def __init__(self, channel: _Optional[str] = ..., forecast: _Optional[_Union[ChannelForecast, _Mapping]] = ...) -> None: ...
+
+class Proposal(_message.Message):
+    __slots__ = ("number", "playback", "reason", "level", "follows", "drives", "responses", "overall_relative_rms_error", "remarks", "replaces", "refusal", "drive", "predicted_response", "scenario")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    PLAYBACK_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    FOLLOWS_FIELD_NUMBER: _ClassVar[int]
+    DRIVES_FIELD_NUMBER: _ClassVar[int]
+    RESPONSES_FIELD_NUMBER: _ClassVar[int]
+    OVERALL_RELATIVE_RMS_ERROR_FIELD_NUMBER: _ClassVar[int]
+    REMARKS_FIELD_NUMBER: _ClassVar[int]
+    REPLACES_FIELD_NUMBER: _ClassVar[int]
+    REFUSAL_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    PREDICTED_RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    playback: int
+    reason: str
+    level: float
+    follows: int
+    drives: _containers.RepeatedCompositeFieldContainer[ProposedDrive]
+    responses: _containers.RepeatedCompositeFieldContainer[ProposedResponse]
+    overall_relative_rms_error: float
+    remarks: _containers.RepeatedScalarFieldContainer[str]
+    replaces: int
+    refusal: str
+    drive: _array_pb2.Record
+    predicted_response: _array_pb2.Array
+    scenario: str
+    def __init__(self, number: _Optional[int] = ..., playback: _Optional[int] = ..., reason: _Optional[str] = ..., level: _Optional[float] = ..., follows: _Optional[int] = ..., drives: _Optional[_Iterable[_Union[ProposedDrive, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[ProposedResponse, _Mapping]]] = ..., overall_relative_rms_error: _Optional[float] = ..., remarks: _Optional[_Iterable[str]] = ..., replaces: _Optional[int] = ..., refusal: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., predicted_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., scenario: _Optional[str] = ...) -> None: ...
+
+class ControlBand(_message.Message):
+    __slots__ = ("lowest_frequency", "highest_frequency", "lower_flank", "upper_flank")
+    LOWEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    HIGHEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    LOWER_FLANK_FIELD_NUMBER: _ClassVar[int]
+    UPPER_FLANK_FIELD_NUMBER: _ClassVar[int]
+    lowest_frequency: float
+    highest_frequency: float
+    lower_flank: float
+    upper_flank: float
+    def __init__(self, lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ...) -> None: ...
+
+class Decision(_message.Message):
+    __slots__ = ("proposal", "kind", "name", "reason", "update", "control_band", "from_iteration", "scenario", "playback", "decided")
+    PROPOSAL_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    UPDATE_FIELD_NUMBER: _ClassVar[int]
+    CONTROL_BAND_FIELD_NUMBER: _ClassVar[int]
+    FROM_ITERATION_FIELD_NUMBER: _ClassVar[int]
+    SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    PLAYBACK_FIELD_NUMBER: _ClassVar[int]
+    DECIDED_FIELD_NUMBER: _ClassVar[int]
+    proposal: int
+    kind: DecisionKind
+    name: str
+    reason: str
+    update: UpdateSettings
+    control_band: ControlBand
+    from_iteration: int
+    scenario: str
+    playback: int
+    decided: int
+    def __init__(self, proposal: _Optional[int] = ..., kind: _Optional[_Union[DecisionKind, str]] = ..., name: _Optional[str] = ..., reason: _Optional[str] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., control_band: _Optional[_Union[ControlBand, _Mapping]] = ..., from_iteration: _Optional[int] = ..., scenario: _Optional[str] = ..., playback: _Optional[int] = ..., decided: _Optional[int] = ...) -> None: ...
+
 class CampaignStatus(_message.Message):
-    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations")
+    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations", "hold")
     ID_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
@@ -337,6 +535,7 @@ class CampaignStatus(_message.Message):
     REMARKS_FIELD_NUMBER: _ClassVar[int]
     REPEATABILITY_FIELD_NUMBER: _ClassVar[int]
     CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
+    HOLD_FIELD_NUMBER: _ClassVar[int]
     id: str
     phase: CampaignPhase
     activity: str
@@ -349,7 +548,8 @@ class CampaignStatus(_message.Message):
     remarks: _containers.RepeatedScalarFieldContainer[str]
     repeatability: Repeatability
     confirmations: _containers.RepeatedCompositeFieldContainer[IterationMetrics]
-    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ..., confirmations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ...) -> None: ...
+    hold: Proposal
+    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ..., confirmations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., hold: _Optional[_Union[Proposal, _Mapping]] = ...) -> None: ...
 
 class Repeatability(_message.Message):
     __slots__ = ("iteration", "playbacks", "channels")
@@ -432,7 +632,7 @@ class CampaignEvent(_message.Message):
     def __init__(self, status: _Optional[_Union[CampaignStatus, _Mapping]] = ...) -> None: ...
 
 class IterationStep(_message.Message):
-    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash", "error_in_band", "with_drive_map", "learned_drive_map")
+    __slots__ = ("iteration", "run", "drive", "response", "metrics", "actuators", "inverse_frf", "response_in_band", "level", "signal_epoch", "signal_blocks", "remarks", "samples_hash", "error_in_band", "with_drive_map", "learned_drive_map", "judged_target", "alignment")
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -449,6 +649,8 @@ class IterationStep(_message.Message):
     ERROR_IN_BAND_FIELD_NUMBER: _ClassVar[int]
     WITH_DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
     LEARNED_DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
+    JUDGED_TARGET_FIELD_NUMBER: _ClassVar[int]
+    ALIGNMENT_FIELD_NUMBER: _ClassVar[int]
     iteration: int
     run: str
     drive: _array_pb2.Record
@@ -465,10 +667,12 @@ class IterationStep(_message.Message):
     error_in_band: _array_pb2.Array
     with_drive_map: bool
     learned_drive_map: _identifier_pb2.DriveMap
-    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., with_drive_map: _Optional[bool] = ..., learned_drive_map: _Optional[_Union[_identifier_pb2.DriveMap, _Mapping]] = ...) -> None: ...
+    judged_target: int
+    alignment: _rig_pb2.Alignment
+    def __init__(self, iteration: _Optional[int] = ..., run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., inverse_frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., level: _Optional[float] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., with_drive_map: _Optional[bool] = ..., learned_drive_map: _Optional[_Union[_identifier_pb2.DriveMap, _Mapping]] = ..., judged_target: _Optional[int] = ..., alignment: _Optional[_Union[_rig_pb2.Alignment, _Mapping]] = ...) -> None: ...
 
 class ConfirmationStep(_message.Message):
-    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash", "error_in_band")
+    __slots__ = ("number", "run", "iteration", "response", "response_in_band", "metrics", "actuators", "signal_epoch", "signal_blocks", "samples_hash", "error_in_band", "judged_target", "alignment")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     ITERATION_FIELD_NUMBER: _ClassVar[int]
@@ -480,6 +684,8 @@ class ConfirmationStep(_message.Message):
     SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_HASH_FIELD_NUMBER: _ClassVar[int]
     ERROR_IN_BAND_FIELD_NUMBER: _ClassVar[int]
+    JUDGED_TARGET_FIELD_NUMBER: _ClassVar[int]
+    ALIGNMENT_FIELD_NUMBER: _ClassVar[int]
     number: int
     run: str
     iteration: int
@@ -491,10 +697,80 @@ class ConfirmationStep(_message.Message):
     signal_blocks: int
     samples_hash: str
     error_in_band: _array_pb2.Array
-    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    judged_target: int
+    alignment: _rig_pb2.Alignment
+    def __init__(self, number: _Optional[int] = ..., run: _Optional[str] = ..., iteration: _Optional[int] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., metrics: _Optional[_Union[IterationMetrics, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[_rig_pb2.ActuatorUse, _Mapping]]] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., samples_hash: _Optional[str] = ..., error_in_band: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., judged_target: _Optional[int] = ..., alignment: _Optional[_Union[_rig_pb2.Alignment, _Mapping]] = ...) -> None: ...
 
 class TargetInBand(_message.Message):
     __slots__ = ("samples",)
     SAMPLES_FIELD_NUMBER: _ClassVar[int]
     samples: _array_pb2.Array
     def __init__(self, samples: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+
+class PreTestRequest(_message.Message):
+    __slots__ = ("id", "rig", "level", "seed", "real_time")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    REAL_TIME_FIELD_NUMBER: _ClassVar[int]
+    id: str
+    rig: str
+    level: float
+    seed: int
+    real_time: bool
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., level: _Optional[float] = ..., seed: _Optional[int] = ..., real_time: _Optional[bool] = ...) -> None: ...
+
+class PreTestFinding(_message.Message):
+    __slots__ = ("check", "channels", "failed", "sentence")
+    CHECK_FIELD_NUMBER: _ClassVar[int]
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    FAILED_FIELD_NUMBER: _ClassVar[int]
+    SENTENCE_FIELD_NUMBER: _ClassVar[int]
+    check: PreTestCheck
+    channels: _containers.RepeatedScalarFieldContainer[str]
+    failed: bool
+    sentence: str
+    def __init__(self, check: _Optional[_Union[PreTestCheck, str]] = ..., channels: _Optional[_Iterable[str]] = ..., failed: _Optional[bool] = ..., sentence: _Optional[str] = ...) -> None: ...
+
+class PreTest(_message.Message):
+    __slots__ = ("id", "rig", "rig_content_hash", "verdict", "findings", "expectations", "drives", "responses", "sample_rate", "amplitude", "offset", "noise", "peak", "lag", "gain", "response", "run", "signal_epoch", "signal_blocks")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    RIG_FIELD_NUMBER: _ClassVar[int]
+    RIG_CONTENT_HASH_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_FIELD_NUMBER: _ClassVar[int]
+    FINDINGS_FIELD_NUMBER: _ClassVar[int]
+    EXPECTATIONS_FIELD_NUMBER: _ClassVar[int]
+    DRIVES_FIELD_NUMBER: _ClassVar[int]
+    RESPONSES_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_FIELD_NUMBER: _ClassVar[int]
+    AMPLITUDE_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    NOISE_FIELD_NUMBER: _ClassVar[int]
+    PEAK_FIELD_NUMBER: _ClassVar[int]
+    LAG_FIELD_NUMBER: _ClassVar[int]
+    GAIN_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_FIELD_NUMBER: _ClassVar[int]
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_BLOCKS_FIELD_NUMBER: _ClassVar[int]
+    id: str
+    rig: str
+    rig_content_hash: str
+    verdict: PreTestVerdict
+    findings: _containers.RepeatedCompositeFieldContainer[PreTestFinding]
+    expectations: _containers.RepeatedScalarFieldContainer[str]
+    drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
+    responses: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
+    sample_rate: float
+    amplitude: _array_pb2.Array
+    offset: _array_pb2.Array
+    noise: _array_pb2.Array
+    peak: _array_pb2.Array
+    lag: _array_pb2.Array
+    gain: _array_pb2.Array
+    response: _array_pb2.Array
+    run: str
+    signal_epoch: int
+    signal_blocks: int
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., rig_content_hash: _Optional[str] = ..., verdict: _Optional[_Union[PreTestVerdict, str]] = ..., findings: _Optional[_Iterable[_Union[PreTestFinding, _Mapping]]] = ..., expectations: _Optional[_Iterable[str]] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., amplitude: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., offset: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., noise: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., peak: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lag: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ...) -> None: ...

@@ -26,7 +26,7 @@ from duralab_proto.v1 import array_pb2 as duralab_dot_v1_dot_array__pb2
 from duralab_proto.v1 import iterator_pb2 as duralab_dot_v1_dot_iterator__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/recorder.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x19\x64uralab/v1/iterator.proto\"W\n\rCommitRequest\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c\"B\n\tCommitAck\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cpayload_hash\x18\x03 \x01(\t\"7\n\nRunPlanned\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\x0f\n\x07purpose\x18\x03 \x01(\t\"D\n\tRunPlayed\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\r\n\x05\x65poch\x18\x03 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x04 \x01(\x04\"!\n\x0fRecordingClosed\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\xae\x01\n\x15ListRecordingsRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x0e\n\x06target\x18\x02 \x01(\t\x12\x12\n\nbegun_from\x18\x03 \x01(\x04\x12\x14\n\x0c\x62\x65gun_before\x18\x04 \x01(\x04\x12(\n\x05phase\x18\x05 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x06 \x01(\x0e\x32\x13.duralab.v1.Outcome\">\n\rRecordingList\x12-\n\nrecordings\x18\x01 \x03(\x0b\x32\x19.duralab.v1.RecordingInfo\"\x12\n\x10RecordingRequest\"\xe6\x02\n\rRecordingInfo\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05steps\x18\x02 \x01(\x04\x12\r\n\x05\x62ytes\x18\x03 \x01(\x04\x12\x0e\n\x06\x63losed\x18\x04 \x01(\x08\x12\x15\n\rsignal_blocks\x18\x05 \x01(\x04\x12\x16\n\x0emissing_blocks\x18\x06 \x01(\x04\x12\x0c\n\x04\x66ile\x18\x07 \x01(\t\x12\x11\n\tfile_hash\x18\x08 \x01(\t\x12\r\n\x05\x65nded\x18\t \x01(\x08\x12\x0b\n\x03rig\x18\n \x01(\t\x12\x0e\n\x06target\x18\x0b \x01(\t\x12\r\n\x05\x62\x65gun\x18\x0c \x01(\x04\x12(\n\x05phase\x18\r \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x0e \x01(\x0e\x32\x13.duralab.v1.Outcome\x12(\n\x05\x66iles\x18\x0f \x03(\x0b\x32\x19.duralab.v1.RecordingFile\x12\x0f\n\x07waiting\x18\x10 \x01(\t\"?\n\rRecordingFile\x12\x0c\n\x04\x66ile\x18\x01 \x01(\t\x12\r\n\x05\x62ytes\x18\x02 \x01(\x04\x12\x11\n\tfile_hash\x18\x03 \x01(\t\"T\n\x14ReadRecordingRequest\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0e\n\x06length\x18\x02 \x01(\x04\x12\x0c\n\x04part\x18\x03 \x01(\t\x12\x0e\n\x06number\x18\x04 \x01(\r\"<\n\rRecordingPart\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12\r\n\x05total\x18\x03 \x01(\x04\"7\n\x10ReadStepsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\x04\x12\x14\n\x0cwith_samples\x18\x02 \x01(\x08\"\x8a\x01\n\x0cRecordedStep\x12\x0c\n\x04step\x18\x01 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x02 \x01(\t\x12\x0f\n\x07payload\x18\x03 \x01(\x0c\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\"G\n\rRecordedSteps\x12\'\n\x05steps\x18\x01 \x03(\x0b\x32\x18.duralab.v1.RecordedStep\x12\r\n\x05total\x18\x02 \x01(\x04\"[\n\x13SignalWindowRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_second\x18\x02 \x01(\x01\x12\x0f\n\x07seconds\x18\x03 \x01(\x01\x12\x10\n\x08\x63hannels\x18\x04 \x03(\t\"z\n\x0cSignalWindow\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\"\x18\n\x16VerifyRecordingRequest\"B\n\x0cVerifyResult\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05whole\x18\x02 \x01(\x08\x12\x10\n\x08\x66indings\x18\x03 \x03(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19\x64uralab/v1/recorder.proto\x12\nduralab.v1\x1a\x16\x64uralab/v1/array.proto\x1a\x19\x64uralab/v1/iterator.proto\"W\n\rCommitRequest\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c\"B\n\tCommitAck\x12\x11\n\trecording\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x04\x12\x14\n\x0cpayload_hash\x18\x03 \x01(\t\"I\n\nRunPlanned\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\x0f\n\x07purpose\x18\x03 \x01(\t\x12\x10\n\x08not_kept\x18\x04 \x01(\x08\"D\n\tRunPlayed\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x0b\n\x03rig\x18\x02 \x01(\t\x12\r\n\x05\x65poch\x18\x03 \x01(\x04\x12\x0e\n\x06\x62locks\x18\x04 \x01(\x04\"!\n\x0fRecordingClosed\x12\x0e\n\x06reason\x18\x01 \x01(\t\"\xae\x01\n\x15ListRecordingsRequest\x12\x0b\n\x03rig\x18\x01 \x01(\t\x12\x0e\n\x06target\x18\x02 \x01(\t\x12\x12\n\nbegun_from\x18\x03 \x01(\x04\x12\x14\n\x0c\x62\x65gun_before\x18\x04 \x01(\x04\x12(\n\x05phase\x18\x05 \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x06 \x01(\x0e\x32\x13.duralab.v1.Outcome\">\n\rRecordingList\x12-\n\nrecordings\x18\x01 \x03(\x0b\x32\x19.duralab.v1.RecordingInfo\"\x12\n\x10RecordingRequest\"\x94\x03\n\rRecordingInfo\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05steps\x18\x02 \x01(\x04\x12\r\n\x05\x62ytes\x18\x03 \x01(\x04\x12\x0e\n\x06\x63losed\x18\x04 \x01(\x08\x12\x15\n\rsignal_blocks\x18\x05 \x01(\x04\x12\x16\n\x0emissing_blocks\x18\x06 \x01(\x04\x12\x0c\n\x04\x66ile\x18\x07 \x01(\t\x12\x11\n\tfile_hash\x18\x08 \x01(\t\x12\r\n\x05\x65nded\x18\t \x01(\x08\x12\x0b\n\x03rig\x18\n \x01(\t\x12\x0e\n\x06target\x18\x0b \x01(\t\x12\r\n\x05\x62\x65gun\x18\x0c \x01(\x04\x12(\n\x05phase\x18\r \x01(\x0e\x32\x19.duralab.v1.CampaignPhase\x12$\n\x07outcome\x18\x0e \x01(\x0e\x32\x13.duralab.v1.Outcome\x12(\n\x05\x66iles\x18\x0f \x03(\x0b\x32\x19.duralab.v1.RecordingFile\x12\x0f\n\x07waiting\x18\x10 \x01(\t\x12,\n\x08pre_test\x18\x11 \x01(\x0e\x32\x1a.duralab.v1.PreTestVerdict\"?\n\rRecordingFile\x12\x0c\n\x04\x66ile\x18\x01 \x01(\t\x12\r\n\x05\x62ytes\x18\x02 \x01(\x04\x12\x11\n\tfile_hash\x18\x03 \x01(\t\"T\n\x14ReadRecordingRequest\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0e\n\x06length\x18\x02 \x01(\x04\x12\x0c\n\x04part\x18\x03 \x01(\t\x12\x0e\n\x06number\x18\x04 \x01(\r\"<\n\rRecordingPart\x12\x0e\n\x06offset\x18\x01 \x01(\x04\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12\r\n\x05total\x18\x03 \x01(\x04\"7\n\x10ReadStepsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\x04\x12\x14\n\x0cwith_samples\x18\x02 \x01(\x08\"\x8a\x01\n\x0cRecordedStep\x12\x0c\n\x04step\x18\x01 \x01(\x04\x12\x14\n\x0cmessage_type\x18\x02 \x01(\t\x12\x0f\n\x07payload\x18\x03 \x01(\x0c\x12 \n\x05\x64rive\x18\x04 \x01(\x0b\x32\x11.duralab.v1.Array\x12#\n\x08response\x18\x05 \x01(\x0b\x32\x11.duralab.v1.Array\"G\n\rRecordedSteps\x12\'\n\x05steps\x18\x01 \x03(\x0b\x32\x18.duralab.v1.RecordedStep\x12\r\n\x05total\x18\x02 \x01(\x04\"[\n\x13SignalWindowRequest\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_second\x18\x02 \x01(\x01\x12\x0f\n\x07seconds\x18\x03 \x01(\x01\x12\x10\n\x08\x63hannels\x18\x04 \x03(\t\"z\n\x0cSignalWindow\x12\x0b\n\x03run\x18\x01 \x01(\t\x12\x14\n\x0c\x66irst_sample\x18\x02 \x01(\x04\x12!\n\x05\x64rive\x18\x03 \x01(\x0b\x32\x12.duralab.v1.Record\x12$\n\x08response\x18\x04 \x01(\x0b\x32\x12.duralab.v1.Record\"\x18\n\x16VerifyRecordingRequest\"B\n\x0cVerifyResult\x12\x11\n\trecording\x18\x01 \x01(\t\x12\r\n\x05whole\x18\x02 \x01(\x08\x12\x10\n\x08\x66indings\x18\x03 \x03(\tb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -38,37 +38,37 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_COMMITACK']._serialized_start=181
   _globals['_COMMITACK']._serialized_end=247
   _globals['_RUNPLANNED']._serialized_start=249
-  _globals['_RUNPLANNED']._serialized_end=304
-  _globals['_RUNPLAYED']._serialized_start=306
-  _globals['_RUNPLAYED']._serialized_end=374
-  _globals['_RECORDINGCLOSED']._serialized_start=376
-  _globals['_RECORDINGCLOSED']._serialized_end=409
-  _globals['_LISTRECORDINGSREQUEST']._serialized_start=412
-  _globals['_LISTRECORDINGSREQUEST']._serialized_end=586
-  _globals['_RECORDINGLIST']._serialized_start=588
-  _globals['_RECORDINGLIST']._serialized_end=650
-  _globals['_RECORDINGREQUEST']._serialized_start=652
-  _globals['_RECORDINGREQUEST']._serialized_end=670
-  _globals['_RECORDINGINFO']._serialized_start=673
-  _globals['_RECORDINGINFO']._serialized_end=1031
-  _globals['_RECORDINGFILE']._serialized_start=1033
-  _globals['_RECORDINGFILE']._serialized_end=1096
-  _globals['_READRECORDINGREQUEST']._serialized_start=1098
-  _globals['_READRECORDINGREQUEST']._serialized_end=1182
-  _globals['_RECORDINGPART']._serialized_start=1184
-  _globals['_RECORDINGPART']._serialized_end=1244
-  _globals['_READSTEPSREQUEST']._serialized_start=1246
-  _globals['_READSTEPSREQUEST']._serialized_end=1301
-  _globals['_RECORDEDSTEP']._serialized_start=1304
-  _globals['_RECORDEDSTEP']._serialized_end=1442
-  _globals['_RECORDEDSTEPS']._serialized_start=1444
-  _globals['_RECORDEDSTEPS']._serialized_end=1515
-  _globals['_SIGNALWINDOWREQUEST']._serialized_start=1517
-  _globals['_SIGNALWINDOWREQUEST']._serialized_end=1608
-  _globals['_SIGNALWINDOW']._serialized_start=1610
-  _globals['_SIGNALWINDOW']._serialized_end=1732
-  _globals['_VERIFYRECORDINGREQUEST']._serialized_start=1734
-  _globals['_VERIFYRECORDINGREQUEST']._serialized_end=1758
-  _globals['_VERIFYRESULT']._serialized_start=1760
-  _globals['_VERIFYRESULT']._serialized_end=1826
+  _globals['_RUNPLANNED']._serialized_end=322
+  _globals['_RUNPLAYED']._serialized_start=324
+  _globals['_RUNPLAYED']._serialized_end=392
+  _globals['_RECORDINGCLOSED']._serialized_start=394
+  _globals['_RECORDINGCLOSED']._serialized_end=427
+  _globals['_LISTRECORDINGSREQUEST']._serialized_start=430
+  _globals['_LISTRECORDINGSREQUEST']._serialized_end=604
+  _globals['_RECORDINGLIST']._serialized_start=606
+  _globals['_RECORDINGLIST']._serialized_end=668
+  _globals['_RECORDINGREQUEST']._serialized_start=670
+  _globals['_RECORDINGREQUEST']._serialized_end=688
+  _globals['_RECORDINGINFO']._serialized_start=691
+  _globals['_RECORDINGINFO']._serialized_end=1095
+  _globals['_RECORDINGFILE']._serialized_start=1097
+  _globals['_RECORDINGFILE']._serialized_end=1160
+  _globals['_READRECORDINGREQUEST']._serialized_start=1162
+  _globals['_READRECORDINGREQUEST']._serialized_end=1246
+  _globals['_RECORDINGPART']._serialized_start=1248
+  _globals['_RECORDINGPART']._serialized_end=1308
+  _globals['_READSTEPSREQUEST']._serialized_start=1310
+  _globals['_READSTEPSREQUEST']._serialized_end=1365
+  _globals['_RECORDEDSTEP']._serialized_start=1368
+  _globals['_RECORDEDSTEP']._serialized_end=1506
+  _globals['_RECORDEDSTEPS']._serialized_start=1508
+  _globals['_RECORDEDSTEPS']._serialized_end=1579
+  _globals['_SIGNALWINDOWREQUEST']._serialized_start=1581
+  _globals['_SIGNALWINDOWREQUEST']._serialized_end=1672
+  _globals['_SIGNALWINDOW']._serialized_start=1674
+  _globals['_SIGNALWINDOW']._serialized_end=1796
+  _globals['_VERIFYRECORDINGREQUEST']._serialized_start=1798
+  _globals['_VERIFYRECORDINGREQUEST']._serialized_end=1822
+  _globals['_VERIFYRESULT']._serialized_start=1824
+  _globals['_VERIFYRESULT']._serialized_end=1890
 # @@protoc_insertion_point(module_scope)

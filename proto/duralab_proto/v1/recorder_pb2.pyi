@@ -31,14 +31,16 @@ class CommitAck(_message.Message):
     def __init__(self, recording: _Optional[str] = ..., step: _Optional[int] = ..., payload_hash: _Optional[str] = ...) -> None: ...
 
 class RunPlanned(_message.Message):
-    __slots__ = ("run", "rig", "purpose")
+    __slots__ = ("run", "rig", "purpose", "not_kept")
     RUN_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     PURPOSE_FIELD_NUMBER: _ClassVar[int]
+    NOT_KEPT_FIELD_NUMBER: _ClassVar[int]
     run: str
     rig: str
     purpose: str
-    def __init__(self, run: _Optional[str] = ..., rig: _Optional[str] = ..., purpose: _Optional[str] = ...) -> None: ...
+    not_kept: bool
+    def __init__(self, run: _Optional[str] = ..., rig: _Optional[str] = ..., purpose: _Optional[str] = ..., not_kept: _Optional[bool] = ...) -> None: ...
 
 class RunPlayed(_message.Message):
     __slots__ = ("run", "rig", "epoch", "blocks")
@@ -85,7 +87,7 @@ class RecordingRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class RecordingInfo(_message.Message):
-    __slots__ = ("recording", "steps", "bytes", "closed", "signal_blocks", "missing_blocks", "file", "file_hash", "ended", "rig", "target", "begun", "phase", "outcome", "files", "waiting")
+    __slots__ = ("recording", "steps", "bytes", "closed", "signal_blocks", "missing_blocks", "file", "file_hash", "ended", "rig", "target", "begun", "phase", "outcome", "files", "waiting", "pre_test")
     RECORDING_FIELD_NUMBER: _ClassVar[int]
     STEPS_FIELD_NUMBER: _ClassVar[int]
     BYTES_FIELD_NUMBER: _ClassVar[int]
@@ -102,6 +104,7 @@ class RecordingInfo(_message.Message):
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
     FILES_FIELD_NUMBER: _ClassVar[int]
     WAITING_FIELD_NUMBER: _ClassVar[int]
+    PRE_TEST_FIELD_NUMBER: _ClassVar[int]
     recording: str
     steps: int
     bytes: int
@@ -118,7 +121,8 @@ class RecordingInfo(_message.Message):
     outcome: _iterator_pb2.Outcome
     files: _containers.RepeatedCompositeFieldContainer[RecordingFile]
     waiting: str
-    def __init__(self, recording: _Optional[str] = ..., steps: _Optional[int] = ..., bytes: _Optional[int] = ..., closed: _Optional[bool] = ..., signal_blocks: _Optional[int] = ..., missing_blocks: _Optional[int] = ..., file: _Optional[str] = ..., file_hash: _Optional[str] = ..., ended: _Optional[bool] = ..., rig: _Optional[str] = ..., target: _Optional[str] = ..., begun: _Optional[int] = ..., phase: _Optional[_Union[_iterator_pb2.CampaignPhase, str]] = ..., outcome: _Optional[_Union[_iterator_pb2.Outcome, str]] = ..., files: _Optional[_Iterable[_Union[RecordingFile, _Mapping]]] = ..., waiting: _Optional[str] = ...) -> None: ...
+    pre_test: _iterator_pb2.PreTestVerdict
+    def __init__(self, recording: _Optional[str] = ..., steps: _Optional[int] = ..., bytes: _Optional[int] = ..., closed: _Optional[bool] = ..., signal_blocks: _Optional[int] = ..., missing_blocks: _Optional[int] = ..., file: _Optional[str] = ..., file_hash: _Optional[str] = ..., ended: _Optional[bool] = ..., rig: _Optional[str] = ..., target: _Optional[str] = ..., begun: _Optional[int] = ..., phase: _Optional[_Union[_iterator_pb2.CampaignPhase, str]] = ..., outcome: _Optional[_Union[_iterator_pb2.Outcome, str]] = ..., files: _Optional[_Iterable[_Union[RecordingFile, _Mapping]]] = ..., waiting: _Optional[str] = ..., pre_test: _Optional[_Union[_iterator_pb2.PreTestVerdict, str]] = ...) -> None: ...
 
 class RecordingFile(_message.Message):
     __slots__ = ("file", "bytes", "file_hash")

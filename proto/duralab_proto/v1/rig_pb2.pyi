@@ -32,6 +32,7 @@ class RigMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     RIG_MODE_PLAYING: _ClassVar[RigMode]
     RIG_MODE_INTERLOCKED: _ClassVar[RigMode]
     RIG_MODE_RAMPING_DOWN: _ClassVar[RigMode]
+    RIG_MODE_WAITING: _ClassVar[RigMode]
 SHAPE_ROLE_UNSPECIFIED: ShapeRole
 SHAPE_ROLE_SPECIMEN: ShapeRole
 SHAPE_ROLE_WHEEL: ShapeRole
@@ -48,13 +49,14 @@ RIG_MODE_SETTLING: RigMode
 RIG_MODE_PLAYING: RigMode
 RIG_MODE_INTERLOCKED: RigMode
 RIG_MODE_RAMPING_DOWN: RigMode
+RIG_MODE_WAITING: RigMode
 
 class DescriptionRequest(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
 
 class RigDescription(_message.Message):
-    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash", "shapes", "links", "rest_poses", "publishes_after_run", "cannot_be_stopped")
+    __slots__ = ("rig", "specimen", "engine", "version", "sample_rate", "drives", "responses", "longest_drive_seconds", "static_response", "block_samples", "bodies", "content_hash", "shapes", "links", "rest_poses", "publishes_after_run", "cannot_be_stopped", "simulated")
     RIG_FIELD_NUMBER: _ClassVar[int]
     SPECIMEN_FIELD_NUMBER: _ClassVar[int]
     ENGINE_FIELD_NUMBER: _ClassVar[int]
@@ -72,6 +74,7 @@ class RigDescription(_message.Message):
     REST_POSES_FIELD_NUMBER: _ClassVar[int]
     PUBLISHES_AFTER_RUN_FIELD_NUMBER: _ClassVar[int]
     CANNOT_BE_STOPPED_FIELD_NUMBER: _ClassVar[int]
+    SIMULATED_FIELD_NUMBER: _ClassVar[int]
     rig: str
     specimen: str
     engine: str
@@ -89,7 +92,8 @@ class RigDescription(_message.Message):
     rest_poses: _array_pb2.Array
     publishes_after_run: bool
     cannot_be_stopped: bool
-    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ..., shapes: _Optional[_Iterable[_Union[RigShape, _Mapping]]] = ..., links: _Optional[_Iterable[_Union[RigLink, _Mapping]]] = ..., rest_poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., publishes_after_run: _Optional[bool] = ..., cannot_be_stopped: _Optional[bool] = ...) -> None: ...
+    simulated: bool
+    def __init__(self, rig: _Optional[str] = ..., specimen: _Optional[str] = ..., engine: _Optional[str] = ..., version: _Optional[str] = ..., sample_rate: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., longest_drive_seconds: _Optional[float] = ..., static_response: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., block_samples: _Optional[int] = ..., bodies: _Optional[_Iterable[str]] = ..., content_hash: _Optional[str] = ..., shapes: _Optional[_Iterable[_Union[RigShape, _Mapping]]] = ..., links: _Optional[_Iterable[_Union[RigLink, _Mapping]]] = ..., rest_poses: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., publishes_after_run: _Optional[bool] = ..., cannot_be_stopped: _Optional[bool] = ..., simulated: _Optional[bool] = ...) -> None: ...
 
 class RigShape(_message.Message):
     __slots__ = ("name", "body", "role", "pose", "box", "cylinder", "sphere", "mesh")
@@ -190,20 +194,46 @@ class PlayRequest(_message.Message):
     def __init__(self, run: _Optional[str] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., seed: _Optional[int] = ..., real_time: _Optional[bool] = ...) -> None: ...
 
 class PlayResult(_message.Message):
-    __slots__ = ("run", "response", "actuators", "epoch", "blocks", "real_time_factor")
+    __slots__ = ("run", "response", "actuators", "epoch", "blocks", "real_time_factor", "warnings", "alignment")
     RUN_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_FIELD_NUMBER: _ClassVar[int]
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     BLOCKS_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    WARNINGS_FIELD_NUMBER: _ClassVar[int]
+    ALIGNMENT_FIELD_NUMBER: _ClassVar[int]
     run: str
     response: _array_pb2.Record
     actuators: _containers.RepeatedCompositeFieldContainer[ActuatorUse]
     epoch: int
     blocks: int
     real_time_factor: float
-    def __init__(self, run: _Optional[str] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[ActuatorUse, _Mapping]]] = ..., epoch: _Optional[int] = ..., blocks: _Optional[int] = ..., real_time_factor: _Optional[float] = ...) -> None: ...
+    warnings: _containers.RepeatedScalarFieldContainer[str]
+    alignment: Alignment
+    def __init__(self, run: _Optional[str] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., actuators: _Optional[_Iterable[_Union[ActuatorUse, _Mapping]]] = ..., epoch: _Optional[int] = ..., blocks: _Optional[int] = ..., real_time_factor: _Optional[float] = ..., warnings: _Optional[_Iterable[str]] = ..., alignment: _Optional[_Union[Alignment, _Mapping]] = ...) -> None: ...
+
+class Alignment(_message.Message):
+    __slots__ = ("lag", "drift", "commands")
+    LAG_FIELD_NUMBER: _ClassVar[int]
+    DRIFT_FIELD_NUMBER: _ClassVar[int]
+    COMMANDS_FIELD_NUMBER: _ClassVar[int]
+    lag: float
+    drift: float
+    commands: _containers.RepeatedCompositeFieldContainer[CommandFit]
+    def __init__(self, lag: _Optional[float] = ..., drift: _Optional[float] = ..., commands: _Optional[_Iterable[_Union[CommandFit, _Mapping]]] = ...) -> None: ...
+
+class CommandFit(_message.Message):
+    __slots__ = ("drive", "gain", "offset", "correlation")
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    GAIN_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    CORRELATION_FIELD_NUMBER: _ClassVar[int]
+    drive: str
+    gain: float
+    offset: float
+    correlation: float
+    def __init__(self, drive: _Optional[str] = ..., gain: _Optional[float] = ..., offset: _Optional[float] = ..., correlation: _Optional[float] = ...) -> None: ...
 
 class ActuatorUse(_message.Message):
     __slots__ = ("drive", "peak_command_ratio", "saturated_share", "largest_following_error", "largest_load_pressure_share", "lowest_supply_pressure")

@@ -88,9 +88,9 @@ class IdentifierService:
             "duralab_identifier_kept_models", "Models that can be asked for", lambda: {(): float(len(self._cache))}
         )
         keys = bus.keys
-        bus.serve(keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
+        bus.serve(keys.identify(ANY), identifier_pb2.IdentifyRequest, self.identify)
         bus.serve(keys.experiment_plan(), identifier_pb2.PlanRequest, self.plan)
-        bus.serve(keys.identify_levels(), identifier_pb2.LevelsRequest, self.levels)
+        bus.serve(keys.identify_levels(ANY), identifier_pb2.LevelsRequest, self.levels)
         bus.serve(keys.level_advice(), identifier_pb2.AdviceRequest, self.advice)
         bus.serve(keys.model(ANY), identifier_pb2.ModelRequest, self.model)
         bus.serve(keys.prediction(ANY), identifier_pb2.PredictRequest, self.prediction)
@@ -98,6 +98,7 @@ class IdentifierService:
 
     def identify(self, request: identifier_pb2.IdentifyRequest, call: Call) -> identifier_pb2.Model:
         """Run an experiment on a rig and answer with the model."""
+        call.require_rig(request.rig, field="rig")
         prepared = self._prepare(request, call)
         if request.check_only:
             plan = self._plan_of(prepared)
@@ -113,6 +114,7 @@ class IdentifierService:
 
     def levels(self, request: identifier_pb2.LevelsRequest, call: Call) -> identifier_pb2.LevelsResult:
         """Run one experiment at several levels and answer what changes."""
+        call.require_rig(request.identify.rig, field="identify.rig")
         with _invalid():
             series = level_series(request)
         with _within("identify"):

@@ -139,6 +139,15 @@ def test_a_model_is_read_back_with_its_map_and_predicts_with_it():
     np.testing.assert_array_equal(with_map[0], without[0])
 
 
+def test_a_drive_whose_products_are_too_large_for_a_number_is_refused():
+    model = from_message(to_message(model_with_map()))
+    huge = np.full((2, 2000), 1e200)
+    huge[:, 1::2] *= -1.0
+    request = identifier_pb2.PredictRequest(drive=to_record(model.drives, RATE, huge))
+    with pytest.raises(SettingsError, match=r"The drive reaches 1e\+200, .* too large for a number"):
+        predict(model, request)
+
+
 def test_a_model_whose_map_closes_a_cycle_is_refused():
     message = to_message(model_with_map())
     message.drive_map.terms[0].follower = 0

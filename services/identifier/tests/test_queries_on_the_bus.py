@@ -51,7 +51,7 @@ def request(run, **excitation):
 
 @pytest.fixture(scope="module")
 def model(bus):
-    return bus.query(bus.keys.identify(), request("queries.identify"), identifier_pb2.Model)
+    return bus.query(bus.keys.identify("linear"), request("queries.identify"), identifier_pb2.Model)
 
 
 def test_a_periodic_experiment_identifies_the_rig_and_tells_its_noise(model, linear_rig):
@@ -74,7 +74,7 @@ def test_a_plan_is_told_before_anything_moves_and_is_what_is_played(bus, model):
     assert plan.duration_seconds <= 30.0
     checked = request("queries.checked")
     checked.check_only = True
-    answer = bus.query(bus.keys.identify(), checked, identifier_pb2.Model)
+    answer = bus.query(bus.keys.identify(checked.rig), checked, identifier_pb2.Model)
     assert answer.plan == plan
     assert not answer.HasField("frf")
     wish.identify.excitation.rms.CopyFrom(to_array(np.array([0.005, 0.09])))
@@ -157,7 +157,9 @@ def test_levels_are_advised_from_a_target(bus, model, linear_rig):
     assert "limit" not in advice.sentences[0]
     # A linear rig: at this factor the same experiment does one pass in its worst response and less in the others.
     scaled = advice.one_pass_factor * np.array([0.005, 0.005])
-    again = bus.query(bus.keys.identify(), request("queries.one_pass", rms=to_array(scaled)), identifier_pb2.Model)
+    again = bus.query(
+        bus.keys.identify("linear"), request("queries.one_pass", rms=to_array(scaled)), identifier_pb2.Model
+    )
     band = (np.fft.rfftfreq(8000, 1.0 / linear_rig.SAMPLE_RATE) >= 2.0) & (
         np.fft.rfftfreq(8000, 1.0 / linear_rig.SAMPLE_RATE) <= 45.0
     )
@@ -175,7 +177,9 @@ def test_levels_are_advised_from_a_target(bus, model, linear_rig):
 def test_several_levels_are_compared(bus):
     wish = identifier_pb2.LevelsRequest(identify=request("queries.levels"), factors=to_array(np.array([2.0, 0.5])))
     progress = []
-    result = bus.query(bus.keys.identify_levels(), wish, identifier_pb2.LevelsResult, on_progress=progress.append)
+    result = bus.query(
+        bus.keys.identify_levels(wish.identify.rig), wish, identifier_pb2.LevelsResult, on_progress=progress.append
+    )
     assert [model.run for model in result.models] == ["queries.levels.l1", "queries.levels.l2"]
     levels = [from_array(model.excitation.rms)[0] for model in result.models]
     np.testing.assert_allclose(levels, [0.0025, 0.01])
@@ -189,5 +193,5 @@ def test_several_levels_are_compared(bus):
     for factors in ([1.0], [1.0, 1.0], [0.0, 1.0]):
         wish.factors.CopyFrom(to_array(np.array(factors)))
         with pytest.raises(FaultError, match="2 to 8 different ones greater than 0") as fault:
-            bus.query(bus.keys.identify_levels(), wish, identifier_pb2.LevelsResult)
+            bus.query(bus.keys.identify_levels(wish.identify.rig), wish, identifier_pb2.LevelsResult)
         assert fault.value.field == "factors"

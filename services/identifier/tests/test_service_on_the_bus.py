@@ -51,7 +51,7 @@ def request(run, *, rig="linear", seed=1, rms=(0.005, 0.005), seconds=60.0):
 
 
 def identify(bus, message, **more):
-    return bus.query(bus.keys.identify(), message, identifier_pb2.Model, **more)
+    return bus.query(bus.keys.identify(message.rig), message, identifier_pb2.Model, **more)
 
 
 @pytest.mark.usefixtures("lab")
@@ -122,6 +122,20 @@ def test_what_cannot_be_done_comes_back_as_one_fault(bus, message, code, field, 
     with pytest.raises(FaultError, match=text) as fault:
         identify(bus, message)
     assert (fault.value.code, fault.value.field) == (code, field)
+
+
+@pytest.mark.usefixtures("lab")
+def test_an_experiment_on_another_rig_than_its_key_names_is_refused(bus):
+    message, keys = request("a", rig="linear"), bus.keys
+    series = identifier_pb2.LevelsRequest(identify=message)
+    for key, asked, kind in (
+        (keys.identify("beam"), message, identifier_pb2.Model),
+        (keys.identify_levels("beam"), series, identifier_pb2.LevelsResult),
+    ):
+        with pytest.raises(FaultError, match="is that of rig 'beam'") as fault:
+            bus.query(key, asked, kind)
+        assert fault.value.code == query_pb2.FAULT_CODE_INVALID_ARGUMENT
+        assert fault.value.field.endswith("rig")
 
 
 def test_a_client_that_gives_up_frees_the_identifier_and_a_rig_that_dies_is_reported(bus, lab):

@@ -24,16 +24,7 @@ from iterator.assessment import (
     standstills,
 )
 from iterator.band import ControlBand, OutsideBand, Segment, control_band, energy_outside_band, segments_of
-from iterator.iteration_loop import (
-    CampaignResult,
-    CampaignSettings,
-    Iteration,
-    MapFromFirstPlayback,
-    Play,
-    RecordedPlayback,
-    iterate,
-    run_campaign,
-)
+from iterator.iteration_loop import Play, iterate, run_campaign
 from iterator.limits import (
     DriveLimitError,
     DriveLimits,
@@ -48,6 +39,7 @@ from iterator.limits import (
     unreachable_segments,
 )
 from iterator.model import IterationHistory, ModelUncertainty, Playback, RigModel, apply_inverse, predict, rig_model
+from iterator.playbacks import CampaignResult, CampaignSettings, Iteration, MapFromFirstPlayback, RecordedPlayback
 from iterator.updates import (
     UPDATES,
     AcceptanceSettings,

@@ -7,30 +7,34 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
 from types import TracebackType
 from typing import Final, Self
 
 import structlog
 
-from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError
+from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError, described_rig
+from duralab_proto.channels import overdue_calibrations
 from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.campaign import (
     Campaign,
+    RecordedCampaign,
     Resumption,
     StatusBoard,
     already_exists,
-    described_rig,
     expect_free_id,
     finished_unseen,
     go_on_recording,
     identification_request,
     identification_run,
     is_final,
+    known_experiment,
     lacks_copies,
     new_campaign,
     plan_campaign,
     read_campaign,
+    read_known_before,
     read_parent,
     require_id,
     require_name,
@@ -38,6 +42,7 @@ from iterator.campaign import (
     require_same_rig,
     same_campaign,
 )
+from iterator.pre_test import perform_pre_test, require_pre_test
 
 SERVICE: Final = "iterator"
 """Name of the service, as in its liveliness key."""
@@ -122,15 +127,19 @@ class IteratorService:
         self._entries: dict[str, _Entry] = {}
         # Rig to the campaign that has it, from the checks to the end.
         self._taken_rigs: dict[str, str] = {}
+        # Of these, the pre-tests.
+        self._pre_tests: set[str] = set()
         # Campaigns that a resume reads back and checks now.
         self._resumed: set[str] = set()
         self._metrics = _CampaignMetrics(bus, self._running)
         keys = bus.keys
-        bus.serve(keys.campaign_start(), iterator_pb2.CampaignSpec, self.start)
+        bus.serve(keys.campaign_start(ANY), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
         # Workers of their own: a stop must get through whatever else is asked.
         bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=4)
-        bus.serve(keys.campaign_resume(ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
+        bus.serve(keys.campaign_resume(ANY, ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
+        bus.serve(keys.campaign_decide(ANY, ANY), iterator_pb2.Decision, self.decide)
+        bus.serve(keys.pre_test(ANY), iterator_pb2.PreTestRequest, self.pre_test)
 
     def __enter__(self) -> Self:
         return self
@@ -151,6 +160,7 @@ class IteratorService:
         """Check a campaign and start it; answer at once."""
         require_id(spec.id)
         require_name(check_rig, spec.rig, field="rig")
+        call.require_rig(spec.rig, field="rig")
         if spec.parent or spec.parent_iteration:
             raise FaultError(
                 query_pb2.FAULT_CODE_INVALID_ARGUMENT,
@@ -179,12 +189,25 @@ class IteratorService:
         description = described_rig(self._bus, spec.rig)
         if resumption is not None and resumption.model is not None:
             require_same_rig(resumption.model, description)
-        # The identifier makes the very drive and checks it, before anything is stored or moves.
-        request = identification_request(spec, run=identification_run(spec), check_only=True)
-        experiment = self._bus.query(self._bus.keys.identify(), request, identifier_pb2.Model).plan
+        if spec.known.HasField("model"):
+            experiment = known_experiment(spec, description, is_new=resumption is None)
+        else:
+            # The identifier makes the very drive and checks it, before anything is stored or moves.
+            request = identification_request(spec, run=identification_run(spec), check_only=True)
+            experiment = self._bus.query(self._bus.keys.identify(spec.rig), request, identifier_pb2.Model).plan
         plan = plan_campaign(spec, description, experiment)
-        board = StatusBoard(spec.id, publish=self._publishing(spec.id), remarks=plan.remarks)
-        campaign = Campaign(plan, bus=self._bus, board=board, on_end=lambda: self._ended(spec), resumption=resumption)
+        tested = require_pre_test(self._bus, spec, description)
+        overdue = overdue_calibrations(description.responses, today=date.today())
+        remarks = (*overdue, *([tested] if tested else ()), *plan.remarks)
+        board = StatusBoard(spec.id, publish=self._publishing(spec.id), remarks=remarks)
+        campaign = Campaign(
+            plan,
+            bus=self._bus,
+            board=board,
+            on_end=lambda: self._ended(spec),
+            resumption=resumption,
+            known=read_known_before(self._bus, plan),
+        )
         with self._lock:
             self._entries[spec.id] = _Entry(campaign=campaign, board=board)
         accepted = board.snapshot()
@@ -207,12 +230,42 @@ class IteratorService:
             entry.board.wait_ended(_STOP_SECONDS)
         return entry.board.snapshot()
 
+    def decide(self, request: iterator_pb2.Decision, call: Call) -> iterator_pb2.CampaignStatus:
+        """Take a person's decision on what a campaign proposes; answer when it is stored."""
+        entry = self._entry(id_of(call.key))
+        if entry.campaign is None:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"Campaign {id_of(call.key)!r} has ended; it waits for no decision.",
+                field="proposal",
+            )
+        call.require_rig(entry.campaign.rig, field="rig")
+        entry.campaign.decide(request, call)
+        return entry.board.snapshot()
+
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
         """Go on with a campaign that a crash broke off, or resume one as a new campaign; answer at once."""
         id = id_of(call.key)
         with self._resuming_alone(id) as shown:
             call.progress("reading back", 0.0, detail=f"campaign {id}")
-            return self._resume_as_new(id, request) if request.new_id else self._resume_in_place(id, request, shown)
+            return (
+                self._resume_as_new(id, request, call)
+                if request.new_id
+                else self._resume_in_place(id, request, call, shown)
+            )
+
+    def pre_test(self, request: iterator_pb2.PreTestRequest, call: Call) -> iterator_pb2.PreTest:
+        """Make the pre-test of a rig that no campaign uses; answer when it is stored."""
+        require_id(request.id)
+        require_name(check_rig, request.rig, field="rig")
+        call.require_rig(request.rig, field="rig")
+        self._take(request, again=False)
+        self._pre_tests.add(request.id)
+        try:
+            return perform_pre_test(self._bus, request, call)
+        finally:
+            self._release(request.rig)
+            self._pre_tests.discard(request.id)
 
     @contextmanager
     def _resuming_alone(self, id: str) -> Iterator[iterator_pb2.CampaignStatus | None]:
@@ -236,18 +289,24 @@ class IteratorService:
             with self._lock:
                 self._resumed.discard(id)
 
-    def _resume_as_new(self, id: str, request: iterator_pb2.ResumeCampaignRequest) -> iterator_pb2.CampaignStatus:
+    def _resume_as_new(
+        self, id: str, request: iterator_pb2.ResumeCampaignRequest, call: Call
+    ) -> iterator_pb2.CampaignStatus:
         require_id(request.new_id, field="new_id")
         expect_free_id(self._bus, request.new_id, field="new_id")
-        spec, resumption = new_campaign(read_campaign(self._bus, id), request)
+        spec, resumption = new_campaign(self._recorded(id, call), request)
         with self._admitting(spec):
             return self._begin(spec, resumption)
 
     def _resume_in_place(
-        self, id: str, request: iterator_pb2.ResumeCampaignRequest, shown: iterator_pb2.CampaignStatus | None
+        self,
+        id: str,
+        request: iterator_pb2.ResumeCampaignRequest,
+        call: Call,
+        shown: iterator_pb2.CampaignStatus | None,
     ) -> iterator_pb2.CampaignStatus:
         require_no_settings(request)
-        recorded = read_campaign(self._bus, id)
+        recorded = self._recorded(id, call)
         if (final := finished_unseen(recorded, shown)) is not None:
             self._keep_final(id, final)
             return final
@@ -259,6 +318,11 @@ class IteratorService:
             self._keep_final(id, recorded.final)
             self._release(recorded.spec.rig)
             return recorded.final
+
+    def _recorded(self, id: str, call: Call) -> RecordedCampaign:
+        recorded = read_campaign(self._bus, id)
+        call.require_rig(recorded.spec.rig, field="rig")
+        return recorded
 
     def _keep_final(self, id: str, final: iterator_pb2.CampaignStatus) -> None:
         """Show the end that a recording holds."""
@@ -278,14 +342,15 @@ class IteratorService:
             )
         return entry
 
-    def _take(self, spec: iterator_pb2.CampaignSpec, *, again: bool) -> None:
+    def _take(self, spec: iterator_pb2.CampaignSpec | iterator_pb2.PreTestRequest, *, again: bool) -> None:
         with self._lock:
             if (spec.id in self._entries and not again) or spec.id in self._taken_rigs.values():
                 raise already_exists(spec.id)
             if (holder := self._taken_rigs.get(spec.rig)) is not None:
+                what = "pre-test" if holder in self._pre_tests else "campaign"
                 raise FaultError(
                     query_pb2.FAULT_CODE_BUSY,
-                    f"Rig {spec.rig!r} is in use by campaign {holder!r}; wait for its end or stop it.",
+                    f"Rig {spec.rig!r} is in use by {what} {holder!r}; wait for its end or stop it.",
                     field="rig",
                 )
             self._taken_rigs[spec.rig] = spec.id

@@ -27,6 +27,9 @@ class Recorder:
         self.watch_reading = lambda recording, last: None
         bus.serve(bus.keys.commit(), recorder_pb2.CommitRequest, self.commit)
         bus.serve(bus.keys.recording("*"), recorder_pb2.RecordingRequest, self.recording)
+        # Begin of each recording in nanoseconds since 1970; now where not said.
+        self.begun = {}
+        bus.serve(bus.keys.recordings(), recorder_pb2.ListRecordingsRequest, self.list)
         bus.serve(bus.keys.recording_steps("*"), recorder_pb2.ReadStepsRequest, self.read_steps)
         bus.declare_live("recorder", "main")
 
@@ -71,6 +74,21 @@ class Recorder:
             raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, f"No recording {name!r}.")
         return recorder_pb2.RecordingInfo(recording=name)
 
+    def list(self, request, _call):
+        infos = [self._information(name) for name in self.steps]
+        return recorder_pb2.RecordingList(recordings=[info for info in infos if info.rig == request.rig])
+
+    def _information(self, name):
+        info = recorder_pb2.RecordingInfo(recording=name, steps=len(self.steps[name]))
+        info.begun = self.begun.setdefault(name, time.time_ns())
+        info.ended = self.kinds(name)[-1] == "RecordingClosed"
+        for asked in (*self.read(name, iterator_pb2.CampaignSpec), *self.read(name, iterator_pb2.PreTestRequest)):
+            info.rig = asked.rig
+        if self.kinds(name)[0] == "PreTestRequest":
+            found = self.read(name, iterator_pb2.PreTest)
+            info.pre_test = found[0].verdict if found else iterator_pb2.PRE_TEST_VERDICT_UNFINISHED
+        return info
+
     def read_steps(self, request, call):
         name = call.key.split("/")[-2]
         if name not in self.steps:
@@ -101,7 +119,7 @@ class Identifier:
         self.requests = {}
         self.refused = set()
         self.unplayable = set()
-        bus.serve(bus.keys.identify(), identifier_pb2.IdentifyRequest, self.identify)
+        bus.serve(bus.keys.identify("*"), identifier_pb2.IdentifyRequest, self.identify)
         bus.declare_live("identifier", "main")
 
     def identify(self, request, call):
@@ -121,9 +139,11 @@ class Identifier:
 class Lab:
     def __init__(self, bus, recorder, identifier):
         self.bus, self.recorder, self.identifier = bus, recorder, identifier
+        self.rigs = {}
 
-    def start(self, spec):
-        return self.bus.query(self.bus.keys.campaign_start(), spec, iterator_pb2.CampaignStatus)
+    def start(self, spec, rig=None):
+        self.rigs[spec.id] = spec.rig
+        return self.bus.query(self.bus.keys.campaign_start(rig or spec.rig), spec, iterator_pb2.CampaignStatus)
 
     def status(self, id):
         return self.bus.query(self.bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
@@ -136,12 +156,29 @@ class Lab:
             **options,
         )
 
-    def resume(self, id, **settings):
+    def resume(self, id, rig="", **settings):
+        rig = self.rigs[settings.get("new_id", id)] = rig or self.rigs.get(id, "unknown")
         return self.bus.query(
-            self.bus.keys.campaign_resume(id),
+            self.bus.keys.campaign_resume(id, rig),
             iterator_pb2.ResumeCampaignRequest(**settings),
             iterator_pb2.CampaignStatus,
         )
+
+    def decide(self, id, proposal, kind="PLAY", *, name="Ada", reason="as foreseen", rig="", **settings):
+        decision = iterator_pb2.Decision(
+            proposal=proposal, kind=f"DECISION_KIND_{kind}", name=name, reason=reason, **settings
+        )
+        return self.bus.query(
+            self.bus.keys.campaign_decide(id, rig or self.rigs.get(id, "unknown")),
+            decision,
+            iterator_pb2.CampaignStatus,
+        )
+
+    def held(self, id, proposal, *, seconds=20.0):
+        """Wait until a campaign waits for a decision on a proposal; return the proposal as it is shown."""
+        shown = self.wait(id, lambda status: status.hold.number >= proposal or status.phase in FINAL, seconds=seconds)
+        assert shown.HasField("hold"), shown.activity
+        return shown.hold
 
     def rig_state(self, rig):
         return self.bus.query(self.bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)

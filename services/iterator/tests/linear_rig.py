@@ -32,6 +32,7 @@ def description(rig="front"):
         static_response=to_array(STATIC),
         block_samples=100,
         content_hash="linear",
+        simulated=True,
     )
 
 

@@ -3,6 +3,7 @@
 from duralab.testing import LinearRig
 from duralab_bus import service_main
 from duralab_gateway import SERVICE, Approach, GatewayConfig, serving
+from duralab_proto.v1 import array_pb2
 
 if __package__:
     from .linear_plants import SAMPLE_RATE, impulse_responses
@@ -20,6 +21,9 @@ class RigConfig(GatewayConfig):
     # In N: next to nothing, and other numbers for each seed.
     noise_rms: float = 0.0
 
+
+# Of the rig "worn": every playback of a campaign crosses its warning level.
+WORN_SENSOR = array_pb2.Sensor(serial_number="LC-1", calibration_due="2020-02-29", warning_level=4500.0)
 
 # What a rig says in the first half of a playback.
 WAITING = "waiting for the operator\x1b[2J to press start"
@@ -41,6 +45,11 @@ class SlowRig(LinearRig):
     def describe(self):
         told = super().describe()
         told.content_hash, told.publishes_after_run, told.cannot_be_stopped = "linear", True, self._goes_on
+        if self.name == "worn":
+            told.responses[0].sensor.CopyFrom(WORN_SENSOR)
+        if self.name == "inverted":
+            # By its table; what it measures is positive.
+            told.responses[1].sensor.polarity = array_pb2.POLARITY_NEGATIVE
         return told
 
     def play(self, commands, run):

@@ -47,6 +47,12 @@ def test_a_band_whose_flanks_leave_the_excited_band_is_refused(excited, flanks, 
         control_band(0.7, 35.0, sample_rate=1000.0, excited=excited, **flanks)
 
 
+@pytest.mark.parametrize("flanks", [{"lower_flank": 5e-324}, {"upper_flank": 5e-324}, {"upper_flank": 1e-7}])
+def test_a_flank_that_rings_longer_than_any_target_is_refused(flanks):
+    with pytest.raises(ValueError, match="it must be at least 1e-06 Hz"):
+        control_band(0.7, 35.0, sample_rate=1000.0, **flanks)
+
+
 def test_a_target_begins_and_ends_at_rest():
     band = control_band(2.0, 60.0, sample_rate=200.0)
     steady = np.sin(2.0 * np.pi * 10.0 * np.arange(4001) / 200.0)[None]

@@ -450,6 +450,27 @@ def test_a_step_lowers_what_the_model_foresees_of_the_error_and_its_cost(share):
     assert left < (0.5 if share < 1.0 else 0.9) * np.linalg.norm(wanted)
 
 
+def test_every_gradient_that_is_formed_gives_a_direction(monkeypatch):
+    """Conjugate gradients need one product with the adjoint for each with the model, and no further one at the end."""
+    _, problem = problem_of(ALL_TERMS)
+    calls = {"forward": 0, "backward": 0}
+
+    def counted(name):
+        made = getattr(problem, name)
+
+        def call(*given):
+            calls[name] += 1
+            return made(*given)
+
+        return call
+
+    for name in calls:
+        monkeypatch.setattr(problem, name, counted(name))
+    missing = BAND.limit_target(narrow_target(2001))
+    gauss_newton_step(problem, missing=missing, gain=np.ones((problem.frequency.size, 2)))
+    assert calls["forward"] == calls["backward"] > 6
+
+
 def problem_scale():
     return rms(BAND.limit_response(narrow_target(2001)) / np.array([[1e5], [1e3]]))[:, None]
 

@@ -5,9 +5,8 @@ import threading
 import time
 from contextlib import contextmanager
 
-from duralab_bus import BusConfig, SpoolFullError, open_bus
+from duralab_bus import BusConfig, RecordingLog, SpoolFullError, open_bus
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
-from iterator.campaign.recording_log import RecordingLog
 from iterator.service import IteratorService
 
 from .fake_lab import Lab, Recorder
@@ -45,7 +44,7 @@ def lab_in_this_process(name, identify):
             rig.serve(keys.rig_state("front"), rig_pb2.StateRequest, lambda *_: state)
             rig.serve(keys.rig_stop("front"), rig_pb2.StopRequest, stop, workers=1)
             rig.declare_live("rig_sim", "front")
-            identifier.serve(keys.identify(), identifier_pb2.IdentifyRequest, checked_or(identify, recorder))
+            identifier.serve(keys.identify("*"), identifier_pb2.IdentifyRequest, checked_or(identify, recorder))
             identifier.declare_live("identifier", "main")
             lab = Lab(hub, Recorder(recorder), None)
             with IteratorService(iterator) as service:

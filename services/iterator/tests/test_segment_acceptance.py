@@ -2,7 +2,18 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve1d
 
-from iterator import AcceptanceSettings, IterationHistory, Playback, accept_segments
+from duralab_settings import UpdateKind
+from duralab_spectra import line_frequencies
+from iterator import (
+    AcceptanceSettings,
+    IterationHistory,
+    Playback,
+    UpdateSettings,
+    accept_segments,
+    control_band,
+    rig_model,
+    step_start,
+)
 
 RATE = 100.0
 SAMPLES = 2001
@@ -22,8 +33,14 @@ def tone(level):
     return level * np.sin(np.arange(SAMPLES) / 2.0)[None, :]
 
 
-def accept(history, settings=None):
-    return accept_segments(history, response_scale=SCALE, sample_rate=RATE, settings=settings or AcceptanceSettings())
+def accept(history, settings=None, *, iteration_gain=()):
+    return accept_segments(
+        history,
+        response_scale=SCALE,
+        sample_rate=RATE,
+        settings=settings or AcceptanceSettings(),
+        iteration_gain=iteration_gain,
+    )
 
 
 def test_an_improvement_everywhere_is_taken_as_it_is():
@@ -57,6 +74,58 @@ def test_the_step_shrinks_no_further_than_allowed_and_grows_back_the_slower_the_
     for failures, smallest in ((1, 0.5), (2, 0.25), (6, 0.1)):
         grown = accept(history_of(tone(0.5), *bad[:failures], tone(0.4))).step_gain
         np.testing.assert_allclose(grown, smallest * 1.25 ** (0.5**failures))
+
+
+def test_a_step_that_brings_next_to_nothing_is_kept_and_the_next_one_is_smaller():
+    half = tone(0.5)
+    half[:, : SAMPLES // 2] *= 0.5
+    found = accept(history_of(tone(0.5), tone(2.0), half))
+    early, late = slice(0, 700), slice(1300, SAMPLES)
+    assert np.all(found.drive == 3.0)
+    assert not found.rolled_back.any()
+    np.testing.assert_allclose(found.step_gain[early], 0.5 * 1.25**0.5)
+    np.testing.assert_allclose(found.step_gain[late], 0.5 * 0.9)
+    stuck = [tone(0.5)] * 4
+    np.testing.assert_allclose(accept(history_of(tone(0.5), tone(2.0), *stuck)).step_gain, 0.5 * 0.9**4)
+    np.testing.assert_allclose(accept(history_of(tone(0.5), tone(2.0), *stuck * 5)).step_gain, 0.1)
+    np.testing.assert_allclose(accept(history_of(tone(0.5), *stuck)).step_gain, 0.9**4)
+
+
+def test_progress_is_not_asked_for_where_it_is_set_to_none():
+    found = accept(history_of(tone(0.5), tone(2.0), *[tone(0.5)] * 2), AcceptanceSettings(least_progress=0.0))
+    np.testing.assert_allclose(found.step_gain, 0.5 * 1.25 ** (0.5 * 2))
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.6, 0.1])
+@pytest.mark.parametrize("share", [0.2, 0.35, 0.45, 1.0])
+def test_a_halved_step_grows_only_where_it_brings_four_tenths_of_what_its_gain_promised(gain, share):
+    # A linear rig with an exact model keeps 1 - q of its error, so half a step keeps 1 - q / 2.
+    promised = 1.0 - (1.0 - 0.5 * gain) ** 2
+    errors = (tone(0.5), tone(2.0), tone(0.5 * np.sqrt(1.0 - share * promised)))
+    found = accept(history_of(*errors), iteration_gain=(gain, gain)).step_gain
+    np.testing.assert_allclose(found, 0.5 * (0.9 if share < 0.4 else 1.25**0.5))
+
+
+@pytest.mark.parametrize(("schedule", "grown"), [((1.0, 1.0, 0.3), 1.25**0.5), ((0.3, 0.3, 1.0), 0.9), ((), 0.9)])
+def test_an_update_judges_each_step_by_the_gain_that_made_it(schedule, grown):
+    # The last step brought half of what a gain of 0.3 promised it, far less than a gain of 1 did.
+    brought = 0.5 * (1.0 - (1.0 - 0.5 * 0.3) ** 2)
+    history = history_of(tone(0.5), tone(2.0), tone(0.5 * np.sqrt(1.0 - brought)))
+    frequency = line_frequencies(64, RATE)
+    model = rig_model(frequency, np.ones((frequency.size, 1, 1)), identified_band=(1.0, 45.0))
+    settings = UpdateSettings(
+        band=control_band(5.0, 30.0, sample_rate=RATE),
+        iteration_gain=(1.0,),
+        kind=UpdateKind.BASIC_TWR,
+        accept_segments=True,
+        gain_schedule=schedule,
+    )
+    np.testing.assert_allclose(step_start(history, model, settings).step_gain, 0.5 * grown)
+
+
+def test_gains_of_another_number_of_steps_are_refused():
+    with pytest.raises(ValueError, match="2 iteration gains for 1 steps"):
+        accept(history_of(tone(0.5), tone(0.4)), iteration_gain=(1.0, 1.0))
 
 
 def test_the_energy_of_the_accepted_error_never_grows_beyond_the_tolerance():
@@ -124,6 +193,10 @@ def test_a_record_shorter_than_the_windows_is_judged_too():
         {"larger_step": np.inf},
         {"tolerance": np.inf},
         {"negligible": 1.0},
+        {"least_progress": 1.0},
+        {"least_progress": -0.1},
+        {"doubted_step": 0.0},
+        {"doubted_step": 1.1},
     ],
 )
 def test_impossible_settings_are_refused(wrong):
@@ -139,7 +212,7 @@ def test_nothing_can_be_accepted_before_the_first_playback():
 def test_drives_are_blended_by_the_average_of_what_is_worse_over_a_hann_window():
     rng = np.random.default_rng(5)
     errors = [tone(0.5), tone(0.5) * np.repeat(rng.uniform(0.2, 2.0, 10), 201)[:SAMPLES]]
-    found = accept(history_of(*errors), AcceptanceSettings(judged_seconds=0.1))
+    found = accept(history_of(*errors), AcceptanceSettings(judged_seconds=0.1, least_progress=0.0))
     window = np.hanning(round(0.5 * RATE) + 1)
     expected = convolve1d(found.rolled_back.astype(float), window / window.sum(), mode="nearest")
     assert 0.2 < np.mean(found.rolled_back) < 0.8

@@ -19,16 +19,16 @@ from .linear_rig import specification
 from .rig_process import known_rig
 
 LAB = "iterator_test"
-RIGS = {"front": 0.0, "slow": 2.5, "endless": 5.0}
+RIGS = {"front": 0.0, "worn": 0.0, "slow": 2.5, "endless": 5.0}
 #: Of the rigs, in N: the seed of a playback is seen in it, and nothing else is.
 NOISE = 1e-3
 RIG_PROCESS = Path(__file__).with_name("rig_process.py")
 
 
 @contextmanager
-def process(bus, folder, *command, **config):
+def process(bus, folder, *command, lab=LAB, **config):
     file = folder / f"{Path(command[-1]).stem}.yaml"
-    settings = {"bus": {"lab": LAB, "connect": list(bus.listening)}, "exit_with_parent": True, **config}
+    settings = {"bus": {"lab": lab, "connect": list(bus.listening)}, "exit_with_parent": True, **config}
     file.write_text(yaml.safe_dump(settings))
     with subprocess.Popen([sys.executable, *command, "--config", str(file)], stdin=subprocess.PIPE) as running:
         try:
@@ -72,6 +72,21 @@ def events_of(lab, id):
         yield received, ended
     finally:
         subscription.close()
+
+
+def test_an_overdue_calibration_and_a_crossed_warning_level_are_remarks(lab):
+    accepted = lab.start(specification("worn", rig="worn", iterations=2))
+    overdue = "The calibration of left_vertical (LC-1) is overdue since 2020-02-29"
+    assert accepted.remarks[0].startswith(overdue)
+    final = lab.end_of("worn")
+    assert final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    for step in lab.recorder.read("worn", iterator_pb2.IterationStep):
+        (warning,) = (remark for remark in step.remarks if "warning level" in remark)
+        assert warning.startswith(f"Playback {step.iteration}: The response of left_vertical was ")
+        assert warning.endswith("its warning level allows -4500 to 4500 N.")
+        assert warning in final.remarks
+    assert sum("warning level" in remark for remark in final.remarks) == 2
+    assert lab.recorder.read("worn", rig_pb2.RigDescription)[0].responses[0].sensor.serial_number == "LC-1"
 
 
 def test_a_campaign_stores_every_step_and_converges(lab):
@@ -276,7 +291,6 @@ INVALID, NOT_FOUND, EXISTS = (
     ("change", "code", "field", "sentence"),
     [
         (lambda s: setattr(s, "rig", "rear"), NOT_FOUND, "rig", "No rig 'rear' is on the bus"),
-        (lambda s: setattr(s, "rig", "Rear!"), INVALID, "rig", "'Rear!'"),
         (lambda s: setattr(s, "id", "../up"), INVALID, "id", "'../up'"),
         (lambda s: setattr(s, "id", "a" * 105), INVALID, "id", "has 105 characters; a campaign's has at most 104"),
         (lambda s: setattr(s, "id", "ended"), EXISTS, "id", "'ended' exists already"),
@@ -296,6 +310,16 @@ def test_a_start_that_cannot_be_is_refused_at_once_and_leaves_nothing(lab, ended
     assert {recording: len(steps) for recording, steps in lab.recorder.steps.items()} == stored
     with pytest.raises(FaultError, match="No campaign 'refused'"):
         lab.status("refused")
+
+
+@pytest.mark.parametrize(("rig", "sentence"), [("Rear!", "'Rear!' is not a name"), ("rear", "is that of rig 'beam'")])
+def test_a_campaign_on_another_rig_than_its_key_names_is_refused(lab, rig, sentence):
+    spec = specification("elsewhere")
+    spec.rig = rig
+    with pytest.raises(FaultError, match=sentence) as caught:
+        lab.start(spec, rig="beam")
+    assert (caught.value.code, caught.value.field) == (INVALID, "rig")
+    assert "elsewhere" not in lab.recorder.steps
 
 
 def test_an_experiment_that_cannot_be_played_is_refused_before_anything_is_stored(lab):

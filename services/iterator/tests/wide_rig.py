@@ -98,7 +98,7 @@ class WideRig:
 class Identifier:
     def __init__(self, bus):
         self.answer = model
-        bus.serve(bus.keys.identify(), linear_rig.identifier_pb2.IdentifyRequest, self.identify)
+        bus.serve(bus.keys.identify("*"), linear_rig.identifier_pb2.IdentifyRequest, self.identify)
         bus.declare_live("identifier", "main")
 
     def identify(self, request, _call):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 import structlog
 
 from duralab_bus import Bus, Call, ConfigError, FaultError, FigureKind, Metrics, StreamItem, Subscription
-from duralab_proto.keys import ANY, id_of
+from duralab_proto.keys import ANY, id_of, in_project, project_of
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_recordings import RecordingError, hash_of_blocks
 from recorder.config import RecorderConfig
@@ -93,6 +93,9 @@ class RecorderService:
         # Workers of their own: who reads recordings does not keep a campaign from going on.
         bus.serve(keys.commit(), recorder_pb2.CommitRequest, _granting(partial(self.commit, bus)), workers=4)
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
+        bus.serve(
+            keys.project_recordings(ANY), recorder_pb2.ListRecordingsRequest, _granting(self.list_project_recordings)
+        )
         bus.serve(keys.recording(ANY), recorder_pb2.RecordingRequest, _granting(self.recording))
         bus.serve(keys.recording_read(ANY), recorder_pb2.ReadRecordingRequest, _granting(self.read))
         bus.serve(keys.recording_steps(ANY), recorder_pb2.ReadStepsRequest, _granting(self.steps))
@@ -150,7 +153,19 @@ class RecorderService:
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
         """Describe the recordings of the folder that are looked for, without their files' hashes."""
-        found = (self._described_if_there(name, call) for name in recordings_in(self._folder))
+        return self._listed(recordings_in(self._folder), request, call)
+
+    def list_project_recordings(
+        self, request: recorder_pb2.ListRecordingsRequest, call: Call
+    ) -> recorder_pb2.RecordingList:
+        """Describe the same of one project alone."""
+        project = project_of(call.key)
+        return self._listed((name for name in recordings_in(self._folder) if in_project(name, project)), request, call)
+
+    def _listed(
+        self, names: Iterable[str], request: recorder_pb2.ListRecordingsRequest, call: Call
+    ) -> recorder_pb2.RecordingList:
+        found = (self._described_if_there(name, call) for name in names)
         return recorder_pb2.RecordingList(recordings=[one for one in found if one is not None and fits(one, request)])
 
     def recording(self, request: recorder_pb2.RecordingRequest, call: Call) -> recorder_pb2.RecordingInfo:

@@ -283,6 +283,12 @@ def test_recordings_are_found_by_what_they_were_about(lab, campaign):
         answer = lab.bus.query(lab.bus.keys.recordings(), request, recorder_pb2.RecordingList)
         return [information.recording for information in answer.recordings]
 
+    def found_in(project):
+        key = lab.bus.keys.project_recordings(project)
+        answer = lab.bus.query(key, recorder_pb2.ListRecordingsRequest(), recorder_pb2.RecordingList)
+        return [information.recording for information in answer.recordings]
+
+    assert (found_in("demo"), found_in("dem")) == (["demo"], [])
     begun = lab.information().begun
     assert begun > 0
     for wanted in (

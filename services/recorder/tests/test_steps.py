@@ -74,6 +74,35 @@ def test_a_channel_too_many_is_refused(campaign, request_of):
     assert caught.value.field == "payload.response_in_band"
 
 
+def test_a_proposal_and_a_decision_are_stored_where_they_are_whole(campaign, request_of):
+    drive = campaign.iteration(1, 0.5).drive
+    responses = [iterator_pb2.ProposedResponse(channel="a")]
+    predicted = to_array(np.zeros((1, drive.samples.shape[1]), dtype=np.float32))
+    proposal = iterator_pb2.Proposal(
+        number=1, playback=1, drive=drive, responses=responses, predicted_response=predicted
+    )
+    decision = iterator_pb2.Decision(
+        proposal=1, playback=1, kind=iterator_pb2.DECISION_KIND_PLAY, name="Ada", reason="x"
+    )
+    for whole in (proposal, decision, iterator_pb2.Proposal(number=2, playback=1, refusal="past a limit")):
+        assert decode_step(request_of(0, whole)).message == whole
+    broken = [
+        (proposal, {"number": 0}, "payload.number"),
+        (proposal, {"responses": []}, "payload.predicted_response"),
+        *(
+            (decision, {field: type(getattr(decision, field))()}, f"payload.{field}")
+            for field in ("name", "reason", "proposal")
+        ),
+    ]
+    for whole, lacks, field in broken:
+        message = type(whole).FromString(whole.SerializeToString())
+        for name in lacks:
+            message.ClearField(name)
+        with pytest.raises(RefusedError) as caught:
+            decode_step(request_of(0, message))
+        assert caught.value.field == field
+
+
 def test_nan_in_a_drive_is_refused(campaign, request_of):
     step = campaign.iteration(1, 0.5)
     samples = np.zeros((2, 200))

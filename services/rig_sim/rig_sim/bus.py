@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from duralab_bus import Metrics
 from duralab_gateway import PlaybackRig, Run
-from duralab_gateway.motion import DrivePlayback, to_poses
+from duralab_gateway.motion import DrivePlayback, RigFaultError, to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
-from rig_sim.playing import Rig
+from rig_sim.loading import PlayableRig
+from rig_sim.playing import Lost, Playback, Rig, WearFile, WearState, gain_changes, lost_by
 from rig_sim.specimen import InputChannel, Quantity
-from rig_sim.structure import PlayableRig, StructureRig
+from rig_sim.structure import StructureRig
 
 #: A simulation that runs ahead of the clock publishes so many blocks as one.
 _BLOCKS_TOGETHER = 4
@@ -24,7 +27,7 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
     specimen = rig.specimen
     description = rig_pb2.RigDescription(
         rig=specimen.name,
-        specimen=specimen.title,
+        specimen=specimen.title + (_wear_suffix(rig) if isinstance(rig, Rig) else ""),
         engine=rig.engine_name,
         version=version("duralab-rig-sim"),
         sample_rate=specimen.sample_rate,
@@ -45,6 +48,7 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
         static_response=to_array(rig.static_response),
         block_samples=_BLOCKS_TOGETHER * rig.block_samples,
         content_hash=rig.content_hash,
+        simulated=True,
     )
     if isinstance(rig, Rig):
         description.MergeFrom(rig.geometry)
@@ -53,11 +57,26 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
     return description
 
 
-class SimulatedRig(PlaybackRig):
-    """A rig of this simulator, at rest, behind a gateway; it has nothing to stop and nothing to make ready."""
+def _wear_suffix(rig: Rig) -> str:
+    """Return what the description says of wear: the same before the first run and after the last."""
+    return f" [{rig.mounted}, WEARS: {', '.join(wear.name for wear in rig.specimen.wear)}]" if rig.wears else ""
 
-    def __init__(self, rig: PlayableRig) -> None:
+
+class SimulatedRig(PlaybackRig):
+    """A rig of this simulator, at rest, behind a gateway; it has nothing to stop and nothing to make ready.
+
+    One that wears keeps its state in a folder, or in memory where there is none. Raises `SpecimenError` where a state
+    in the folder is not of this rig.
+    """
+
+    def __init__(self, rig: PlayableRig, *, wear_folder: Path | None = None) -> None:
         self._rig = rig
+        #: What the specimen has gone through.
+        self.wear = WearState()
+        self._wear_file: WearFile | None = None
+        if isinstance(rig, Rig) and rig.wears and wear_folder is not None:
+            self._wear_file = WearFile(wear_folder, rig=rig.specimen.name, specimen=rig.mounted)
+            self.wear = self._wear_file.read({part.name for part in rig.model.assembly.wearing})
         self.approach = rig.specimen.approach
         self.watchdogs = rig.watchdogs
         if isinstance(rig, StructureRig):
@@ -70,7 +89,53 @@ class SimulatedRig(PlaybackRig):
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
         """Return a playback of a checked drive."""
-        return self._rig.playback(drive, seed=run.seed)
+        if not isinstance(self._rig, Rig) or not self._rig.wears:
+            return self._rig.playback(drive, seed=run.seed)
+        condition = self._rig.condition(self.wear)
+        return self._rig.playback(drive, seed=run.seed, condition=condition, at_end=self._wear_on)
+
+    def follow_wear(self, metrics: Metrics) -> None:
+        """Register gauges of the wear, where there is any."""
+        rig = self._rig
+        if not isinstance(rig, Rig) or not rig.wears:
+            return
+        name, parts = rig.specimen.name, rig.model.assembly.wearing
+
+        def lost() -> dict[tuple[str, ...], float]:
+            shares = lost_by(parts, self.wear).items()
+            return {(name, part, what): getattr(share, what) for part, share in shares for what in Lost.model_fields}
+
+        metrics.follow(
+            "duralab_rig_wear_runs", "Runs of the specimen", lambda: {(name,): float(self.wear.runs)}, labels=("rig",)
+        )
+        metrics.follow(
+            "duralab_rig_wear_damage",
+            "Miner sum of a part that wears",
+            lambda: {(name, part.name): self.wear.damage.get(part.name, 0.0) for part in parts},
+            labels=("rig", "part"),
+        )
+        metrics.follow(
+            "duralab_rig_wear_lost_ratio", "Share that a part has lost", lost, labels=("rig", "part", "property")
+        )
+        metrics.follow(
+            "duralab_rig_wear_gain_change_ratio",
+            "Change of a sensor's gain",
+            lambda: {(name, channel): change for channel, change in gain_changes(rig.model, self.wear).items()},
+            labels=("rig", "channel"),
+        )
+
+    def _wear_on(self, playback: Playback) -> None:
+        assert isinstance(self._rig, Rig)
+        state = self._rig.worn(self.wear, playback)
+        if self._wear_file is not None:
+            try:
+                self._wear_file.write(state)
+            except OSError as error:
+                raise RigFaultError(
+                    f"the wear of {self._rig.specimen.name} cannot be written to {self._wear_file.path.name}: "
+                    f"{error.strerror}; make room, for the specimen has worn and the next run must know."
+                ) from error
+        self.wear = state
 
 
 def _kind(quantity: Quantity) -> Any:

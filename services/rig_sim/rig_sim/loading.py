@@ -1,16 +1,20 @@
-"""From a YAML to a rig that plays: its `kind` says whether it is a structure in state space or a multibody specimen."""
+"""From a YAML to a rig that plays: its `kind` says whether it is a structure, an FMU or a multibody specimen."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from duralab_proto.keys import LONGEST_NAME
+from rig_sim import fmu, structure
 from rig_sim.engines import EngineChoice
-from rig_sim.playing import Fault, load_rig
+from rig_sim.playing import FIRST_SPECIMEN, Fault, Rig, load_rig
 from rig_sim.specimen import SpecimenError, read_document, shipped_specimens
-from rig_sim.structure import KIND, PlayableRig, load_structure
+
+PlayableRig: TypeAlias = Rig | structure.StructureRig | fmu.FmuRig
+"""Any rig of this simulator."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -58,6 +62,7 @@ def load_any_rig(
     path: Path,
     engines: Mapping[str, EngineChoice] | None = None,
     faults: Mapping[str, Sequence[Fault]] | None = None,
+    mounted: Mapping[str, str] | None = None,
 ) -> PlayableRig:
     """Load a rig of any kind from its YAML.
 
@@ -66,9 +71,11 @@ def load_any_rig(
     path : Path
         The YAML; what it names lies beside it.
     engines : mapping, optional
-        By the rig's name: what integrates it. A structure has nothing to integrate and takes none.
+        By the rig's name: what integrates it. A structure and an FMU take none.
     faults : mapping, optional
-        By the rig's name: faults to inject. A structure takes those of sensors.
+        By the rig's name: faults to inject. A structure and an FMU take those of sensors.
+    mounted : mapping, optional
+        By the rig's name: which specimen of its kind is mounted. Only for a rig that wears.
 
     Returns
     -------
@@ -85,11 +92,31 @@ def load_any_rig(
     name = rig_name(path)
     injected = (faults or {}).get(name, ())
     if kind is None:
-        return load_rig(path, (engines or {}).get(name, EngineChoice()), faults=injected)
-    if kind != KIND:
-        raise SpecimenError(f"specimen {path.name}: kind is {kind!r}; leave it out for a multibody rig, or say {KIND}.")
-    if name in (engines or {}):
-        raise SpecimenError(
-            f"specimen {path.name}: {name} is played in closed form and takes no engine; leave it out of engines."
+        rig = load_rig(
+            path,
+            (engines or {}).get(name, EngineChoice()),
+            faults=injected,
+            mounted=(mounted or {}).get(name, FIRST_SPECIMEN),
         )
-    return load_structure(path, injected)
+        if name in (mounted or {}) and not rig.wears:
+            raise _does_not_wear(path, name)
+        return rig
+    if kind not in (structure.KIND, fmu.KIND):
+        raise SpecimenError(
+            f"specimen {path.name}: kind is {kind!r}; leave it out for a multibody rig, or say {structure.KIND} or "
+            f"{fmu.KIND}."
+        )
+    if name in (mounted or {}):
+        raise _does_not_wear(path, name)
+    if name in (engines or {}):
+        player = "in closed form" if kind == structure.KIND else "by its FMU"
+        raise SpecimenError(
+            f"specimen {path.name}: {name} is played {player} and takes no engine; leave it out of engines."
+        )
+    return structure.load_structure(path, injected) if kind == structure.KIND else fmu.load_fmu_rig(path, injected)
+
+
+def _does_not_wear(path: Path, name: str) -> SpecimenError:
+    return SpecimenError(
+        f"specimen {path.name}: {name} does not wear, so all its specimens are one; leave it out of mounted."
+    )

@@ -11,10 +11,19 @@ import structlog
 from pydantic import Field, model_validator
 
 from duralab_bus import Bus, ConfigError
-from duralab_gateway import SERVICE, GatewayConfig, RigServer, open_spools, serve_refusal
+from duralab_gateway import (
+    SERVICE,
+    ChannelTable,
+    GatewayConfig,
+    RigServer,
+    open_spools,
+    require_served,
+    serve_refusal,
+)
 from rig_sim.bus import SimulatedRig
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
+from rig_sim.parameters import Name
 from rig_sim.playing import Fault
 from rig_sim.specimen import SpecimenError, shipped_specimens
 
@@ -30,6 +39,11 @@ class RigSimConfig(GatewayConfig):
     faults: dict[str, tuple[Fault, ...]] = Field(default_factory=dict)
     #: What integrates a rig, by the rig's name; the compiled player where nothing is said.
     engines: dict[str, EngineChoice] = Field(default_factory=dict)
+    #: Where the wear of specimens lies on disk, so that it survives this process; in memory where not given.
+    wear_folder: Path | None = None
+    #: Which specimen of its kind is mounted, by the name of a rig that wears; another name is a new specimen, or one
+    #: that was mounted before.
+    mounted: dict[str, Name] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _serves_something(self) -> Self:
@@ -48,10 +62,15 @@ def find_rigs(config: RigSimConfig) -> dict[str, Path]:
         rigs = rigs_by_name([*(shipped[name] for name in config.rigs), *config.specimens])
     except SpecimenError as error:
         raise ConfigError(f"rigs: {error}") from error
-    for what, names in (("engines", config.engines), ("faults", config.faults)):
+    for what, names in (
+        ("engines", config.engines),
+        ("faults", config.faults),
+        ("mounted", config.mounted),
+    ):
         idle = [name for name in names if name not in rigs]
         if idle:
             raise ConfigError(f"{what}: {', '.join(idle)} is not a rig served here; those are {', '.join(rigs)}.")
+    require_served(config.channels, list(rigs))
     return rigs
 
 
@@ -68,13 +87,22 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     try:
         for name, path in find_rigs(config).items():
             try:
-                rig = load_any_rig(path, config.engines, config.faults)
+                rig = SimulatedRig(
+                    load_any_rig(path, config.engines, config.faults, config.mounted), wear_folder=config.wear_folder
+                )
             except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
                 refused[name] = str(error)
                 continue
-            wait = config.spool_wait_seconds
+            rig.follow_wear(bus.metrics)
             servers.append(
-                RigServer(bus, SimulatedRig(rig), spools, spool_wait_seconds=wait, real_time=config.real_time)
+                RigServer(
+                    bus,
+                    rig,
+                    spools,
+                    spool_wait_seconds=config.spool_wait_seconds,
+                    real_time=config.real_time,
+                    channels=config.channels.get(name, ChannelTable()),
+                )
             )
             # Last: whoever sees a rig may ask it.
             bus.declare_live(SERVICE, name)

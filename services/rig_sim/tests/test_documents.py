@@ -24,6 +24,10 @@ def test_a_variant_adds_to_lists_and_mappings_and_changes_values(tmp_path):
     path = written(tmp_path, "mine.yaml", changes)
     assert read_document(path) == {"a": 2, "list": [1, 3], "map": {"x": 1, "z": 4, "deep": {"y": 5}}, "new": [6]}
     assert document_files(path) == (path, tmp_path / "base.yaml")
+    further = written(tmp_path, "further.yaml", {"variant_of": "mine.yaml", "list": [4], "map": {"x": 9}})
+    assert read_document(further)["list"] == [1, 3, 4]
+    assert read_document(further)["map"] == {"x": 9, "z": 4, "deep": {"y": 5}}
+    assert document_files(further) == (further, path, tmp_path / "base.yaml")
 
 
 @pytest.mark.parametrize(
@@ -32,7 +36,7 @@ def test_a_variant_adds_to_lists_and_mappings_and_changes_values(tmp_path):
         ({"variant_of": "../base.yaml"}, "variant_of is '../base.yaml'; it must name a YAML beside it"),
         ({"variant_of": 3}, "variant_of is 3"),
         ({"variant_of": "none.yaml"}, "none.yaml cannot be read: No such file or directory"),
-        ({"variant_of": "mine.yaml"}, "mine.yaml is itself a variant"),
+        ({"variant_of": "mine.yaml"}, "mine.yaml is a variant of itself"),
         ({"variant_of": "base.yaml", "list": 3}, "list is a list in what it varies; give a list of what to add"),
         ({"variant_of": "base.yaml", "map": {"deep": []}}, "map.deep is a mapping in what it varies"),
     ],

@@ -8,11 +8,16 @@ from typing import Any, Final
 __all__ = ["SECTIONS", "command_function"]
 
 _CERTS: Final = tuple(f"certs {name}" for name in ("init", "issue", "renew", "show", "router", "refusals"))
+_ENDURANCE: Final = (
+    *(f"endurance {name}" for name in ("start", "status", "hold", "decide", "resume", "stop")),
+    *("schedule design", "schedule show"),
+)
 
 SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "The lab": ("up", "down", "status", "view"),
-    "Rigs": ("rigs", "play", "identify", "check-rig", "reset"),
-    "Campaigns": ("init", "run", "resume", "stop", "sweep"),
+    "Rigs": ("rigs", "play", "identify", "check-rig", "pre-test", "reset"),
+    "Campaigns": ("init", "run", "decide", "resume", "stop", "sweep"),
+    "Endurance tests": _ENDURANCE,
     "Recordings": ("report", "compare", "export", "catalogue", "verify"),
     "Files": ("info", "import", "convert"),
     "This machine": ("doctor",),
@@ -31,7 +36,7 @@ _PLACES: Final = {
     "doctor": "check_rig:doctor",
     "import": "convert:import_file",
     "router": "certs:run_router",
-    **{name: name.replace(" ", ":") for name in _CERTS},
+    **{name: name.replace(" ", ":") for name in (*_CERTS, *_ENDURANCE)},
 }
 """Module and function of the commands that are not named like their file."""
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FOLDER = Path("certificates")
 Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the certificates are.")]
 LabName = Annotated[str, typer.Option("--lab", metavar="NAME", help="Name of the lab.")]
+MEMBERS = Path("members.yaml")
+Members = Annotated[Path, typer.Option("--members", metavar="FILE", help="The members of the lab.")]
 _EXPIRES_SOON_DAYS = 30.0
 _WATCH_SECONDS = 0.25
 
@@ -39,35 +41,36 @@ def init(folder: Folder = FOLDER, lab: LabName = "local", as_json: Json = False)
 
 
 def issue(
-    role: Annotated[
-        str, typer.Argument(help="router, rig, identifier, iterator, recorder, operator, viewer or admin.")
-    ],
-    name: Annotated[str, typer.Argument(help="Who it is, e.g. main or anna; with the role it is the common name.")],
+    members: Members = MEMBERS,
     *,
-    hosts: Annotated[
-        list[str] | None,
-        typer.Option("--host", metavar="HOST", help="Name or address of a router; repeatable."),
-    ] = None,
-    days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = 365,
+    days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="How long they are valid.")] = 365,
     folder: Folder = FOLDER,
     as_json: Json = False,
 ) -> None:
-    """Issue a certificate with a new private key."""
+    """Issue a certificate with a new private key to every member that has none."""
     from duralab import security
 
-    _tell(Output(as_json), security.issue(folder, role, name, hosts=hosts or [], days=days), "issued")
+    issued = security.issue_missing(folder, security.read_members(members), days=days)
+    output = Output(as_json)
+    for file in issued:
+        _say(output, file, "issued")
+    if not issued:
+        output.say(f"Every member in {members} has its certificate in {folder}.")
+    output.document([_as_json(file) for file in issued])
 
 
 def renew(
     name: Annotated[str, typer.Argument(metavar="ROLE.NAME", help="Common name, e.g. operator.anna; or ca.")],
     days: Annotated[int | None, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = None,
     folder: Folder = FOLDER,
+    members: Members = MEMBERS,
     as_json: Json = False,
 ) -> None:
-    """Replace a certificate and its key by new ones of the same name."""
+    """Replace a certificate and its key by new ones of the same name, as the file of members now says."""
     from duralab import security
 
-    _tell(Output(as_json), security.renew(folder, name, days=days), "renewed")
+    listed = () if name == security.AUTHORITY else security.read_members(members)
+    _tell(Output(as_json), security.renew(folder, name, members=listed, days=days), "renewed")
 
 
 def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
@@ -79,7 +82,7 @@ def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
     files = read_certificates(folder)
     output = Output(as_json)
     if not output.document([_as_json(file) for file in files]):
-        table = Table("name", "expires", "days left", "hosts", "SHA-256", box=None, pad_edge=False)
+        table = Table("name", "expires", "days left", "bound to", "SHA-256", box=None, pad_edge=False)
         for file in files:
             days = file.days_left()
             left = f"{days:.0f}" if days >= 0 else "expired"
@@ -88,7 +91,7 @@ def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
                 file.name,
                 f"{file.expires:%Y-%m-%d %H:%M} UTC",
                 left,
-                ", ".join(file.hosts),
+                ", ".join(_bound_to(file)),
                 f"{file.fingerprint[:16]}…",
                 style=style,
             )
@@ -100,6 +103,7 @@ def show(folder: Folder = FOLDER, as_json: Json = False) -> None:
 def router(
     folder: Folder = FOLDER,
     *,
+    members: Members = MEMBERS,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="The file to write; printed if left out.")
     ] = None,
@@ -114,12 +118,14 @@ def router(
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Write the configuration of a router that admits the certificates of the folder, each by its role."""
+    """Write the configuration of a router that admits the members of the lab, each on its own keys."""
     from duralab import security
     from duralab.output_files import replace_when_complete, require_outputs
 
     output = Output(as_json)
-    content = security.configure_router(folder, lab=lab, certificates=certificates or str(folder.resolve()), port=port)
+    listed = security.read_members(members)
+    place = certificates or str(folder.resolve())
+    content = security.configure_router(folder, listed, lab=lab, certificates=place, port=port)
     if out is None:
         if not output.document({"configuration": content}):
             sys.stdout.write(content)
@@ -134,6 +140,7 @@ def router(
 def run_router(
     folder: Folder = FOLDER,
     *,
+    members: Members = MEMBERS,
     host: Annotated[
         str, typer.Option("--host", metavar="ADDRESS", help="Where it listens; 0.0.0.0 for other machines too.")
     ] = "127.0.0.1",
@@ -144,22 +151,21 @@ def run_router(
     """Run the router of a secured lab until Ctrl-C, to try one without zenohd."""
     import duralab_bus
     from duralab import security
-    from duralab.security import AUTHORITY, read_certificates
     from duralab_bus import BusError
-    from duralab_proto.access import ROUTER
+    from duralab_proto.members import ROUTER
 
     output = Output(as_json)
-    content = security.configure_router(folder, lab=lab, certificates=str(folder.resolve()), port=port)
+    listed = security.read_members(members)
+    content = security.configure_router(folder, listed, lab=lab, certificates=str(folder.resolve()), port=port)
     endpoint = f"tls/{f'[{host}]' if ':' in host else host}:{port}"
-    names = [file.name for file in read_certificates(folder)]
-    members = [name for name in names if name != AUTHORITY and not name.startswith(f"{ROUTER}.")]
+    names = sorted(entry.member.common_name for entry in listed if entry.role != ROUTER)
     try:
         with duralab_bus.run_router(content, listen=endpoint):
             output.say(
-                f"The router of lab {lab} listens at {endpoint} and lets in {', '.join(members)}, each by its role. "
+                f"The router of lab {lab} listens at {endpoint} and lets in {', '.join(names)}, each on its own keys. "
                 "Ctrl-C ends it."
             )
-            output.document({"endpoint": endpoint, "lab": lab, "members": members}, on_one_line=True)
+            output.document({"endpoint": endpoint, "lab": lab, "members": names}, on_one_line=True)
             while True:
                 time.sleep(_WATCH_SECONDS)
     except BusError as error:
@@ -195,10 +201,21 @@ def _as_json(file: CertificateFile) -> dict[str, object]:
         "expires": file.expires.isoformat(),
         "days_left": round(file.days_left(), 2),
         "hosts": list(file.hosts),
+        "rigs": list(file.member.rigs) if file.member else [],
+        "project": file.member.project if file.member else "",
         "sha256": file.fingerprint,
     }
 
 
-def _tell(output: Output, file: CertificateFile, what: str) -> None:
+def _bound_to(file: CertificateFile) -> tuple[str, ...]:
+    bound = () if file.member is None else (*file.member.rigs, file.member.project)
+    return (*file.hosts, *filter(None, bound))
+
+
+def _say(output: Output, file: CertificateFile, what: str) -> None:
     output.say(f"{file.path} and {file.key} {what}, valid until {file.expires:%Y-%m-%d %H:%M} UTC.")
+
+
+def _tell(output: Output, file: CertificateFile, what: str) -> None:
+    _say(output, file, what)
     output.document(_as_json(file))

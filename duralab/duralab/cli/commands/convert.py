@@ -12,12 +12,14 @@ import typer
 
 from duralab.cli.options import (
     Connect,
+    ControllerMapFile,
     DataType,
     FileFormat,
     InputFormat,
     Json,
     Out,
     Replace,
+    RunName,
     Source,
     Unit,
     complete_rig,
@@ -115,21 +117,25 @@ def import_file(
     out: Out,
     *,
     rig: Annotated[
-        str,
+        str | None,
         typer.Option("--rig", metavar="RIG", help="Rig whose responses the target has.", autocompletion=complete_rig),
-    ],
+    ] = None,
     settings: Annotated[
         Path | None,
         typer.Option(
-            "--settings", metavar="FILE", help="YAML with `channels` and `edit`, as under `target` of a campaign file."
+            "--settings",
+            metavar="FILE",
+            help="YAML with `channels`, `calculated` and `edit`, as under `target` of a campaign file.",
         ),
     ] = None,
+    controller_map: ControllerMapFile = None,
+    run: RunName = None,
     to_format: FileFormat = None,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Make a target of a measured file: its channels as responses of a rig, in their units, edited step by step."""
+    """Make a target of a measured file, for a rig (--rig); or read the response of a controller to a drive (--map)."""
     from duralab.campaign import ImportSettings, load_import_settings
     from duralab.formats import format_of, write_signals
     from duralab.near_files import did_you_mean
@@ -137,6 +143,21 @@ def import_file(
     from duralab.target import edit_signals, read_target_file, require_playable
 
     output = Output(as_json)
+    if controller_map is not None:
+        for name, value in (("rig", rig), ("settings", settings), ("connect", endpoint)):
+            if value is not None:
+                raise InputError(f"--{name} is given beside --map, which decides it; leave it out.", field=name)
+        format_of(out, to_format)
+        require_outputs([out], read=[source, controller_map], replace=replace)
+        _import_response(source, out, controller_map, run, to_format=to_format, replace=replace, output=output)
+        return
+    if rig is None or run is not None:
+        raise InputError(
+            "--run goes with --map; leave it out."
+            if run is not None
+            else "--rig is missing; name the rig whose responses the target has, or the --map of its controller.",
+            field="rig" if run is None else "run",
+        )
     asked = load_import_settings(settings) if settings is not None else ImportSettings()
     # A wrong name or a file in the way is said before a lab is started.
     format_of(out, to_format)
@@ -147,7 +168,7 @@ def import_file(
     require_outputs([out], read=[source], replace=replace)
     with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         described = lab.describe(rig)
-    given = read_target_file(source, rig=described, channels=asked.channels)
+    given = read_target_file(source, rig=described, channels=asked.channels, calculated=asked.calculated)
     edited = edit_signals(given.signals, asked.edit)
     records = (*given.records, *edited.records)
     require_playable(edited.signals, rig=described)
@@ -160,6 +181,31 @@ def import_file(
         *written.notes,
     )
     output.document(_document(rig, signals, records, written))
+
+
+def _import_response(
+    source: Path,
+    out: Path,
+    controller_map: Path,
+    run: str | None,
+    *,
+    to_format: str | None,
+    replace: bool,
+    output: Output,
+) -> None:
+    from duralab.formats import import_response, write_signals
+
+    found = import_response(source, controller_map, run=run)
+    written = write_signals(found.signals, out, format=to_format, overwrite=replace)
+    origin = [f"It is the response of run {found.run!r}."]
+    document: dict[str, object] = {"run": found.run, "notes_on_response": found.notes, "alignment": None}
+    if (alignment := found.alignment) is not None:
+        document["alignment"] = asdict(alignment)
+        origin.append(
+            f"The drive begins {alignment.lag:+.2f} samples from its place; gain of the commands "
+            f"{', '.join(f'{gain:.4f}' for gain in alignment.gain)}."
+        )
+    say_written(output, found.signals, written, origin=[*origin, *found.notes], origin_document=document)
 
 
 def _document(rig: str, signals: Signals, records: Sequence[StepRecord], written: Written) -> dict[str, object]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from dataclasses import replace as replaced
 from enum import StrEnum
 from pathlib import Path
@@ -11,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from duralab.cli.commands.convert import in_units, say_written
-from duralab.cli.options import DataType, FileFormat, Json, Out, Replace, Unit
-from duralab.cli.options import Recording as RecordingFile
+from duralab.cli.options import ControllerMapFile, DataType, FileFormat, Json, Replace, RunName, Unit
 from duralab.cli.output import Output
 from duralab.errors import InputError
 
@@ -32,8 +32,8 @@ class Exported(StrEnum):
 
 
 def export(
-    recording: RecordingFile,
-    out: Out,
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A recording.mcap; with --map, or a drive file.")],
+    out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="The file to write; not with --map.")] = None,
     *,
     what: Annotated[
         str, typer.Option("--what", help="target, drive, response, response_in_band, or frf (into .uff or .unv).")
@@ -44,10 +44,12 @@ def export(
     to_format: FileFormat = None,
     units: Unit = None,
     data_type: DataType = None,
+    controller_map: ControllerMapFile = None,
+    run: RunName = None,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Write a drive, a response, the target or the frequency responses of a recording into a file."""
+    """Write signals or frequency responses of a recording into a file; with --map, a drive for a rig's controller."""
     from duralab.formats import Format, format_of, write_signals
     from duralab.output_files import require_other
     from duralab.recording import open_recording
@@ -57,7 +59,18 @@ def export(
         chosen = Exported(what)
     except ValueError:
         raise InputError(f"--what is {what!r}; {', '.join(Exported)} are known.", field="what") from None
-    opened = open_recording(recording)
+    if controller_map is not None:
+        refuse_beside_map(out=out, unit=units, format=to_format, data_type=data_type, replace=replace or None)
+        if chosen is not Exported.DRIVE:
+            raise InputError(f"--what is {what}; a controller takes a drive, so leave it out.", field="what")
+        _export_for_controller(source, controller_map, run, playback=playback, output=output)
+        return
+    if out is None or run is not None:
+        raise InputError(
+            "--run goes with --map; leave it out." if run is not None else "OUT is missing; give the file to write.",
+            field="out" if run is None else "run",
+        )
+    opened = open_recording(source)
     require_other([out], read=opened.files)
     if chosen is Exported.FRF:
         _refuse_for_frf(playback=playback, unit=units or [], format=to_format, data_type=data_type)
@@ -77,6 +90,48 @@ def export(
         origin=list(_origin(opened, taken)),
         origin_document=_origin_document(opened, taken),
     )
+
+
+def _export_for_controller(
+    source: Path, controller_map: Path, run: str | None, *, playback: int | None, output: Output
+) -> None:
+    from duralab.formats import export_drive, read_signals
+    from duralab.recording import open_recording
+
+    origin: Iterable[str] = ()
+    if source.suffix.lower() == ".mcap":
+        opened = open_recording(source)
+        taken = _playback_taken(opened, Exported.DRIVE, playback)
+        drive, run = _recorded(opened, Exported.DRIVE, taken), run or f"{source.resolve().parent.name}_{taken}"
+        origin = _origin(opened, taken)
+    elif playback is not None:
+        raise InputError(f"--playback is {playback}; {source} is no recording, so leave it out.", field="playback")
+    else:
+        drive, run = read_signals(source), run or source.stem
+    written = export_drive(drive, controller_map, run=run)
+    order = written.order
+    seconds = order.samples / order.sample_rate
+    if output.document({"path": written.path, "page": written.page, "notes": written.notes, **asdict(order)}):
+        return
+    output.say(
+        f"{written.path}: {order.samples} samples at {order.sample_rate:g} Hz, {seconds:.6g} s",
+        *origin,
+        *written.notes,
+        *(
+            f"  {channel.name}: peak {channel.peak:.4g} {channel.unit}, {share:.0%} of its limit; "
+            f"full scale {channel.full_scale:g} {channel.unit}"
+            for channel, share in zip(order.channels, written.limit_shares, strict=True)
+        ),
+        f"What to set and to record is in {written.page}; the run waits for inbox/{order.response_file}.",
+    )
+
+
+def refuse_beside_map(**options: object) -> None:
+    """Refuse options whose values the map of a controller gives."""
+    for name, value in options.items():
+        if value is not None:
+            word = "OUT" if name == "out" else f"--{name.replace('_', '-')}"
+            raise InputError(f"{word} is given beside --map, which decides it; leave it out.", field=name)
 
 
 def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> int | None:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
     """List the rigs with their channels, limits and sample rates, and the other shipped rigs."""
+    from duralab.data import SENSOR_COLUMNS, sensor_rows
+    from duralab.display import text_table
     from duralab.processes import shipped_rigs
 
     output = Output(as_json)
@@ -36,6 +38,9 @@ def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
         return
     for rig in rigs.values():
         output.console.print(_table(rig), soft_wrap=False)
+        if sensors := sensor_rows(rig.responses):
+            output.say(text_table(SENSOR_COLUMNS, sensors, left=len(SENSOR_COLUMNS)))
+        output.say(*rig.overdue, style="yellow")
     for name, fault in faults.items():
         output.say(f"{name}: {fault}", style="red")
     if not rigs and not faults:
@@ -47,12 +52,16 @@ def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
 
 def _document(rig: Rig) -> dict[str, object]:
     channels = {kind: [_channel(one) for one in getattr(rig, kind)] for kind in ("drives", "responses")}
-    return {**{name: value for name, value in vars(rig).items() if name != "static_response"}, **channels}
+    told = {name: value for name, value in vars(rig).items() if name != "static_response"}
+    return {**told, **channels, "overdue": rig.overdue}
 
 
 def _channel(channel: Channel) -> dict[str, object]:
-    shown = {name: value for name, value in vars(channel).items() if name not in ("kind", "watchdog")}
-    return {**shown, "slew_limit": channel.slew_limit or None}
+    hidden = ("kind", "watchdog", "sensor", "calculated")
+    shown = {name: value for name, value in vars(channel).items() if name not in hidden}
+    sensor = {} if channel.sensor is None else {"sensor": vars(channel.sensor)}
+    calculated = {"calculated": dict(channel.calculated)} if channel.calculated else {}
+    return {**shown, "slew_limit": channel.slew_limit or None, **sensor, **calculated}
 
 
 def _table(rig: Rig) -> Table:

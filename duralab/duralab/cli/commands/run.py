@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.ending import TerminatedError
+from duralab.cli.ending import ExitCode, TerminatedError
 from duralab.cli.options import (
     CampaignId,
     Connect,
     Json,
     OutFolder,
+    Page,
     RealTime,
     Replace,
     View,
@@ -33,7 +35,8 @@ def run(
     campaign: Annotated[
         str,
         typer.Argument(
-            help="A campaign file, or a shipped one: front_axle_demo, spindle_coupled_demo, belgian_block.",
+            help="A campaign or project file, or a shipped one: front_axle_demo, spindle_coupled_demo, belgian_block, "
+            "front_axle_events.",
             autocompletion=complete_campaign,
         ),
     ],
@@ -45,20 +48,26 @@ def run(
     ] = None,
     real_time: RealTime = False,
     view: View = False,
+    page: Page = False,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
-    """Run a campaign to its end, in a private lab or in a running one (--connect)."""
-    from duralab.campaign import load_campaign
-    from duralab.cli.commands.view import open_viewer
+    """Run a campaign or a project to its end, in a private lab or in a running one (--connect)."""
+    from duralab.campaign import is_project, load_campaign
+    from duralab.cli.commands.view import open_page, open_viewer
     from duralab.cli.run_display import conclude, follow
     from duralab.lab import DEFAULT_RIGS
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
 
     output = Output(as_json)
-    if view and endpoint is not None:
-        raise InputError("--view belongs to the lab: start the lab at --connect with `duralab up --view`.")
+    if (view or page) and endpoint is not None:
+        option = "--view" if view else "--page"
+        raise InputError(f"{option} belongs to the lab: start the lab at --connect with `duralab up {option}`.")
+    if is_project(campaign):
+        alone = {"--view": view, "--page": page, "--replace": replace, "--real-time": real_time}
+        _run_project(campaign, output, out=out, endpoint=endpoint, alone=alone)
+        return
     plan = load_campaign(campaign)
     output.say(*plan.remarks)
     if real_time:
@@ -73,6 +82,8 @@ def run(
         viewer = open_viewer(stack, output) if view else None
         address = viewer.address if viewer is not None else None
         lab = stack.enter_context(open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address))
+        if page:
+            open_page(stack, output, lab, folder=folder, viewer=viewer)
         where = f"the lab at {endpoint}" if endpoint is not None else f"a private lab at {lab.endpoints[0]}"
         ends = "" if endpoint is not None else ", which ends with it"
         output.say(f"Campaign {plan.name} on rig {plan.rig}, in {where}{ends}.")
@@ -80,17 +91,63 @@ def run(
             output,
             lambda on_progress: lab.run(plan, out=folder, on_progress=on_progress),
             iterations=plan.stop.iterations,
+            endpoint=endpoint or lab.endpoints[0],
         )
-        if viewer is not None and output.console.is_terminal:
+        if (viewer is not None or page) and output.console.is_terminal:
             _leave_open(viewer, output)
     conclude(output, result, report)
 
 
-def _leave_open(viewer: Viewer, output: Output) -> None:
-    """Keep the viewer open; the run is done, so a Ctrl-C here interrupts nothing."""
-    output.say("The viewer stays open until you close it or press Ctrl-C.")
+def _run_project(
+    source: str, output: Output, *, out: Path | None, endpoint: str | None, alone: dict[str, bool]
+) -> None:
+    """Run a project; what its folder holds already is not made again. `alone`: Options of a single campaign."""
+    from duralab.campaign import load_project
+    from duralab.lab import DEFAULT_RIGS, EventResult
+    from duralab.processes import require_shipped
+
+    if given := [name for name, asked in alone.items() if asked]:
+        raise InputError(
+            f"{given[0]} belongs to a single campaign; a project continues with what its folder holds, so leave it "
+            "out, or give another folder (--out).",
+            field=given[0].lstrip("-"),
+        )
+    project = load_project(source)
+    folder = out or Path("out") / project.name
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")
+    if endpoint is None:
+        require_shipped(project.rigs, usual=DEFAULT_RIGS)
+    with open_lab(output, endpoint, rigs=project.rigs, out=folder) as lab:
+        where = f"the lab at {endpoint}" if endpoint is not None else f"a private lab at {lab.endpoints[0]}"
+        output.say(f"Project {project.name} of {len(project.events)} events, in {where}.")
+        count = 0
+
+        def show(event: EventResult) -> None:
+            nonlocal count
+            count += 1
+            _, _, start, playbacks, _, error, _, verdict = event.row
+            said = f"{playbacks} playbacks, worst error {error}: {verdict}" if event.result is not None else verdict
+            output.say(f"[{count}/{len(project.events)}] {event.event.name} (starts from {start}): {said}")
+
+        result = lab.run_project(project, out=folder, on_event=show)
+    output.say("", str(result), f"report     {result.report_path}", f"order file {result.order_path}")
+    output.document(result.document())
+    if any(event.result is None for event in result.events):
+        raise typer.Exit(int(ExitCode.FAILED))
+    if not result.reached:
+        raise typer.Exit(int(ExitCode.NOT_REACHED))
+
+
+def _leave_open(viewer: Viewer | None, output: Output) -> None:
+    """Keep the viewer or the operator page open; the run is done, so a Ctrl-C here interrupts nothing."""
+    output.say(
+        "The operator page stays open until you press Ctrl-C."
+        if viewer is None
+        else "The viewer stays open until you close it or press Ctrl-C."
+    )
     try:
-        while not viewer.wait(1.0):
+        while not (time.sleep(1.0) if viewer is None else viewer.wait(1.0)):
             pass
     except TerminatedError:
         raise
@@ -142,7 +199,7 @@ def resume(
             recording = open_recording(path)
             if isinstance(plan, PartialSettings):
                 # What the lab would refuse is refused before it starts.
-                completed(plan, recording.specification)
+                completed(plan, recording.specification_in_use)
             out = out or Path("out") / expected_id(recording, is_changed=plan is not None or from_iteration > 0)
             require_outputs([out / name for name in OUTPUTS], read=recording.files, replace=replace)
             rig = recording.specification.rig
@@ -161,6 +218,7 @@ def resume(
                 on_progress=on_progress,
             ),
             iterations=iterations,
+            endpoint=endpoint or lab.endpoints[0],
         )
     conclude(output, result, report)
 
@@ -180,5 +238,6 @@ def stop(
         progress = lab.stop(id, reason=reason)
     output.say(f"{id}: {progress.activity}")
     output.document(
-        {"campaign": id} | {name: value for name, value in asdict(progress).items() if name != "iterations"}
+        {"campaign": id}
+        | {name: value for name, value in asdict(progress).items() if name not in ("iterations", "hold", "campaign")}
     )

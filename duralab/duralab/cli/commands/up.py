@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.options import Connect, Json, RealTime, View, complete_rig
+from duralab.cli.options import Connect, Json, Page, RealTime, View, complete_rig
 from duralab.cli.output import Output
 from duralab.errors import InputError
 
@@ -39,10 +39,11 @@ def up(
     ] = None,
     real_time: RealTime = False,
     view: View = False,
+    page: Page = False,
     as_json: Json = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C or `duralab down`."""
-    from duralab.cli.commands.view import open_viewer
+    from duralab.cli.commands.view import open_page, open_viewer
     from duralab.lab import DEFAULT_RIGS, start
     from duralab.processes import noted, require_no_lab, require_shipped
 
@@ -61,8 +62,10 @@ def up(
                     rigs=rigs or DEFAULT_RIGS,
                     viewer=address,
                     real_time=real_time,
+                    endurance=True,
                 )
             )
+        opened = open_page(stack, output, lab, folder=recordings, viewer=viewer) if page else None
         fault = stack.enter_context(noted(lab.endpoints[0], recordings=recordings, services=lab.process_ids))
         output.document(
             {
@@ -71,6 +74,7 @@ def up(
                 "recordings": recordings,
                 "logs": recordings / "logs",
                 "viewer": address,
+                "page": opened.address if opened is not None else None,
             },
             on_one_line=True,
         )

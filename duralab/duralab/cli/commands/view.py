@@ -1,4 +1,4 @@
-"""`duralab view`: the viewer on its own."""
+"""`duralab view`: the viewer on its own; and the viewer and the operator page beside a lab."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from duralab.cli.options import Json
 from duralab.cli.output import Output
 
 if TYPE_CHECKING:
-    from duralab.processes import Viewer
+    from duralab.lab import Lab
+    from duralab.processes import OperatorPage, Viewer
 
 _WATCH_SECONDS = 0.25
 
@@ -57,6 +58,25 @@ def open_viewer(stack: ExitStack, output: Output) -> Viewer:
     stack.enter_context(viewer)
     say_where(viewer, output)
     return viewer
+
+
+def open_page(stack: ExitStack, output: Output, lab: Lab, *, folder: Path, viewer: Viewer | None) -> OperatorPage:
+    """Open the operator page of a lab until `stack` is closed and say where it is."""
+    from duralab.errors import InputError
+    from duralab.processes import PAGE_PORT, OperatorPage
+
+    def opened(port: int) -> OperatorPage:
+        shown, log = viewer.page if viewer is not None else None, folder / "logs" / "operator_page.log"
+        return OperatorPage(lab.endpoints[0], folder=folder / "page", log=log, port=port, viewer=shown)
+
+    with output.console.status("Starting the operator page …"):
+        try:
+            page = opened(PAGE_PORT)
+        except InputError:
+            page = opened(0)
+    stack.enter_context(page)
+    output.say(f"Operator page: {page.address} (open it in a browser)")
+    return page
 
 
 def say_where(viewer: Viewer, output: Output) -> None:

@@ -6,6 +6,7 @@ import argparse
 import ctypes
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -51,7 +52,12 @@ def log_stacks() -> None:
 
 
 def log_stacks_on_signal() -> None:
-    """Have SIGUSR1 log where every thread is, in a process that is no service; called on the main thread."""
+    """Have SIGUSR1 log where every thread is, in a process that is no service; called on the main thread.
+
+    Windows has no such signal: nothing is done there.
+    """
+    if sys.platform == "win32":
+        return
     # On a thread of its own: the main one may be in the middle of a line of the log.
     signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=log_stacks, daemon=True).start())
 
@@ -87,7 +93,7 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
     and left before the bus closes. Instances are declared live after everything else: the rigs of rig_sim, "main" of
     the others. Ends the process with code 2 after one sentence on standard error when the bus or the service cannot be
     set up as configured. SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within
-    3 s. SIGUSR1 makes it log where its threads are.
+    3 s. SIGUSR1, where the system has it, makes it log where its threads are.
     """
     configure_logs(name)
     log = structlog.get_logger(name)
@@ -156,26 +162,32 @@ def _refuse(error: Exception) -> NoReturn:
 class _StopSignal:
     """Whatever tells the process to end: signals, or the end of standard input.
 
-    A signal handler may interrupt anything, also a lock being taken; so it sets a flag and writes to a pipe, no more.
+    A signal handler may interrupt anything, also a lock being taken; so it sets a flag and writes to a socket, no more.
     """
 
     def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
         self._log = log
         self._waiting = False
         self._stopped = False
-        self._main_reads, self._main_writes = os.pipe()
-        self._signal_reads, self._signal_writes = os.pipe()
+        # Sockets, for Windows takes no pipe for the bytes of signals.
+        self._main_reads, self._main_writes = socket.socketpair()
+        self._signal_reads, self._signal_writes = socket.socketpair()
         self.reason = ""
 
     def listen(self, *, standard_input: bool) -> None:
         # Python's own handlers wait for the main thread to come back from native code, which may build a plant or wait
-        # for a connection; the byte in this pipe does not.
-        os.set_blocking(self._signal_writes, False)
-        signal.set_wakeup_fd(self._signal_writes)
+        # for a connection; the byte in this socket does not.
+        self._signal_writes.setblocking(False)
+        signal.set_wakeup_fd(self._signal_writes.fileno())
         threading.Thread(target=self._watch, name="duralab_bus-watchdog", daemon=True).start()
-        # So that it writes its byte, and ends nothing.
-        signal.signal(signal.SIGUSR1, lambda _number, _frame: None)
-        for number in (signal.SIGTERM, signal.SIGINT):
+        ending = [signal.SIGTERM, signal.SIGINT]
+        if sys.platform == "win32":
+            # Of a console that is closed, and of Ctrl-Break.
+            ending.append(signal.SIGBREAK)
+        else:
+            # So that it writes its byte, and ends nothing.
+            signal.signal(signal.SIGUSR1, lambda _number, _frame: None)
+        for number in ending:
             signal.signal(number, self._on_signal)
         if standard_input:
             threading.Thread(target=self._follow_parent, name="duralab_bus-parent", daemon=True).start()
@@ -185,16 +197,16 @@ class _StopSignal:
         self._waiting = True
 
     def wait(self) -> None:
-        os.read(self._main_reads, 1)
+        self._main_reads.recv(1)
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if self._stopped:
             return
         self._stopped = True
         self.reason = self.reason or signal.Signals(number).name
-        os.write(self._main_writes, b"!")
+        self._main_writes.send(b"!")
         if not self._waiting:
-            # Still being set up: nothing reads the pipe yet.
+            # Still being set up: nothing reads the socket yet.
             raise SystemExit(0)
 
     def _follow_parent(self) -> None:
@@ -202,15 +214,21 @@ class _StopSignal:
             pass
         self.reason = "the parent process ended"
         # The same way out as for a signal, on the main thread.
-        os.kill(os.getpid(), signal.SIGTERM)
+        if sys.platform == "win32":
+            signal.raise_signal(signal.SIGTERM)
+        else:
+            os.kill(os.getpid(), signal.SIGTERM)
 
     def _watch(self) -> None:
         """Tell where the threads are when asked; end the process when it does not by itself, whatever is stuck."""
-        while os.read(self._signal_reads, 1)[0] == signal.SIGUSR1:
-            log_stacks()
+        if sys.platform == "win32":
+            self._signal_reads.recv(1)
+        else:
+            while self._signal_reads.recv(1)[0] == signal.SIGUSR1:
+                log_stacks()
         # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
         # Python's handler runs on the main one alone, and that would go on waiting.
-        os.write(self._main_writes, b"!")
+        self._main_writes.send(b"!")
         time.sleep(_EXIT_SECONDS)
         self._log.error("Something is stuck; the process ends without it.", after_seconds=_EXIT_SECONDS)
         os._exit(EXIT_STUCK)
@@ -243,5 +261,5 @@ def keep_few_arenas(count: int) -> bool:
     """
     if count < 1:
         raise ValueError(f"{count} heaps are asked for; a process has 1 or more.")
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    mallopt = None if sys.platform == "win32" else getattr(ctypes.CDLL(None), "mallopt", None)
     return mallopt is not None and mallopt(_M_ARENA_MAX, count) == 1

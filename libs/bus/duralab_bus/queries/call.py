@@ -15,7 +15,7 @@ from google.protobuf.message import Message
 from duralab_bus.encoding import MessageT, decode, encode, encoding_of
 from duralab_bus.faults import FaultError
 from duralab_proto.arrays import ArrayError
-from duralab_proto.keys import KeyNameError
+from duralab_proto.keys import LONGEST_NAME, KeyNameError, rig_of
 from duralab_proto.v1 import query_pb2
 
 MOST_PER_SECOND: Final = 20
@@ -92,6 +92,16 @@ class Call:
         Known 0.3 s after the client let go; never for a client that sends no id with its query.
         """
         return self._cancelled.is_set()
+
+    def require_rig(self, rig: str, *, field: str) -> None:
+        """Raise FaultError unless a request is about the rig in its key: access control looks at the key alone."""
+        if rig != (named := rig_of(self.key)):
+            raise FaultError(
+                query_pb2.FAULT_CODE_INVALID_ARGUMENT,
+                f"{field} is {rig[:LONGEST_NAME]!r}, but the key {self.key} is that of rig {named!r}; "
+                "ask on the key of the rig that is meant.",
+                field=field,
+            )
 
     def progress(self, phase: str, fraction: float, *, remaining_seconds: float = -1.0, detail: str = "") -> None:
         """Tell the client how far it is; may be called as often as one likes, more than 20 a second are thinned out.

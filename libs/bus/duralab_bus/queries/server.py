@@ -345,7 +345,7 @@ class QueryServer:
                 self._departed.remove(asker)
 
     def _outranked(self, route: _Route, key: zenoh.KeyExpr) -> bool:
-        """Return whether a more specific expression is served for this key: `campaign/start` before `campaign/*`."""
+        """Return whether a more specific expression is served for this key: `recording/list` before `recording/*`."""
         return any(
             other is not route
             and other.expression != route.expression

@@ -4,7 +4,14 @@ from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode
 from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker
 from duralab_bus.session.reintroduction import Reintroduction
 from duralab_bus.session.rejoining import BusSession, Declaration, Inbox
-from duralab_bus.session.session import LINK_SETTINGS, Identity, check_identity, explain_failure, open_session
+from duralab_bus.session.session import (
+    LINK_SETTINGS,
+    Identity,
+    check_identity,
+    explain_failure,
+    member_of,
+    open_session,
+)
 
 __all__ = [
     "DEBOUNCE_SECONDS",
@@ -22,5 +29,6 @@ __all__ = [
     "TlsConfig",
     "check_identity",
     "explain_failure",
+    "member_of",
     "open_session",
 ]

@@ -7,6 +7,7 @@ import os
 import re
 import socket
 import ssl
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,7 +18,7 @@ import zenoh
 
 from duralab_bus.faults import BusError
 from duralab_bus.session.config import BusConfig, BusMode, TlsConfig
-from duralab_proto.access import Holder, HolderNameError
+from duralab_proto.members import Member, MemberError
 from duralab_settings import read_regular, require_regular
 
 if TYPE_CHECKING:
@@ -31,9 +32,9 @@ _LARGEST_BYTES: Final = 2**20
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a session is to a secured lab: role and name in its certificate, and when the router closes its link."""
+    """Who a session is to a secured lab: the member in its certificate, and when the router closes its link."""
 
-    holder: Holder
+    member: Member
     expires: datetime
 
 
@@ -78,12 +79,12 @@ def check_identity(tls: TlsConfig) -> Identity:
         ) from error
     _expect_valid(own, tls.certificate)
     _expect_valid(authority, tls.ca)
-    return Identity(_holder(own, tls.certificate), own.not_valid_after_utc)
+    return Identity(_member(own, tls.certificate), own.not_valid_after_utc)
 
 
 def explain_refusal(host: str, port: int, tls: TlsConfig) -> str:
     """Return why a router that answers lets a session not in: Zenoh itself only says that it could not connect."""
-    name = _holder(_certificate(tls.certificate, "certificate"), tls.certificate).common_name
+    name = _member(_certificate(tls.certificate, "certificate"), tls.certificate).common_name
     context = ssl.create_default_context(cafile=str(tls.ca))
     context.load_cert_chain(tls.certificate, tls.key)
     try:
@@ -116,6 +117,9 @@ def _expect_private(key: Path) -> None:
         raise BusError(
             f"The private key {key} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."
         ) from error
+    if sys.platform == "win32":
+        # Who may read a file does not stand in its mode there; the folder's access list decides.
+        return
     # A secret that an orchestrator mounts belongs to root and is lent to the service's group.
     lent = status.st_uid == 0 and os.geteuid() != 0
     if status.st_mode & (_BEYOND_GROUP if lent else _BEYOND_OWNER):
@@ -157,13 +161,40 @@ def _expect_valid(certificate: Certificate, path: Path) -> None:
         )
 
 
-def _holder(certificate: Certificate, path: Path) -> Holder:
+def member_of(certificate: Certificate) -> Member:
+    """Return the member that a certificate names.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Of the package cryptography.
+
+    Returns
+    -------
+    Member
+        Its common name and what it is bound to.
+
+    Raises
+    ------
+    MemberError
+        One sentence: it names no member.
+    """
+    from cryptography.x509 import ExtensionNotFound, SubjectAlternativeName, UniformResourceIdentifier
     from cryptography.x509.oid import NameOID
 
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     try:
-        return Holder.parse(str(names[0].value) if names else "")
-    except HolderNameError as error:
+        others = certificate.extensions.get_extension_for_class(SubjectAlternativeName).value
+        bindings = others.get_values_for_type(UniformResourceIdentifier)
+    except ExtensionNotFound:
+        bindings = []
+    return Member.parse(str(names[0].value) if names else "", bindings)
+
+
+def _member(certificate: Certificate, path: Path) -> Member:
+    try:
+        return member_of(certificate)
+    except MemberError as error:
         raise BusError(f"{error} It stands in {path}; have one issued with `duralab certs issue`.") from error
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import struct
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,9 @@ from typing import Final, NamedTuple
 import xxhash
 
 from duralab_bus.faults import BusError
+from duralab_bus.spool.segment_file import allocate, read_at, write_at
 from duralab_bus.spool.spool import Extent, Spool, Spooled, SpoolSpace, Store
+from duralab_settings import OPEN_BINARY, lock_file
 
 SEGMENT_BYTES: Final = 4 * 2**20
 SUFFIX: Final = ".spool"
@@ -49,7 +51,7 @@ class _Segment:
         """Return a message, or None where its record is damaged."""
         offset = self.offsets[seq - self.first]
         stop = self.offsets[seq - self.first + 1] if seq + 1 < self.stop else self.end
-        return _parse(os.pread(self.descriptor, stop - offset, offset), self.epoch, seq)
+        return _parse(read_at(self.descriptor, stop - offset, offset), self.epoch, seq)
 
 
 def _parse(record: bytes, epoch: int, seq: int) -> Spooled | None:
@@ -108,7 +110,7 @@ class _DiskStore(Store):
         if not self._segments or self._segments[-1].end + size > self._segments[-1].size:
             self._begin(seq, least=size)
         segment = self._segments[-1]
-        if os.pwritev(segment.descriptor, [head, payload], segment.end) != size:
+        if write_at(segment.descriptor, [head, payload], segment.end) != size:
             raise OSError(0, "only a part was written, the disk is full")
         segment.offsets.append(segment.end)
         segment.end += size
@@ -148,7 +150,7 @@ class _DiskStore(Store):
     def adopt(self, path: Path, first: int, content: bytes) -> None:
         """Take over a segment of this key and epoch that a process left behind, up to its first damaged message."""
         segment = _Segment(
-            path, os.open(path, os.O_RDONLY), self._epoch, first, size=len(content), end=len(self._header)
+            path, os.open(path, os.O_RDONLY | OPEN_BINARY), self._epoch, first, size=len(content), end=len(self._header)
         )
         while True:
             record = content[segment.end : segment.end + _longest(content, segment.end)]
@@ -171,8 +173,8 @@ class _DiskStore(Store):
             self._spares.pop().rename(path)
         else:
             self._take(path, size)
-        descriptor = os.open(path, os.O_RDWR)
-        os.pwrite(descriptor, self._header, 0)
+        descriptor = os.open(path, os.O_RDWR | OPEN_BINARY)
+        write_at(descriptor, [self._header], 0)
         self._segments.append(_Segment(path, descriptor, self._epoch, first, size=size, end=len(self._header)))
         if not self._spares:
             self._reserve()
@@ -188,15 +190,15 @@ class _DiskStore(Store):
             self._refusal = ""
 
     def _take(self, path: Path, size: int) -> None:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | OPEN_BINARY, 0o644)
         try:
-            os.posix_fallocate(descriptor, 0, size)
+            allocate(descriptor, size)
         except OSError:
+            os.close(descriptor)
             with contextlib.suppress(OSError):
                 path.unlink()
             raise
-        finally:
-            os.close(descriptor)
+        os.close(descriptor)
         self._space.count(size)
 
     def _release(self, segment: _Segment) -> None:
@@ -281,7 +283,7 @@ class SpoolFolder(SpoolSpace):
         self.path = folder / f"{time.time_ns()}-{os.getpid()}"
         try:
             self.path.mkdir(parents=True)
-            self._lock = _locked(self.path)
+            self._lock = lock_file(self.path / _LOCK)
         except OSError as error:
             raise BusError(f"No spool can be kept in {str(folder)!r}: {error.strerror or error}.") from error
         self._taken_over: list[tuple[Path, int]] = []
@@ -295,7 +297,7 @@ class SpoolFolder(SpoolSpace):
         found: list[LeftSpool] = []
         for folder in sorted(path for path in self._folder.iterdir() if path.is_dir() and path != self.path):
             try:
-                lock = _locked(folder)
+                lock = lock_file(folder / _LOCK)
             except OSError:
                 continue  # Its process lives, or another one was faster.
             self._taken_over.append((folder, lock))
@@ -322,24 +324,19 @@ class SpoolFolder(SpoolSpace):
     def close(self) -> None:
         """Give the folder up; what is empty is removed."""
         for folder, lock in [(self.path, self._lock), *self._taken_over]:
-            if not list(folder.glob(f"*{SUFFIX}")):
+            # First what is empty, then the lock, so that no other process takes over what is being removed. Windows
+            # removes no file that is open.
+            empty = not list(folder.glob(f"*{SUFFIX}"))
+            if empty and sys.platform != "win32":
                 (folder / _LOCK).unlink(missing_ok=True)
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
             os.close(lock)
+            if empty:
+                with contextlib.suppress(OSError):
+                    (folder / _LOCK).unlink(missing_ok=True)
+                    folder.rmdir()
         self._taken_over.clear()
 
 
 def _whole(store: _DiskStore) -> Spool:
     kept = store.adopted
     return Spool(store, held=True, unheld_bytes=0, extent=Extent(first=kept.start, next=kept.stop, marked=kept.start))
-
-
-def _locked(folder: Path) -> int:
-    descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor

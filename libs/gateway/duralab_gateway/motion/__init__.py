@@ -11,13 +11,14 @@ from duralab_gateway.motion.playback import (
     lead_out,
 )
 from duralab_gateway.motion.poses import to_poses
-from duralab_gateway.motion.watchdogs import Source, Watchdog, WatchdogMonitor, when
+from duralab_gateway.motion.watchdogs import Level, Source, Watchdog, WatchdogMonitor, when
 
 __all__ = [
     "Approach",
     "Block",
     "DrivePlayback",
     "FollowedDrive",
+    "Level",
     "RigFaultError",
     "Source",
     "Use",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Protocol
 
 import numpy as np
@@ -129,6 +129,9 @@ class DrivePlayback(ABC):
     `block_samples`.
     """
 
+    #: Whether it has to be held back to real time; not what was played before its first block.
+    is_paced = True
+
     def __init__(
         self,
         drive: np.ndarray,
@@ -151,6 +154,7 @@ class DrivePlayback(ABC):
         #: May be made smaller before it plays, see `cut`; the bytes of an engine with fixed steps do not depend on it.
         self.block_samples = block_samples
         self.response = np.empty((responses, self._drive.shape[1]))
+        self._calculate: Callable[[np.ndarray], np.ndarray] | None = None
 
     @property
     def samples_done(self) -> int:
@@ -165,6 +169,11 @@ class DrivePlayback(ABC):
     def cut(self, seconds: float) -> None:
         """Play blocks no longer than so many seconds, so that a playback in real time hears of a stop soon."""
         self.block_samples = min(self.block_samples, max(round(seconds * self._rate), 1))
+
+    def calculate(self, rows: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Add to every block the rows that are calculated from its response; called before it plays."""
+        self._calculate = rows
+        self.response = np.empty((len(self.response) + len(rows(self.response[:, :1])), self.response.shape[1]))
 
     def frames(self) -> np.ndarray | None:
         """Return where the bodies are now, (bodies, 12): rotation row by row, then origin in m; None without bodies."""
@@ -200,9 +209,15 @@ class DrivePlayback(ABC):
         left = self._next
         for begin in range(0, ramp.shape[1] - 1, self.block_samples):
             end = min(begin + self.block_samples, ramp.shape[1] - 1)
-            block = self._advance(ramp[:, begin : end + 1], left + begin, counted=False)
+            block = self._with_calculated(self._advance(ramp[:, begin : end + 1], left + begin, counted=False))
             self._heading = ramp[:, end]
             yield block
+
+    def end(self) -> None:  # noqa: B027 - most have nothing to do then
+        """Hear that the run is over, whatever its end, before its commander is answered.
+
+        Raises `RigFaultError` where the rig must not play on; the gateway latches.
+        """
 
     def peak_ratios(self) -> list[float]:
         """Return the largest magnitude of each drive so far over its limit in that direction, 0 to 1."""
@@ -227,8 +242,13 @@ class DrivePlayback(ABC):
         """
 
     def _go_on(self, commands: np.ndarray, *, counted: bool) -> Block:
-        block = self._advance(commands, self._next, counted=counted)
+        block = self._with_calculated(self._advance(commands, self._next, counted=counted))
         # A rig that is stopped may break a block off.
         self._heading = commands[:, block.end - self._next]
         self._next = block.end
         return block
+
+    def _with_calculated(self, block: Block) -> Block:
+        if self._calculate is None:
+            return block
+        return replace(block, response=np.vstack([block.response, self._calculate(block.response)]))

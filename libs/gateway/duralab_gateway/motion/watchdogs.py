@@ -22,6 +22,14 @@ class Source(StrEnum):
     MONITORED = "monitored value"
 
 
+class Level(StrEnum):
+    """What a limit is, and so what happens when it is crossed: a warning is reported, the others end the run."""
+
+    WATCHDOG = "watchdog"
+    ABORT = "abort level"
+    WARNING = "warning level"
+
+
 @dataclass(frozen=True)
 class Watchdog:
     """One limit: which row of its source, and where its values have to stay, in a unit; empty for a monitored value."""
@@ -32,6 +40,7 @@ class Watchdog:
     unit: str
     minimum: float
     maximum: float
+    level: Level = Level.WATCHDOG
 
 
 @dataclass(frozen=True)
@@ -50,7 +59,7 @@ class Trip:
         unit = f" {dog.unit}" if dog.unit else ""
         return (
             f"the {dog.source} of {dog.name} was {self.value:.4g}{unit} {when(self.seconds)}, "
-            f"its watchdog allows {dog.minimum:g} to {dog.maximum:g}{unit}"
+            f"its {dog.level} allows {dog.minimum:g} to {dog.maximum:g}{unit}"
         )
 
 

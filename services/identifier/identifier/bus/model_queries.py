@@ -38,8 +38,16 @@ def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> i
     Raises `SettingsError`: Where the drive does not fit the model.
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
+    with np.errstate(over="ignore", invalid="ignore"):
+        mapped = model.to_mapped(drive)
+    if not np.all(np.isfinite(mapped)):
+        raise SettingsError(
+            f"The drive reaches {np.abs(drive).max():g}, of which the products in the drive map are too large for a "
+            "number; give the drive in the units of the rig's drives.",
+            field="drive",
+        )
     found = predict_response(
-        model.to_mapped(drive),
+        mapped,
         model.frf,
         band=model.band,
         residual_psd=model.residual_psd,

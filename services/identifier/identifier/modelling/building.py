@@ -130,6 +130,10 @@ def model_of(
             warnings=(
                 *(_warning(warning, rig) for warning in warnings),
                 *_level_warnings(estimate, rig=rig, levels=levels),
+                *(
+                    identifier_pb2.ModelWarning(code=identifier_pb2.MODEL_WARNING_CODE_OTHER, sentence=sentence)
+                    for sentence in played.warnings
+                ),
             ),
             static_gain=None if static is None else static.gain,
             verdicts=verdicts,

@@ -1,6 +1,5 @@
 """An identified rig as a value, and as the contract's Model with the hash of its content as its name."""
 
-import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from duralab_drive_map.messages import from_message as drive_map_from_message
 from duralab_loads import DAMAGE_EXPONENTS
 from duralab_proto.arrays import from_array, to_array
+from duralab_proto.contents import content_hash
 from duralab_proto.v1 import array_pb2, identifier_pb2
 from identifier.uncertainty import ValidBand, element_variance
 
@@ -145,25 +145,6 @@ def with_id(model: IdentifiedModel) -> IdentifiedModel:
         The same with its id.
     """
     return replace(model, id=content_hash(to_message(model)))
-
-
-def content_hash(message: identifier_pb2.Model) -> str:
-    """SHA-256 of a model's content without its id.
-
-    Parameters
-    ----------
-    message
-        Not changed.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits: of the message serialised in the order of its field numbers, the id left out.
-    """
-    bare = identifier_pb2.Model()
-    bare.CopyFrom(message)
-    bare.ClearField("id")
-    return hashlib.sha256(bare.SerializeToString(deterministic=True)).hexdigest()
 
 
 def to_message(model: IdentifiedModel) -> identifier_pb2.Model:

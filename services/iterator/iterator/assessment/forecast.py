@@ -62,12 +62,12 @@ def forecast_playback(
     playbacks before, compared with them.
     """
     target = rms(history.target)
-    if not history.playbacks:
+    last = history.last
+    if last is None:
         predicted = predict(model, drive, band=band)
         uncertainty = _unexplained(model) / level / target
         change = predicted
     else:
-        last = history.playbacks[-1]
         change = predict(model, drive - last.drive, band=band)
         predicted = last.response + change
         uncertainty = np.full(target.size, np.nan)

@@ -55,35 +55,38 @@ def comparable_history(history: IterationHistory, levels: Sequence[float]) -> It
 
 
 def best_at_full_level(
-    metrics: tuple[IterationMetrics, ...], levels: Sequence[float], *, outcome: Outcome | None = None
+    metrics: tuple[IterationMetrics, ...], levels: Sequence[float], *, outcome: Outcome | None = None, since: int = 0
 ) -> int:
     """Return the number of the best playback of the whole target: the one that is judged, exported and confirmed.
 
     `metrics`: From the first playback to the last. `levels`: Of the first playbacks. `outcome`: How the iteration ended
     after the last playback; None before its end. Where the target was reached, the last playback is the best: it is the
-    one that fulfils all criteria, whatever the overall error of another.
+    one that fulfils all criteria, whatever the overall error of another. `since`: Playbacks before those whose figures
+    are comparable with the last one's.
     Returns: From 1; 0 where none was at full level yet.
     """
     if outcome is Outcome.REACHED:
         return len(metrics)
-    partial = partial_playbacks(levels)
+    partial = max(partial_playbacks(levels), since)
     full = metrics[partial:]
     return partial + best_iteration(full) if full else 0
 
 
 def judge_end_at_levels(
-    metrics: tuple[IterationMetrics, ...], criteria: StopCriteria, levels: Sequence[float]
+    metrics: tuple[IterationMetrics, ...], criteria: StopCriteria, levels: Sequence[float], *, since: int = 0
 ) -> Outcome | None:
     """Say whether the iteration ends after the last playback, which may be at partial level.
 
     `metrics`: From the first playback to the last, one or more. `criteria`: When to end. `levels`: Of the first
-    playbacks.
+    playbacks. `since`: Playbacks before those whose figures are comparable with the last one's; they count for the
+    damage budget only.
     Returns: None: go on.
     """
     partial = partial_playbacks(levels)
     if len(metrics) <= partial:
         # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
-        ended = judge_end(metrics, criteria.model_copy(update=_NOT_AT_A_PART))
+        ended = judge_end(metrics[since:], criteria.model_copy(update=_NOT_AT_A_PART), earlier=metrics[:since])
         return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
-    left = criteria.model_copy(update={"iterations": criteria.iterations - partial})
-    return judge_end(metrics[partial:], left, earlier=metrics[:partial])
+    begun = max(partial, since)
+    left = criteria.model_copy(update={"iterations": criteria.iterations - begun})
+    return judge_end(metrics[begun:], left, earlier=metrics[:begun])

@@ -22,6 +22,7 @@ class Outcome(enum.Enum):
     DAMAGE_BUDGET_USED = "identification and playbacks left no room in the damage budget for one more playback"
     RESPONSE_STOOD_STILL = "a controlled response stood still while its target moved"
     BOUND_PASSED = "a playback passed a bound of error, peak or damage"
+    ENDED_AT_HOLD_POINT = "a person ended it at a hold point"
 
 
 def judge_end(

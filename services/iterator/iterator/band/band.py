@@ -24,6 +24,8 @@ _NARROWEST_SHARE: Final = 0.25
 _ROUNDING: Final = 1e-9
 # Zeros behind a record, in periods of the narrower flank: a flank's ringing has died out by then.
 _PADDING_PERIODS: Final = 16.0
+# Of the sample rate. A narrower flank rings for more samples than any target has, and half of the smallest number is 0.
+_NARROWEST_FLANK: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,12 @@ class ControlBand:
             raise ValueError(
                 f"The flanks of the control band are {self.lower_flank:g} and {self.upper_flank:g} Hz wide; both must "
                 f"be greater than 0 and the lower at most the band's lower edge, {self.lowest:g} Hz."
+            )
+        narrower = min(self.lower_flank or self.upper_flank, self.upper_flank)
+        if narrower < _NARROWEST_FLANK * self.sample_rate:
+            raise ValueError(
+                f"A flank of the control band is {narrower:g} Hz wide; at {self.sample_rate:g} Hz it must be at least "
+                f"{_NARROWEST_FLANK * self.sample_rate:g} Hz: take a wider one or a higher lower edge."
             )
         if self.highest_driven > self.sample_rate / 2.0:
             raise ValueError(

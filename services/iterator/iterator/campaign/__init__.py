@@ -2,7 +2,6 @@
 
 from iterator.campaign.admission import (
     already_exists,
-    described_rig,
     expect_free_id,
     go_on_recording,
     read_parent,
@@ -12,9 +11,10 @@ from iterator.campaign.admission import (
 )
 from iterator.campaign.campaign import Campaign
 from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.known_before import known_experiment, read_known_before
 from iterator.campaign.messages import checked_model
-from iterator.campaign.plan import plan_campaign
-from iterator.campaign.recorded import read_campaign
+from iterator.campaign.plan import drive_limits, plan_campaign
+from iterator.campaign.recorded import RecordedCampaign, read_campaign
 from iterator.campaign.resumption import (
     Resumption,
     finished_unseen,
@@ -23,29 +23,34 @@ from iterator.campaign.resumption import (
     require_no_settings,
     same_campaign,
 )
+from iterator.campaign.static_part import static_response_of
 from iterator.campaign.status_board import StatusBoard, is_final
 
 __all__ = [
     "Campaign",
+    "RecordedCampaign",
     "Resumption",
     "StatusBoard",
     "already_exists",
     "checked_model",
-    "described_rig",
+    "drive_limits",
     "expect_free_id",
     "finished_unseen",
     "go_on_recording",
     "identification_request",
     "identification_run",
     "is_final",
+    "known_experiment",
     "lacks_copies",
     "new_campaign",
     "plan_campaign",
     "read_campaign",
+    "read_known_before",
     "read_parent",
     "require_id",
     "require_name",
     "require_no_settings",
     "require_same_rig",
     "same_campaign",
+    "static_response_of",
 ]

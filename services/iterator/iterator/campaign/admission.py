@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from duralab_bus import Bus, FaultError
+from duralab_bus import Bus, FaultError, RecordingLog
 from duralab_proto.keys import LONGEST_NAME, MAIN_INSTANCE, check_id
 from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.recorded import RecordedCampaign, read_campaign
-from iterator.campaign.recording_log import RecordingLog
 
 _DISCOVERY_SECONDS: Final = 1.5
 # A run is named after its campaign and is a name itself; this is the most that is added, in a further attempt.
@@ -72,35 +71,6 @@ def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
             return
         raise
     raise already_exists(campaign, field=field)
-
-
-def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
-    """Return the description of a rig that can play now.
-
-    `bus`: Where the rig is. `rig`: Its name.
-    Returns: As the rig answers.
-    Raises `FaultError`: With the field `rig`: NOT_FOUND, FAILED_PRECONDITION for an interlocked rig, BUSY for one that
-    plays.
-    """
-    keys = bus.keys
-    try:
-        description = bus.query(keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
-    except FaultError as fault:
-        if fault.code != query_pb2.FAULT_CODE_UNAVAILABLE or bus.live("rig_sim", rig):
-            raise
-        raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, fault.message, field="rig") from fault
-    state = bus.query(keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
-    if state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
-        raise FaultError(
-            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"Rig {rig!r} is interlocked ({state.reason}); see to the reason and reset it first.",
-            field="rig",
-        )
-    if state.mode != rig_pb2.RIG_MODE_IDLE:
-        raise FaultError(
-            query_pb2.FAULT_CODE_BUSY, f"Rig {rig!r} plays run {state.run!r}; wait for its end.", field="rig"
-        )
-    return description
 
 
 def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescription) -> None:

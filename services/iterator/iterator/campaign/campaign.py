@@ -11,12 +11,13 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import Bus, FaultError
+from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, RecordingLog, bring_to_rest, latch_rig
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.assessment import Forecast, IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
 from iterator.campaign import seeds
 from iterator.campaign.confirmation import confirmation_message, confirmed
+from iterator.campaign.hold import EndedAtHoldPointError, Holds
 from iterator.campaign.identification import identification_request, identification_run
 from iterator.campaign.messages import (
     OUTCOMES,
@@ -31,10 +32,9 @@ from iterator.campaign.messages import (
 )
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.progress_estimate import ProgressEstimate
-from iterator.campaign.recording_log import SAMPLES_LACK, RecordingLog
+from iterator.campaign.proposals import proposal_in_words, without_samples
 from iterator.campaign.remarks import map_remarks, remarks_of
 from iterator.campaign.resumption import Resumption
-from iterator.campaign.rig_halt import bring_to_rest, latch_rig
 from iterator.campaign.rig_playback import RigPlayback, words_of
 from iterator.campaign.specimen_cost import (
     budget_remarks,
@@ -43,8 +43,9 @@ from iterator.campaign.specimen_cost import (
     require_budget,
 )
 from iterator.campaign.status_board import StatusBoard
-from iterator.iteration_loop import Iteration, iterate
+from iterator.iteration_loop import iterate
 from iterator.limits import DriveLimitError, DriveOverrunError
+from iterator.playbacks import NOTHING_KNOWN, Iteration, KnownBefore
 
 _PAUSED: Final = "paused"
 
@@ -54,7 +55,7 @@ class Campaign:
 
     `plan`: Checked. `bus`: Where rig, identifier and recorder are. `board`: Shows the others how it goes. `on_end`:
     Called on the campaign's thread when the rig is free again, before the final status shows. `resumption`: What was
-    done before; nothing where not given.
+    done before; nothing where not given. `known`: What is known of the rig before the first playback.
     """
 
     def __init__(
@@ -65,19 +66,21 @@ class Campaign:
         board: StatusBoard,
         on_end: Callable[[], None],
         resumption: Resumption | None = None,
+        known: KnownBefore = NOTHING_KNOWN,
     ) -> None:
-        self._plan = plan
         self._bus = bus
         self._board = board
         self._on_end = on_end
         self._id = plan.spec.id
-        self._rig = plan.spec.rig
+        self.rig = plan.spec.rig
         self._before = resumption or Resumption()
-        self._journal = structlog.get_logger("iterator").bind(campaign=self._id, rig=self._rig)
+        self._known = known
+        self._journal = structlog.get_logger("iterator").bind(campaign=self._id, rig=self.rig)
         self._stop = threading.Event()
         self._log = RecordingLog(
             bus, self._id, next_step=self._before.steps, stop=self._stop, on_wait=self._show_waiting
         )
+        self._holds = Holds(plan, log=self._log, before=self._before, stop=self._stop, on_wait=self._show_proposal)
         self._stop_reason = ""
         self._latching = self._latched = False
         self._step = "starting"
@@ -88,6 +91,12 @@ class Campaign:
             iterations=plan.settings.stop.iterations + plan.spec.confirmations,
         )
         self._metrics: list[IterationMetrics] = []
+        self._best: Iteration | None = None
+
+    @property
+    def _plan(self) -> CampaignPlan:
+        """The plan in use; a decision at a hold point changes it."""
+        return self._holds.plan
 
     def start(self) -> None:
         """Begin; return at once."""
@@ -105,6 +114,10 @@ class Campaign:
         if not self._stop.is_set():
             self._stop_reason = reason
             self._stop.set()
+
+    def decide(self, decision: iterator_pb2.Decision, call: Call) -> None:
+        """Take a decision on the proposal that the campaign waits with; return when it is stored."""
+        self._holds.answer(decision, call)
 
     def _run(self) -> None:
         fault = FaultError(query_pb2.FAULT_CODE_INTERNAL, "The iterator ended in a way of its own; its log says more.")
@@ -129,17 +142,17 @@ class Campaign:
     def _ended(self) -> iterator_pb2.CampaignStatus:
         """Do all steps, and return the final status once the recording is closed."""
         try:
-            last = self._sequence()
+            outcome = self._sequence()
         except FaultError as fault:
             return self._broken_off(fault)
         except Exception as error:  # noqa: BLE001 - the rig has to be brought to rest whatever went wrong
             self._journal.exception("The campaign failed by a defect.", step=self._step)
             defect = f"A defect of the iterator ({type(error).__name__}: {error}); its log says more."
             return self._broken_off(FaultError(query_pb2.FAULT_CODE_INTERNAL, defect))
-        return self._finished(last)
+        return self._finished(outcome)
 
-    def _sequence(self) -> Iteration:
-        """Do all steps that were not done before; return the last iteration."""
+    def _sequence(self) -> Outcome:
+        """Do all steps that were not done before; return why the iteration ended."""
         plan = self._plan
         beginning = (
             ("specification", plan.spec),
@@ -157,11 +170,13 @@ class Campaign:
             self._go_on_after(model)
         with self._doing("inverting the model"):
             start = checked_model(model, plan=plan)
+            self._holds.begin(model, start)
             drive_map = checked_drive_map(model, start, plan=plan)
             self._board.add_remarks(map_remarks(model.drive_map))
             recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
             spent_before = identification_damage(model, plan=plan)
-            self._board.add_remarks(identification_remarks(spent_before, plan=plan))
+            if not plan.spec.known.HasField("model"):
+                self._board.add_remarks(identification_remarks(spent_before, plan=plan))
             if not recorded:
                 require_budget(spent_before, plan=plan)
         iterations = iterate(
@@ -175,14 +190,26 @@ class Campaign:
             identification_damage=spent_before,
             target_damage=plan.target_damage,
             on_forecast=self._foretell,
+            decide=self._holds.decide if self._holds.are_possible else None,
+            known=self._known,
         )
-        last: Iteration | None = None
-        best: Iteration | None = None
-        while last is None or last.outcome is None:
+        try:
+            outcome = self._iterated(iterations, recorded=len(recorded))
+        except EndedAtHoldPointError as ended:
+            outcome = self._ended_at_hold_point(str(ended))
+        self._board.add_remarks(budget_remarks(outcome, tuple(self._metrics), plan=self._plan))
+        if self._best is not None:
+            self._confirm(outcome, self._best)
+        return outcome
+
+    def _iterated(self, iterations: Iterator[Iteration], *, recorded: int) -> Outcome:
+        """Make, store and show every playback; return why the iteration ended."""
+        while True:
             computing = f"computing the drive of {self._iteration_name()}"
             with self._doing(computing, phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
                 last = self._next(iterations)
-            if last.number > len(recorded):
+            plan = self._plan
+            if last.number > recorded:
                 with self._doing(f"storing {self._iteration_name()}", share=1.0):
                     step = step_message(last, self._playback.played, plan=plan)
                     self._store_playback(step, drive=last.drive, response=last.response)
@@ -190,15 +217,24 @@ class Campaign:
             else:
                 self._estimate.step_was_done()
             self._metrics.append(last.metrics)
-            best_number = best_at_full_level(tuple(self._metrics), plan.settings.levels, outcome=last.outcome)
+            best_number = best_at_full_level(
+                tuple(self._metrics), plan.settings.levels, outcome=last.outcome, since=last.comparable_from - 1
+            )
             if best_number == last.number:
-                best = last
-            remarks = remarks_of(last, plan=plan, recorded=self._before.iterations)
+                self._best = last
+            warnings = self._playback.played.warnings if last.number > recorded else ()
+            remarks = remarks_of(last, plan=plan, recorded=self._before.iterations, warnings=warnings)
             self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
-        self._board.add_remarks(budget_remarks(last.outcome, tuple(self._metrics), plan=plan))
-        if best is not None:
-            self._confirm(last.outcome, best)
-        return last
+            if last.outcome is not None:
+                return last.outcome
+
+    def _ended_at_hold_point(self, sentence: str) -> Outcome:
+        """End by a decision: with the best playback so far, or as stopped where there is none."""
+        self._board.add_remarks([f"{sentence.rstrip('.')}."])
+        if self._best is None:
+            self.stop(sentence, latch=False)
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, sentence)
+        return Outcome.ENDED_AT_HOLD_POINT
 
     def _store_playback(self, step: StepT, *, drive: NDArray[np.float64], response: NDArray[np.float64]) -> StepT:
         """Store a playback: its samples are those of its run, or where the recorder lacks them, go with it."""
@@ -212,7 +248,7 @@ class Campaign:
                 "A step is stored with its samples.", step=self._step, run=step.run, why=fault.message
             )
             self._log.commit(whole)
-        self._log.commit(run_played(step, rig=self._rig))
+        self._log.commit(run_played(step, rig=self.rig))
         return whole
 
     def _go_on_after(self, model: identifier_pb2.Model) -> None:
@@ -227,16 +263,20 @@ class Campaign:
             # taken over are in the parent's recording.
             for result in (model, *before.iterations, *before.confirmations):
                 if result.run in before.planned and result.run not in before.played:
-                    self._log.commit(run_played(result, rig=self._rig))
+                    self._log.commit(run_played(result, rig=self.rig))
 
     def _identify(self) -> identifier_pb2.Model:
         plan, spec = self._plan, self._plan.spec
-        activity = f"identifying {self._rig}"
+        if spec.known.HasField("model"):
+            with self._doing("storing the model", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
+                self._log.commit(spec.known.model)
+            return spec.known.model
+        activity = f"identifying {self.rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
             run = self._playback.announce(identification_run(spec), purpose="identification")
             with self._playback.motion(run):
                 model = self._bus.query(
-                    self._bus.keys.identify(),
+                    self._bus.keys.identify(spec.rig),
                     identification_request(spec, run=run, check_only=False, map_weight=plan.map_weight),
                     identifier_pb2.Model,
                     on_progress=self._follower(activity),
@@ -245,12 +285,12 @@ class Campaign:
             if model.rig_content_hash != plan.description.content_hash:
                 raise FaultError(
                     query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-                    f"The rig {self._rig!r} is not the one the campaign was checked against: it was changed "
+                    f"The rig {self.rig!r} is not the one the campaign was checked against: it was changed "
                     "since; start the campaign again.",
                 )
         with self._doing("storing the model"):
             self._log.commit(model)
-            self._log.commit(run_played(model, rig=self._rig))
+            self._log.commit(run_played(model, rig=self.rig))
         return model
 
     def _next(self, iterations: Iterator[Iteration]) -> Iteration:
@@ -281,7 +321,7 @@ class Campaign:
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig: what the iteration calls."""
         number, outer = len(self._metrics) + 1, self._step
-        activity = f"playing {self._iteration_name()} on {self._rig}"
+        activity = f"playing {self._iteration_name()} on {self.rig}"
         with self._doing(activity):
             response = self._playback.play(
                 drive,
@@ -293,10 +333,8 @@ class Campaign:
         self._step = outer
         return response
 
-    def _confirm(self, outcome: Outcome | None, best: Iteration) -> None:
+    def _confirm(self, outcome: Outcome, best: Iteration) -> None:
         """Play the best drive again, as often as is asked, and show how far the rig repeats itself."""
-        if outcome is None:
-            raise AssertionError("The last iteration carries the outcome.")
         recorded = self._before.confirmations
         for _ in recorded:
             self._estimate.step_was_done()
@@ -308,7 +346,7 @@ class Campaign:
     def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
         """Play the best drive once more and store it; return the step with its samples."""
         plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
-        activity = f"playing {name} on {self._rig}"
+        activity = f"playing {name} on {self.rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
             response = self._playback.play(
                 best.drive,
@@ -324,6 +362,7 @@ class Campaign:
                 best.drive, response, in_band, played=played, number=number, iteration=best.number, plan=plan
             )
             whole = self._store_playback(step, drive=best.drive, response=response)
+        self._board.add_remarks([f"Confirmation {number}: {sentence}" for sentence in played.warnings])
         self._estimate.step_done()
         return whole
 
@@ -349,16 +388,24 @@ class Campaign:
 
         return follow
 
+    def _show_proposal(self, proposal: iterator_pb2.Proposal | None, waited_seconds: float) -> None:
+        """Show what a person is to decide on, or that it is decided."""
+        self._board.show_proposal(None if proposal is None else without_samples(proposal))
+        if proposal is None:
+            self._estimate.waited(waited_seconds)
+            self._step = f"preparing {self._iteration_name()}"
+        else:
+            self._step = proposal_in_words(proposal, self._plan.settings.stop)
+            self._journal.info("The campaign waits for a decision.", proposal=proposal.number, why=proposal.reason)
+        self._board.show(self._step, self._estimate.at(0.0))
+
     def _show_waiting(self, why: str) -> None:
         """Say that the campaign pauses, because its next step cannot be stored yet."""
         if why and not self._board.snapshot().activity.startswith(_PAUSED):
             self._journal.warning("The campaign waits for its recorder.", step=self._step, why=why)
         self._board.show(f"{_PAUSED} while {self._step}: {why}" if why else self._step, self._estimate.at(0.0))
 
-    def _finished(self, last: Iteration) -> iterator_pb2.CampaignStatus:
-        outcome = last.outcome
-        if outcome is None:
-            raise AssertionError("The last iteration carries the outcome.")
+    def _finished(self, outcome: Outcome) -> iterator_pb2.CampaignStatus:
         final = self._board.final_status(
             iterator_pb2.CAMPAIGN_PHASE_FINISHED,
             f"finished after {len(self._metrics)} iterations: {outcome.value}",
@@ -390,9 +437,9 @@ class Campaign:
         run, reason = self._playback.moving_run, final.fault.message or self._stop_reason
         if self._latching:
             self._latched = True
-            trouble = latch_rig(self._bus, self._rig, run=run, reason=reason)
+            trouble = latch_rig(self._bus, self.rig, run=run, reason=reason)
         else:
-            trouble = bring_to_rest(self._bus, self._rig, run=run, reason=reason) if run else ""
+            trouble = bring_to_rest(self._bus, self.rig, run=run, reason=reason) if run else ""
         if trouble:
             final.activity += f"; {trouble}"
             if final.HasField("fault"):

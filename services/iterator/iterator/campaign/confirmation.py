@@ -24,7 +24,7 @@ from iterator.assessment import (
 from iterator.campaign.messages import channel_metrics
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import standstills_in_words
-from iterator.iteration_loop import Iteration
+from iterator.playbacks import Iteration
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,8 @@ def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criter
         return "a controlled response stood still"
     if outcome is Outcome.BOUND_PASSED:
         return "a playback passed a bound"
+    if outcome is Outcome.ENDED_AT_HOLD_POINT:
+        return "a person ended the campaign at a hold point"
     if outcome is Outcome.DAMAGE_BUDGET_USED or (criteria.damage_budget > 0.0 and would_overspend(spent, criteria)):
         return "one more playback would pass the damage budget"
     return None
@@ -145,6 +147,8 @@ def confirmation_message(
         actuators=played.actuators,
         signal_epoch=played.epoch,
         signal_blocks=played.blocks,
+        judged_target=plan.judged_target,
+        alignment=played.alignment if played.HasField("alignment") else None,
     )
 
 

@@ -16,9 +16,9 @@ from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2,
 from iterator.assessment import Forecast, IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
-from iterator.iteration_loop import Iteration, MapFromFirstPlayback, RecordedPlayback
 from iterator.limits import require_rest_within_limits
 from iterator.model import ModelUncertainty, RigModel, rig_model
+from iterator.playbacks import Iteration, MapFromFirstPlayback, RecordedPlayback
 
 OUTCOMES: Final = {
     Outcome.REACHED: iterator_pb2.OUTCOME_REACHED,
@@ -28,6 +28,7 @@ OUTCOMES: Final = {
     Outcome.DAMAGE_BUDGET_USED: iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED,
     Outcome.RESPONSE_STOOD_STILL: iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL,
     Outcome.BOUND_PASSED: iterator_pb2.OUTCOME_BOUND_PASSED,
+    Outcome.ENDED_AT_HOLD_POINT: iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT,
 }
 """Outcome of the core to that of the contract."""
 
@@ -59,7 +60,7 @@ def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2
     if iteration.forecast is not None:
         of_controlled = [channel for channel in channels if not channel.watched]
         for row, channel in enumerate(of_controlled):
-            channel.forecast.CopyFrom(_channel_forecast(iteration.forecast, row))
+            channel.forecast.CopyFrom(channel_forecast(iteration.forecast, row))
     return iterator_pb2.IterationMetrics(
         iteration=iteration.number,
         channels=channels,
@@ -68,7 +69,8 @@ def metrics_message(iteration: Iteration, *, plan: CampaignPlan) -> iterator_pb2
     )
 
 
-def _channel_forecast(forecast: Forecast, row: int) -> iterator_pb2.ChannelForecast:
+def channel_forecast(forecast: Forecast, row: int) -> iterator_pb2.ChannelForecast:
+    """Return the forecast of a controlled response."""
     return iterator_pb2.ChannelForecast(
         relative_rms_error=float(forecast.metrics.relative_rms_error[row]),
         peak_ratio=float(forecast.metrics.peak_ratio[row]),
@@ -91,8 +93,10 @@ def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: Camp
         level=iteration.level,
         signal_epoch=played.epoch,
         signal_blocks=played.blocks,
-        remarks=remarks_of(iteration, plan=plan),
+        remarks=remarks_of(iteration, plan=plan, warnings=played.warnings),
         with_drive_map=iteration.with_drive_map,
+        judged_target=plan.judged_target,
+        alignment=played.alignment if played.HasField("alignment") else None,
         learned_drive_map=None if iteration.learned is None else drive_map_message(iteration.learned),
     )
 
@@ -111,8 +115,10 @@ def with_samples(
     return whole
 
 
-def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -> RecordedPlayback:
-    """Check a playback that was committed, and return it as the iteration takes it."""
+def recorded_playback(
+    step: iterator_pb2.IterationStep, *, plan: CampaignPlan, any_length: bool = False
+) -> RecordedPlayback:
+    """Check a playback that was committed, and return it as the iteration takes it; `any_length` of another target."""
     description, samples = plan.description, plan.target_in_band.shape[1]
     records: list[NDArray[np.float64]] = []
     for field, message, wanted in (
@@ -130,7 +136,7 @@ def recorded_playback(step: iterator_pb2.IterationStep, *, plan: CampaignPlan) -
                 f"Hz, which are not those of rig {description.rig!r}.",
                 field=field,
             )
-        if record.shape[1] != samples:
+        if record.shape[1] != samples and not any_length:
             raise _damaged(
                 f"The {field} of playback {step.iteration} was recorded with {record.shape[1]} samples; the target "
                 f"has {samples}.",

@@ -15,15 +15,24 @@ from duralab_bus import FaultError
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
-from duralab_settings import Acceptance, PlaybackSettings, ResolvedUpdate, SettingsError, StopCriteria, UpdateKind
+from duralab_settings import (
+    Acceptance,
+    HoldPoint,
+    HoldSettings,
+    PlaybackSettings,
+    ResolvedUpdate,
+    SettingsError,
+    StopCriteria,
+    UpdateKind,
+)
 from duralab_settings.messages import from_message
 from duralab_spectra import count_blocks, rms
 from iterator.band import ControlBand, OutsideBand, control_band, energy_outside_band
 from iterator.campaign.static_part import require_static_hold, static_remarks, static_response_of
 from iterator.campaign.target_reach import require_reach, tiny_target_remarks
-from iterator.iteration_loop import CampaignSettings
 from iterator.limits import DriveLimits
 from iterator.model import FEWEST_LINES, checked_response_weight
+from iterator.playbacks import CampaignSettings
 from iterator.updates import FEWEST_BLOCKS, UpdateSettings
 
 # What rounding leaves of a constant target in the control band, relative to the constant.
@@ -48,7 +57,8 @@ class CampaignPlan:
     target's RMS, so that responses count alike whatever their units; 0 for a response that is watched.
     `target_energy_outside_band`, shape (n_y,): Share of the energy of each target's dynamic part outside the control
     band, 0 to 1. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass of the target as measured; 0 for a
-    silent one. `remarks`: What a person should know before it begins, one sentence each.
+    silent one. `hold`: Before which playbacks it waits for a decision. `judged_target`: How often the control band was
+    changed. `remarks`: What a person should know before it begins, one sentence each.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -60,12 +70,20 @@ class CampaignPlan:
     response_weight: NDArray[np.float64]
     target_energy_outside_band: NDArray[np.float64]
     target_damage: NDArray[np.float64]
+    hold: HoldSettings
+    judged_target: int = 0
     remarks: tuple[str, ...] = ()
 
     @property
     def identified_band(self) -> tuple[float, float]:
         """Lowest and highest frequency at which the model will be valid, Hz."""
         return self.experiment.lowest_frequency, self.experiment.highest_frequency
+
+    @property
+    def controlled_names(self) -> list[str]:
+        """Names of the responses that are controlled, in the rig's order."""
+        names = (channel.name for channel in self.description.responses)
+        return [name for name, weight in zip(names, self.response_weight, strict=True) if weight > 0.0]
 
     @property
     def map_weight(self) -> NDArray[np.float64] | None:
@@ -124,17 +142,25 @@ def plan_campaign(
         description=description,
         target_in_band=target_in_band,
         settings=settings,
-        limits=_limits(description),
+        limits=drive_limits(description),
         experiment=experiment,
         response_weight=np.divide(weight, rms(target_in_band), out=np.zeros_like(weight), where=weight > 0.0),
         target_energy_outside_band=outside.below + outside.above,
         target_damage=np.where(silent[:, None], 0.0, channel_damage(target)),
+        hold=_hold(spec, description),
         remarks=(
             *_outside_the_band(outside, band, description),
             *static_remarks(target, target_in_band, band=band, description=description),
             *tiny_target_remarks(target_in_band, description=description, controlled=weight > 0.0),
         ),
     )
+
+
+def _hold(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> HoldSettings:
+    """Return the hold points: on what is no simulation a person sees the first drive, unless the campaign says else."""
+    if spec.HasField("hold"):
+        return _settings(spec.hold, HoldSettings, field="hold")
+    return HoldSettings(when=HoldPoint.NEVER if description.simulated else HoldPoint.FIRST)
 
 
 def invalid(message: str, *, field: str) -> FaultError:
@@ -320,7 +346,12 @@ def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings
             )
 
 
-def _limits(description: rig_pb2.RigDescription) -> DriveLimits:
+def drive_limits(description: rig_pb2.RigDescription) -> DriveLimits:
+    """Return what each drive of a rig allows.
+
+    `description`: Of the rig.
+    Returns: In the order of its drives.
+    """
     drives = description.drives
     return DriveLimits(
         names=tuple(channel.name for channel in drives),

@@ -60,6 +60,10 @@ class ProgressEstimate:
             self._done += 1
             self._iterations_lasted.append(lasted)
 
+    def waited(self, seconds: float) -> None:
+        """Leave the time out for which the campaign waited for a person."""
+        self._step_began += seconds
+
     def step_was_done(self) -> None:
         """Note that the identification, or after it an iteration, was done before; how long it took is not known."""
         self._step_began = self._clock()

@@ -11,6 +11,7 @@ from google.protobuf.message import DecodeError, Message
 
 from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import ArrayError, from_array, samples_hash
+from duralab_proto.decisions import decisions_in_force
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.messages import with_samples
 
@@ -25,6 +26,8 @@ _KINDS: Final = {
         identifier_pb2.Model,
         iterator_pb2.IterationStep,
         iterator_pb2.ConfirmationStep,
+        iterator_pb2.Proposal,
+        iterator_pb2.Decision,
         iterator_pb2.CampaignStatus,
         recorder_pb2.RecordingClosed,
     )
@@ -36,7 +39,8 @@ class RecordedCampaign:
     """What a recording holds, in the order of a campaign.
 
     `spec`: What was asked for. `steps`: How many were committed; the number of the next one. `last`: The step committed
-    last, as it was committed. `iterations`, `confirmations`: The playbacks, with their samples.
+    last, as it was committed. `iterations`, `confirmations`: The playbacks, with their samples. `targets`: Targets in
+    the control band: one, and one for each change of the band.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -48,6 +52,9 @@ class RecordedCampaign:
     model: identifier_pb2.Model | None = None
     iterations: list[iterator_pb2.IterationStep] = field(default_factory=list)
     confirmations: list[iterator_pb2.ConfirmationStep] = field(default_factory=list)
+    proposals: list[iterator_pb2.Proposal] = field(default_factory=list)
+    decisions: list[iterator_pb2.Decision] = field(default_factory=list)
+    targets: int = 0
     final: iterator_pb2.CampaignStatus | None = None
     closed: bool = False
 
@@ -70,6 +77,13 @@ class RecordedCampaign:
                 self.iterations.append(message)
             case iterator_pb2.ConfirmationStep():
                 self.confirmations.append(message)
+            case iterator_pb2.Proposal():
+                self.proposals = [each for each in self.proposals if not 0 < message.replaces <= each.number]
+                self.proposals.append(message)
+            case iterator_pb2.Decision():
+                self.decisions.append(message)
+            case iterator_pb2.TargetInBand():
+                self.targets += 1
             case iterator_pb2.CampaignStatus():
                 self.final = message
             case recorder_pb2.RecordingClosed():
@@ -107,6 +121,7 @@ def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
             recorded.take(message, samples=samples)
         except ArrayError as error:
             raise _damaged(id, str(error).rstrip(".")) from error
+    recorded.decisions = decisions_in_force(recorded.decisions, recorded.proposals)
     for numbers in ([step.iteration for step in recorded.iterations], [step.number for step in recorded.confirmations]):
         if numbers != list(range(1, len(numbers) + 1)):
             raise _damaged(id, f"its playbacks are numbered {numbers}")

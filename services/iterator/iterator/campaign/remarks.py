@@ -9,7 +9,8 @@ from duralab_drive_map.messages import to_message
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 from iterator.assessment import Standstill
 from iterator.campaign.plan import CampaignPlan
-from iterator.iteration_loop import Iteration
+from iterator.limits import DriveProjection
+from iterator.playbacks import Iteration
 from iterator.updates import predict_convergence
 
 _UNRELATED: Final = 0.1
@@ -18,16 +19,21 @@ _UNRELATED: Final = 0.1
 
 
 def remarks_of(
-    iteration: Iteration, *, plan: CampaignPlan, recorded: Sequence[iterator_pb2.IterationStep] = ()
+    iteration: Iteration,
+    *,
+    plan: CampaignPlan,
+    recorded: Sequence[iterator_pb2.IterationStep] = (),
+    warnings: Sequence[str] = (),
 ) -> list[str]:
-    """Return what a person should know of a playback, one sentence each."""
+    """Return what a person should know of a playback, one sentence each; `warnings` are those of the rig."""
     if iteration.number < len(recorded):
         return list(recorded[iteration.number - 1].remarks)
     of_it = f"Playback {iteration.number}: "
     remarks = [
         # The prediction of the next playback is made again: it may be made with other settings.
         *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
-        *(f"{of_it}{sentence}" for sentence in _projected(iteration, plan)),
+        *(f"{of_it}{sentence}" for sentence in warnings),
+        *(f"{of_it}{sentence}" for sentence in projection_remarks(iteration.projection, plan)),
         *(
             f"{of_it}the target of {plan.description.responses[found.response].name} from "
             f"{found.segment.start:.2f} to {found.segment.end:.2f} s is out of the rig's reach, the error there is "
@@ -98,9 +104,8 @@ def _bound_passed(iteration: Iteration, plan: CampaignPlan) -> list[str]:
     ]
 
 
-def _projected(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+def projection_remarks(projection: DriveProjection | None, plan: CampaignPlan) -> list[str]:
     """Say which limits a drive would have passed, and what was done about it."""
-    projection = iteration.projection
     if projection is None:
         return []
     return [

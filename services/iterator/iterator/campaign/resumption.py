@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from google.protobuf.message import Message
 
 from duralab_bus import FaultError
+from duralab_proto.decisions import revised_specification
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
+from duralab_settings import ResolvedUpdate
 from iterator.campaign.recorded import RecordedCampaign
 
 
@@ -18,7 +20,8 @@ class Resumption:
     `steps`: Those that its own recording holds: the number of the next one. `model`: As identified. `iterations`: The
     playbacks that are not made again. `confirmations`: Nor are these, of the best drive. `planned`: Runs on the rig
     that its own recording has announced. `played`: Those of which it is stored that they were played. `copies`: Steps
-    of its parent that its own recording does not hold yet.
+    of its parent that its own recording does not hold yet. `proposals`, `decisions`: Of hold points. `targets`: Targets
+    in the control band that its own recording holds.
     """
 
     steps: int = 0
@@ -28,6 +31,9 @@ class Resumption:
     planned: tuple[str, ...] = ()
     played: frozenset[str] = frozenset()
     copies: tuple[Message, ...] = ()
+    proposals: tuple[iterator_pb2.Proposal, ...] = ()
+    decisions: tuple[iterator_pb2.Decision, ...] = ()
+    targets: int = 0
 
 
 def run_name(stem: str, planned: tuple[str, ...]) -> str:
@@ -76,6 +82,9 @@ def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = 
         confirmations=tuple(recorded.confirmations),
         planned=tuple(recorded.planned),
         played=frozenset(recorded.played),
+        proposals=tuple(recorded.proposals),
+        decisions=tuple(recorded.decisions),
+        targets=recorded.targets,
     )
 
 
@@ -115,8 +124,16 @@ def new_campaign(
             f"from_iteration is {request.from_iteration}; campaign {parent!r} has {there} playbacks.", "from_iteration"
         )
     kept = request.from_iteration or there
-    spec = iterator_pb2.CampaignSpec()
-    spec.CopyFrom(recorded.spec)
+    if any(decision.HasField("control_band") for decision in recorded.decisions):
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {parent!r} changed its control band at a hold point, so that its playbacks are not judged "
+            "alike; start a new campaign.",
+            field="new_id",
+        )
+    # What was changed for the playback after the last one counts for a campaign that goes on there.
+    changed_for = kept + (kept == there)
+    spec = revised_specification(recorded.spec, *(each for each in recorded.decisions if each.playback <= changed_for))
     spec.id, spec.parent, spec.parent_iteration = request.new_id, parent, kept
     if request.HasField("update"):
         spec.update.CopyFrom(request.update)
@@ -141,6 +158,16 @@ def new_campaign(
         )
     taken = tuple(recorded.iterations[:kept])
     return spec, Resumption(model=recorded.model, iterations=taken, copies=(recorded.model, *taken))
+
+
+def require_same_drive_map(before: ResolvedUpdate, after: ResolvedUpdate) -> None:
+    """Refuse to begin or to end the use of a drive map within a campaign."""
+    if before.drive_map.learn != after.drive_map.learn:
+        raise _invalid(
+            f"update.drive_map.learn is {after.drive_map.learn} and was {before.drive_map.learn}; it stays as it is "
+            "within a campaign: start a new one.".replace("True", "true").replace("False", "false"),
+            "update.drive_map.learn",
+        )
 
 
 def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:

@@ -11,13 +11,12 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import Bus
+from duralab_bus import Bus, RecordingLog
 from duralab_proto.arrays import to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign import seeds
 from iterator.campaign.messages import checked_response
 from iterator.campaign.plan import CampaignPlan
-from iterator.campaign.recording_log import RecordingLog
 from iterator.campaign.resumption import run_name
 
 LONGEST_WORDS: Final = 300

@@ -19,10 +19,12 @@ def identification_damage(model: identifier_pb2.Model, *, plan: CampaignPlan) ->
     Response and target are both counted as measured, the response over the whole run: that is what the specimen bears.
 
     `model`: As received; nothing in it is trusted. `plan`: Of the campaign.
-    Returns: Shape (n_y, exponents), not a number for a response whose target is silent; None where the model does not
-    state the damage of its record.
+    Returns: Shape (n_y, exponents), not a number for a response whose target is silent; 0 with a model of an earlier
+    identification, which is not made again; None where the model does not state the damage of its record.
     Raises `FaultError`: DATA_LOSS where it is damaged.
     """
+    if plan.spec.known.HasField("model"):
+        return np.where(plan.target_damage > 0.0, 0.0, np.nan)
     if not model.HasField("response_damage"):
         return None
     shape = (len(plan.target_in_band), len(DAMAGE_EXPONENTS))

@@ -86,6 +86,15 @@ class StatusBoard:
                 status.phase = phase
             self._replace(status)
 
+    def show_proposal(self, proposal: iterator_pb2.Proposal | None) -> None:
+        """Show what a person is to decide on; None once it is decided."""
+        with self._lock:
+            status = self._copy()
+            status.ClearField("hold")
+            if proposal is not None:
+                status.hold.CopyFrom(proposal)
+            self._replace(status)
+
     def add_remarks(self, remarks: Sequence[str]) -> None:
         """Add what is to be said besides."""
         if remarks:
@@ -138,6 +147,7 @@ class StatusBoard:
         status = self._copy()
         status.phase, status.activity, status.outcome = phase, activity, outcome
         status.remaining_seconds = 0.0
+        status.ClearField("hold")
         if phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED:
             status.fraction = 1.0
         if fault is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,19 @@ class IterationHistory:
         In the control band, response units.
     playbacks : tuple of Playback
         From the first to the last; empty before the first.
+    start : Playback, optional
+        Drive to make the first step from, and the response that it is taken to give; rest where not given.
     """
 
     target: NDArray[np.float64]
     playbacks: tuple[Playback, ...] = ()
+    start: Playback | None = None
+
+    @property
+    def last(self) -> Playback | None:
+        """The playback that the next step goes from: the last one, or before the first the start; None for rest."""
+        return self.playbacks[-1] if self.playbacks else self.start
 
     def after(self, playback: Playback) -> IterationHistory:
         """Return the history with one more playback."""
-        return IterationHistory(target=self.target, playbacks=(*self.playbacks, playback))
+        return replace(self, playbacks=(*self.playbacks, playback))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from duralab_spectra import as_frf, band_mask
 from iterator.band import ControlBand
 from iterator.model.drive_terms import DriveTerm
+from iterator.model.history import Playback
 from iterator.model.inversion import cautious_inverse, weighted_inverse
 from iterator.model.step_spectra import ForeseenStep, SeenStep
 
@@ -63,6 +64,9 @@ class RigModel:
         where there are no terms.
     foreseen_steps : tuple of ForeseenStep
         How well the models before each of the seen steps foresaw it.
+    earlier : tuple of tuple of Playback
+        Playbacks of earlier campaigns on the same rig, one tuple for each campaign: an update that learns from steps
+        learns from theirs, too, in this order before its own.
     """
 
     frequency: NDArray[np.float64]
@@ -76,6 +80,7 @@ class RigModel:
     terms: tuple[DriveTerm, ...] = ()
     term_frf: NDArray[np.complex128] | None = None
     foreseen_steps: tuple[ForeseenStep, ...] = ()
+    earlier: tuple[tuple[Playback, ...], ...] = ()
 
     @property
     def block_samples(self) -> int:

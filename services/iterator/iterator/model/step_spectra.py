@@ -103,25 +103,31 @@ class ForeseenStep:
 
 
 def seen_steps(
-    history: IterationHistory, blocks: StepBlocks, *, before: tuple[SeenStep, ...] = ()
+    history: IterationHistory,
+    blocks: StepBlocks,
+    *,
+    before: tuple[SeenStep, ...] = (),
+    earlier: tuple[tuple[Playback, ...], ...] = (),
 ) -> tuple[SeenStep, ...]:
-    """Form the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`.
+    """Form the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`, in each campaign.
 
-    `history`: With one playback or more. `blocks`: How to cut the steps. `before`: What an earlier call returned. Steps
-    between the very same playbacks, cut alike, are taken from it: they would come out the same, byte for byte.
+    `history`: With one playback or more, or with `earlier` ones: those of campaigns before, whose steps come first.
+    `blocks`: How to cut the steps. `before`: What an earlier call returned. Steps between the very same playbacks, cut
+    alike, are taken from it: they would come out the same, byte for byte.
     Returns: From the first step to the last.
     """
-    starts = (None, *history.playbacks[:-1])
+    lines = (*earlier, history.playbacks)
     known = {(id(step.before), id(step.after)): step for step in before if step.blocks == blocks}
-    # Made when the first step needs it: only the part between the zeros is written to.
+    # Made when the first step of its length needs it: only the part between the zeros is written to.
     padded: NDArray[np.float64] | None = None
     steps: list[SeenStep] = []
-    for start, end in zip(starts, history.playbacks, strict=True):
+    for start, end in (pair for line in lines for pair in zip((None, *line[:-1]), line, strict=False)):
         step = known.get((id(start), id(end)))
         if step is None:
-            if padded is None:
-                channels = end.response.shape[0] + end.drive.shape[0] * (1 + len(blocks.terms))
-                padded = np.zeros((channels, end.drive.shape[1] + blocks.block_samples))
+            channels = end.response.shape[0] + end.drive.shape[0] * (1 + len(blocks.terms))
+            shape = (channels, end.drive.shape[1] + blocks.block_samples)
+            if padded is None or padded.shape != shape:
+                padded = np.zeros(shape)
             step = _seen(start, end, blocks, padded)
         steps.append(step)
     return tuple(steps)

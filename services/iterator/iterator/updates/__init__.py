@@ -4,6 +4,7 @@ from iterator.updates.adaptive_modelling import FEWEST_BLOCKS, corrected, estima
 from iterator.updates.basic_twr import StepStart, step_start
 from iterator.updates.by_kind import UPDATES
 from iterator.updates.convergence_prediction import ConvergencePrediction, predict_convergence
+from iterator.updates.known_before import learned_before
 from iterator.updates.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
 from iterator.updates.settings import (
     NextDrive,
@@ -29,6 +30,7 @@ __all__ = [
     "controlled_settings",
     "corrected",
     "estimate_correction",
+    "learned_before",
     "own_update",
     "predict_convergence",
     "step_start",

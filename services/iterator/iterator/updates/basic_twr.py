@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from duralab_spectra import rms
 from iterator.band import ControlBand
-from iterator.model import IterationHistory, RigModel, apply_inverse, stepped_drive
+from iterator.model import IterationHistory, Playback, RigModel, apply_inverse, stepped_drive
 from iterator.updates.gains import gain_at
 from iterator.updates.segment_acceptance import accept_segments
 from iterator.updates.settings import NextDrive, UpdateSettings
@@ -23,7 +23,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
 
     Source: Cornelis et al., ISMA 2014, Eqs. 2 and 3.
     """
-    if not history.playbacks:
+    if not history.playbacks and history.start is None:
         return NextDrive(
             drive=apply_inverse(weighed_by_gain(history, model, settings), history.target, band=settings.band),
             model=model,
@@ -85,7 +85,7 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
     Parameters
     ----------
     history : IterationHistory
-        With one playback or more.
+        Before the first playback the step goes from its `start`, or from rest.
     model : RigModel
         Of the step.
     settings : UpdateSettings
@@ -102,6 +102,10 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
         Gain, target and model differ in their number of responses.
     """
     weighted = weighed_by_gain(history, model, settings)
+    if not history.playbacks:
+        samples = history.target.shape[1]
+        first = history.start or Playback(np.zeros((model.frf.shape[2], samples)), np.zeros_like(history.target))
+        return StepStart(weighted, first.drive, first.response, None)
     if not settings.accept_segments:
         last = history.playbacks[-1]
         return StepStart(weighted, last.drive, last.response, None)
@@ -110,6 +114,10 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
         response_scale=response_scale(history, model),
         sample_rate=settings.band.sample_rate,
         settings=settings.acceptance,
+        iteration_gain=[
+            float(gain_at(model.frequency, settings, playbacks=number).min())
+            for number in range(1, len(history.playbacks))
+        ],
     )
     return StepStart(weighted, best.drive, best.response, best.step_gain)
 
@@ -122,8 +130,13 @@ def weighed_by_gain(history: IterationHistory, model: RigModel, settings: Update
             f"The model has {responses} responses, the target {history.target.shape[0]} and the iteration gain "
             f"{settings.gains.size}; all must be equal."
         )
-    gain = gain_at(model.frequency, settings, playbacks=len(history.playbacks))
+    gain = gain_at(model.frequency, settings, playbacks=playbacks_before(history, model))
     return replace(model, inverse_frf=model.inverse_frf * gain[:, None, :])
+
+
+def playbacks_before(history: IterationHistory, model: RigModel) -> int:
+    """Return how many playbacks the next drive learns from: those of earlier campaigns count."""
+    return len(history.playbacks) + sum(len(line) for line in model.earlier)
 
 
 def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:

@@ -178,12 +178,15 @@ def _least_squares(
     gradient = problem.backward(slopes, left)
     found, direction = np.zeros_like(gradient), gradient
     energy = first = _energy(gradient)
-    for _ in range(_CONJUGATE_GRADIENTS):
+    for to_come in reversed(range(_CONJUGATE_GRADIENTS)):
         if energy <= _SOLVED * first:
             break
         made = problem.forward(slopes, direction)
         share = energy / _energy(made)
         found = found + share * direction
+        if not to_come:
+            # The gradient there would cost as much as half an iteration, and no direction follows from it any more.
+            break
         left = left - share * made
         gradient = problem.backward(slopes, left)
         energy, before = _energy(gradient), energy

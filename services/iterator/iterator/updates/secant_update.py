@@ -43,7 +43,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line; C. F.
     Gauss and I. Newton for the step.
     """
-    if not history.playbacks:
+    if not basic_twr.playbacks_before(history, model):
         return basic_twr.next_drive(history, model, settings)
     learned = _learned(history, model, settings)
     bent = learned.model
@@ -64,7 +64,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
             drive=start.drive,
             band=settings.band,
         )
-        gain = gain_at(problem.frequency, settings, playbacks=len(history.playbacks))
+        gain = gain_at(problem.frequency, settings, playbacks=basic_twr.playbacks_before(history, model))
         step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
         drive = start.drive + (step if start.step_gain is None else start.step_gain * step)
     return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
@@ -100,8 +100,9 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         terms=candidates[-1],
     )
     # Apart from those with terms, so that a fit of the drives alone has the same bytes whatever terms are tried.
-    of_drives = seen_steps(history, replace(blocks, terms=()), before=model.seen_steps)
-    steps = seen_steps(history, blocks, before=model.seen_steps) if blocks.terms else of_drives
+    known = {"before": model.seen_steps, "earlier": model.earlier}
+    of_drives = seen_steps(history, replace(blocks, terms=()), **known)
+    steps = seen_steps(history, blocks, **known) if blocks.terms else of_drives
     identified = model.frf if model.identified_frf is None else model.identified_frf
     scale = _drive_scale(history, model, lines)
     identification_drive = _identification_drive(model, lines, scale)
@@ -132,7 +133,9 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     prior_strength = weaker if set(terms) & set(ODD_TERMS) else secant.prior_strength
     found = fit(steps if terms else of_drives, terms, prior_strength)
     frf, inverse = identified.copy(), model.inverse_frf.copy()
-    frf[lines] = found.frf + _mean_slope(found, terms, history.playbacks[-1].drive)
+    frf[lines] = found.frf
+    if history.playbacks:
+        frf[lines] += _mean_slope(found, terms, history.playbacks[-1].drive)
     inverse[lines] = cautious_inverse(
         found.frf,
         uncertainty=secant.caution * found.uncertainty[:, : scale.size, : scale.size],
@@ -192,7 +195,7 @@ def _identification_drive(
 def _drive_scale(history: IterationHistory, model: RigModel, lines: NDArray[np.intp]) -> NDArray[np.float64]:
     """RMS of the identification's drives up to a factor, or of the first drive where that is not known."""
     if model.uncertainty is None:
-        scale = rms(history.playbacks[0].drive)
+        scale = rms((*model.earlier, history.playbacks)[0][0].drive)
         if not np.all(scale > 0.0):
             return np.ones_like(scale)
         return scale

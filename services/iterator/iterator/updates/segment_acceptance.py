@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,11 @@ class AcceptanceSettings:
         root of the latter after one time worse, and so on.
     smallest_step : float
         Step gain that is never gone below, in (0, 1].
+    least_progress : float
+        Share of the progress that a step promised below which the next one is smaller, 0 to below 1; 0 judges by
+        `tolerance` alone.
+    doubted_step : float
+        Factor of the step gain there, in (0, 1].
     negligible : float
         Share of the target's mean energy below which a difference in energy is rounding, 0 to below 1.
 
@@ -43,6 +49,8 @@ class AcceptanceSettings:
     smaller_step: float = 0.5
     larger_step: float = 1.25
     smallest_step: float = 0.1
+    least_progress: float = 0.4
+    doubted_step: float = 0.9
     negligible: float = 1e-10
 
     def __post_init__(self) -> None:
@@ -59,6 +67,11 @@ class AcceptanceSettings:
             raise ValueError(
                 f"The acceptance's smaller step is {self.smaller_step:g}, in (0, 1), and its smallest "
                 f"{self.smallest_step:g}, in (0, 1]."
+            )
+        if not (0.0 <= self.least_progress < 1.0 and 0.0 < self.doubted_step <= 1.0):
+            raise ValueError(
+                f"The acceptance's least progress is {self.least_progress:g}, in [0, 1), and its doubted step "
+                f"{self.doubted_step:g}, in (0, 1]."
             )
         if not 0.0 <= self.negligible < 1.0:
             raise ValueError(f"The negligible share of energy is {self.negligible:g}; it must be 0 or more, below 1.")
@@ -92,8 +105,13 @@ def accept_segments(
     response_scale: NDArray[np.float64],
     sample_rate: float,
     settings: AcceptanceSettings,
+    iteration_gain: Sequence[float] = (),
 ) -> AcceptedIterate:
     """Compose the best drive so far from all playbacks, stretch by stretch.
+
+    A step with the gain `g` promises to leave `(1 - g)²` of the error's energy. Where it was worse than the best so
+    far, drive and error go back and the next step is halved. Where far less came of it than it promised, the drive
+    stays and the next step is a little smaller: something acts there that the model does not know.
 
     Parameters
     ----------
@@ -106,6 +124,8 @@ def accept_segments(
         Of all records, Hz.
     settings : AcceptanceSettings
         Tolerance, widths and step factors.
+    iteration_gain : sequence of float, optional
+        Least iteration gain of the step to each playback but the first, in (0, 1]; 1 where not given.
 
     Returns
     -------
@@ -115,10 +135,18 @@ def accept_segments(
     Raises
     ------
     ValueError
-        There is no playback yet.
+        There is no playback yet, or another number of gains than of steps.
+
+    Notes
+    -----
+    Source: trust regions, as in J. Nocedal, S. J. Wright, *Numerical Optimization*, for steps that bring too little.
     """
     if not history.playbacks:
         raise ValueError("There is no playback to accept; play the first drive before.")
+    steps = len(history.playbacks) - 1
+    made_with = tuple(iteration_gain) or (1.0,) * steps
+    if len(made_with) != steps:
+        raise ValueError(f"There are {len(made_with)} iteration gains for {steps} steps; give one for each, or none.")
     judged = _hann(settings.judged_seconds, sample_rate)
     blend = _hann(settings.cross_fade_seconds, sample_rate)
     rounding = settings.negligible * float(np.mean(_power(history.target, response_scale)))
@@ -127,7 +155,7 @@ def accept_segments(
     failures, growth = np.zeros(best.size), np.full(best.size, settings.larger_step)
     worse = np.zeros(best.size, dtype=bool)
     fades: list[NDArray[np.float64] | None] = [None]
-    for playback in history.playbacks[1:]:
+    for playback, share in zip(history.playbacks[1:], made_with, strict=True):
         energy = _local_energy(history.target, playback.response, response_scale, judged)
         worse = energy > settings.tolerance * best + rounding
         back = _cross_fade(worse, blend) if worse.any() else None
@@ -137,7 +165,12 @@ def accept_segments(
             failures[failed] += back[failed]
             # Where the step was too large before, it grows half as fast: it would be too large again, and again.
             growth[failed] = settings.larger_step ** (0.5 ** failures[failed])
+        promised = (1.0 - np.square(1.0 - share * gain)) * best
+        doubted = ~worse & (best - energy < settings.least_progress * promised - rounding)
         larger = np.minimum(1.0, growth * gain)
+        if doubted.any():
+            careful = np.maximum(settings.smallest_step, settings.doubted_step * gain)
+            larger += _cross_fade(doubted, blend) * (careful - larger)
         smaller = np.maximum(settings.smallest_step, settings.smaller_step * gain)
         gain = larger if back is None else larger + back * (smaller - larger)
         best = np.where(worse, best, np.minimum(best, energy))

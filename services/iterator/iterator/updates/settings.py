@@ -152,4 +152,5 @@ def _read_only(history: IterationHistory) -> IterationHistory:
         return seen
 
     playbacks = (Playback(view(played.drive), view(played.response)) for played in history.playbacks)
-    return IterationHistory(view(history.target), tuple(playbacks))
+    start = history.start and Playback(view(history.start.drive), view(history.start.response))
+    return IterationHistory(view(history.target), tuple(playbacks), start)

@@ -49,6 +49,10 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
         ),
         identified_frf=None if identified is None else np.ascontiguousarray(identified[:, controlled]),
         term_frf=None if terms is None else np.ascontiguousarray(terms[:, controlled]),
+        earlier=tuple(
+            tuple(replace(playback, response=np.ascontiguousarray(playback.response[controlled])) for playback in line)
+            for line in model.earlier
+        ),
     )
 
 

@@ -11,9 +11,9 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from duralab_bus import Continuity
 from duralab_proto.keys import rig_of, run_of
-from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from duralab_recordings import EPOCH, PART_METADATA, SUMMARY_METADATA
-from recorder.format.steps import type_name_of
+from recorder.format.steps import leaves_samples_out, type_name_of
 from recorder.format.summary import PlannedRun, Runs, Story, Streams, Summary
 
 
@@ -67,6 +67,9 @@ _STEPS_READ: Final[dict[str, type[ProtoMessage]]] = {
         *(recorder_pb2.RunPlanned, recorder_pb2.RunPlayed, rig_pb2.RigDescription),
         *(iterator_pb2.IterationStep, iterator_pb2.ConfirmationStep),
         *(iterator_pb2.CampaignSpec, iterator_pb2.CampaignStatus),
+        *(iterator_pb2.PreTestRequest, iterator_pb2.PreTest),
+        *(sequencer_pb2.EnduranceSpec, sequencer_pb2.EnduranceVolume),
+        *(sequencer_pb2.EnduranceRepeat, sequencer_pb2.EnduranceStatus),
     )
 }
 """Steps of which more counts than their hash."""
@@ -161,12 +164,13 @@ class Content:
             case None:
                 return
             case recorder_pb2.RunPlanned():
-                self.planned.append(step)
+                if not step.not_kept:
+                    self.planned.append(step)
             case recorder_pb2.RunPlayed():
                 self.played.append(step)
             case rig_pb2.RigDescription():
                 self.descriptions[step.rig] = step
-            case iterator_pb2.IterationStep() | iterator_pb2.ConfirmationStep() if not step.HasField("response"):
+            case _ if leaves_samples_out(step):
                 self.named.append((step.run, step.signal_epoch, step.samples_hash))
         self.story = self.story.after(step)
 

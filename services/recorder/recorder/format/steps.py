@@ -12,8 +12,8 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 
 from duralab_proto.arrays import ArrayError, from_array, from_record
-from duralab_proto.keys import check_rig, check_run
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.keys import check_id, check_rig, check_run
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from recorder.format.summary import MOST_BLOCKS
 from recorder.refused import invalid
 
@@ -48,6 +48,13 @@ def _check_names(message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed) -> N
             raise ArrayError(str(error), field=field) from error
 
 
+def _check_rig_name(rig: str) -> None:
+    try:
+        check_rig(rig)
+    except ValueError as error:
+        raise ArrayError(str(error), field="rig") from error
+
+
 def _check_played(message: recorder_pb2.RunPlayed) -> None:
     _check_names(message)
     if message.blocks == 0:
@@ -72,7 +79,7 @@ def _check_model(message: identifier_pb2.Model) -> None:
     from_array(message.coherence, field="coherence", shape=(lines, responses), dtype=np.float64, finite=False)
 
 
-PlaybackStep = iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep
+PlaybackStep = iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep | sequencer_pb2.EnduranceRepeat
 """Steps whose samples are those of a run."""
 
 _HASH: Final = re.compile("[0-9a-f]{64}")
@@ -80,7 +87,15 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
     """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them."""
+    if isinstance(message, sequencer_pb2.EnduranceRepeat):
+        return bool(message.samples_hash)
     return isinstance(message, PlaybackStep) and not message.HasField("response")
+
+
+def _check_pre_test(message: iterator_pb2.PreTest) -> None:
+    drives, responses = len(message.drives), len(message.responses)
+    from_array(message.peak, field="peak", shape=(responses, drives), dtype=np.float64)
+    from_array(message.response, field="response", shape=(responses, None), dtype=np.float32)
 
 
 def _check_iteration(message: iterator_pb2.IterationStep) -> None:
@@ -99,28 +114,76 @@ def _check_confirmation(message: iterator_pb2.ConfirmationStep) -> None:
     _check_samples(message)
 
 
-def _check_samples(message: PlaybackStep) -> None:
+def _check_proposal(message: iterator_pb2.Proposal) -> None:
+    if 0 in (message.number, message.playback):
+        raise ArrayError("number or playback is 0; both are counted from 1.", field="number")
+    if not message.refusal:
+        _, _, drive = from_record(message.drive, field="drive")
+        shape = (len(message.responses), drive.shape[1])
+        from_array(message.predicted_response, field="predicted_response", shape=shape, dtype=np.float32)
+
+
+def _check_decision(message: iterator_pb2.Decision) -> None:
+    for field in ("proposal", "playback", "kind", "name", "reason"):
+        if not getattr(message, field):
+            raise ArrayError(f"{field} is left out; a decision says who decides what, on which proposal.", field=field)
+
+
+def _check_endurance(message: sequencer_pb2.EnduranceSpec | sequencer_pb2.EnduranceVolume) -> None:
+    _check_rig_name(message.rig)
+    try:
+        check_id(message.id)
+    except ValueError as error:
+        raise ArrayError(str(error), field="id") from error
+
+
+def _check_repeat(message: sequencer_pb2.EnduranceRepeat) -> None:
+    if message.HasField("statistics"):
+        # The residual is not a number before there is a baseline.
+        from_array(message.statistics, field="statistics", shape=(None, None), dtype=np.float64, finite=False)
+    if message.HasField("damage"):
+        from_array(message.damage, field="damage", shape=(None,), dtype=np.float64)
+    _check_run_name(message.run)
+    if message.samples_hash:
+        _check_left_out(message)
+
+
+def _check_repeat_samples(message: sequencer_pb2.RepeatSamples) -> None:
+    _check_run_name(message.run)
+    from_record(message.response, field="response")
+
+
+def _check_run_name(run: str) -> None:
+    try:
+        check_run(run)
+    except ValueError as error:
+        raise ArrayError(str(error), field="run") from error
+
+
+def _check_left_out(message: PlaybackStep) -> None:
+    """Check what a step says of the run that it leaves its samples to."""
+    _check_run_name(message.run)
+    if not _HASH.fullmatch(message.samples_hash):
+        raise ArrayError(
+            f"samples_hash is {message.samples_hash[:80]!r}; a step without samples names their SHA-256, 64 "
+            "hexadecimal digits.",
+            field="samples_hash",
+        )
+    if not 0 < message.signal_blocks <= MOST_BLOCKS:
+        raise ArrayError(
+            f"signal_blocks is {message.signal_blocks}; a step without samples has 1 to {MOST_BLOCKS} of them.",
+            field="signal_blocks",
+        )
+
+
+def _check_samples(message: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> None:
     """Check the samples that a step carries, or what it says of the run that it leaves them to."""
     shape: tuple[int | None, ...] = (None, None)
     if message.HasField("response"):
         _, _, response = from_record(message.response, field="response")
         shape = response.shape
     else:
-        try:
-            check_run(message.run)
-        except ValueError as error:
-            raise ArrayError(str(error), field="run") from error
-        if not _HASH.fullmatch(message.samples_hash):
-            raise ArrayError(
-                f"samples_hash is {message.samples_hash[:80]!r}; a step without samples names their SHA-256, 64 "
-                "hexadecimal digits.",
-                field="samples_hash",
-            )
-        if not 0 < message.signal_blocks <= MOST_BLOCKS:
-            raise ArrayError(
-                f"signal_blocks is {message.signal_blocks}; a step without samples has 1 to {MOST_BLOCKS} of them.",
-                field="signal_blocks",
-            )
+        _check_left_out(message)
     if message.HasField("error_in_band"):
         from_array(message.error_in_band, field="error_in_band", shape=shape, dtype=np.float32)
     else:
@@ -138,7 +201,19 @@ _CHECKS: Final[dict[type[Message], Callable[[Any], object]]] = {
     identifier_pb2.Model: _check_model,
     iterator_pb2.IterationStep: _check_iteration,
     iterator_pb2.ConfirmationStep: _check_confirmation,
+    iterator_pb2.Proposal: _check_proposal,
+    iterator_pb2.Decision: _check_decision,
     iterator_pb2.CampaignStatus: lambda _: None,
+    iterator_pb2.PreTestRequest: lambda message: _check_rig_name(message.rig),
+    iterator_pb2.PreTest: _check_pre_test,
+    sequencer_pb2.EnduranceSpec: _check_endurance,
+    sequencer_pb2.EnduranceVolume: _check_endurance,
+    sequencer_pb2.EnduranceRepeat: _check_repeat,
+    sequencer_pb2.RepeatSamples: _check_repeat_samples,
+    sequencer_pb2.EnduranceDrive: lambda message: from_record(message.drive, field="drive"),
+    sequencer_pb2.EnduranceHold: lambda _: None,
+    sequencer_pb2.EnduranceDecision: lambda _: None,
+    sequencer_pb2.EnduranceStatus: lambda _: None,
     recorder_pb2.RecordingClosed: lambda _: None,
 }
 

@@ -9,12 +9,12 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from google.protobuf.message import Message
 
 from duralab_bus import Continuity
-from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, sequencer_pb2
 from duralab_recordings import DAMAGE, SUMMARY_METADATA, is_finished, last_metadata
 
 MOST_BLOCKS: Final = 2**32
@@ -67,6 +67,13 @@ Streams = dict[tuple[str, int], Continuity]
 """Which messages of streams other than a playback's are stored, by key and epoch."""
 
 
+_ENDS: Final = {
+    sequencer_pb2.ENDURANCE_PHASE_FINISHED: iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+    sequencer_pb2.ENDURANCE_PHASE_STOPPED: iterator_pb2.CAMPAIGN_PHASE_STOPPED,
+    sequencer_pb2.ENDURANCE_PHASE_FAULTED: iterator_pb2.CAMPAIGN_PHASE_FAULTED,
+}
+
+
 @dataclass(frozen=True)
 class Story:
     """What a recording was about, and its begin in nanoseconds since 1970 UTC; empty or 0 where it is not known."""
@@ -76,15 +83,32 @@ class Story:
     begun: int = 0
     phase: iterator_pb2.CampaignPhase = iterator_pb2.CAMPAIGN_PHASE_UNSPECIFIED
     outcome: iterator_pb2.Outcome = iterator_pb2.OUTCOME_UNSPECIFIED
+    pre_test: iterator_pb2.PreTestVerdict = iterator_pb2.PRE_TEST_VERDICT_UNSPECIFIED
 
     def after(self, step: Message) -> Story:
         """Return the story with what a step adds to it."""
-        match step:
-            case iterator_pb2.CampaignSpec():
-                return replace(self, rig=step.rig, target=step.target_source)
-            case iterator_pb2.CampaignStatus():
-                return replace(self, phase=step.phase, outcome=step.outcome)
-        return self
+        return replace(self, **_added(step))
+
+
+def _added(step: Message) -> dict[str, Any]:
+    """Return what a step adds to the story."""
+    added: dict[str, Any] = {}
+    match step:
+        case iterator_pb2.CampaignSpec():
+            added = {"rig": step.rig, "target": step.target_source}
+        case iterator_pb2.CampaignStatus():
+            added = {"phase": step.phase, "outcome": step.outcome}
+        case iterator_pb2.PreTestRequest():
+            added = {"rig": step.rig, "pre_test": iterator_pb2.PRE_TEST_VERDICT_UNFINISHED}
+        case iterator_pb2.PreTest():
+            added = {"pre_test": step.verdict}
+        case sequencer_pb2.EnduranceSpec():
+            added = {"rig": step.rig, "target": f"endurance test {step.id}"}
+        case sequencer_pb2.EnduranceVolume() if step.first_repeat:
+            added = {"rig": step.rig, "target": f"endurance test {step.id} from repeat {step.first_repeat}"}
+        case sequencer_pb2.EnduranceStatus() if step.phase in _ENDS:
+            added = {"phase": _ENDS[step.phase]}
+    return added
 
 
 @dataclass(frozen=True)

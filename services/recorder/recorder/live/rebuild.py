@@ -16,7 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, McapRecord, Schema
 from mcap.records import Message as Record
 
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2, sequencer_pb2
 from duralab_recordings import (
     DAMAGE,
     RecordReader,
@@ -42,6 +42,12 @@ SHOWN: Final[dict[str, type[Message]]] = {
         rig_pb2.RigDescription,
         rig_pb2.RigState,
         rig_pb2.SignalBlock,
+        sequencer_pb2.EnduranceDecision,
+        sequencer_pb2.EnduranceHold,
+        sequencer_pb2.EnduranceRepeat,
+        sequencer_pb2.EnduranceSpec,
+        sequencer_pb2.EnduranceStatus,
+        sequencer_pb2.EnduranceVolume,
     )
 }
 """Messages that the view has a picture of, by the names of their schemas."""

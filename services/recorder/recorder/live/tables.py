@@ -24,6 +24,7 @@ _OUTCOMES = {
     iterator_pb2.OUTCOME_DAMAGE_BUDGET_USED: "one more playback would do more damage than is allowed",
     iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL: "a response stood still while its target moved: check its sensor",
     iterator_pb2.OUTCOME_BOUND_PASSED: "a playback passed a bound of error, peak or damage",
+    iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT: "a person ended it at a hold point",
 }
 
 _MODES = {

@@ -18,6 +18,7 @@ from duralab_proto.v1 import identifier_pb2, iterator_pb2, rig_pb2
 from duralab_recordings import response_in_band
 from recorder.live.blueprint import FRF, LOG, STATUS, Stage, make_blueprint
 from recorder.live.charts import Drawing
+from recorder.live.endurance import EnduranceDrawing, EnduranceStep
 from recorder.live.figures import draw_figures, dress_figures
 from recorder.live.frf import draw_frf
 from recorder.live.limits import DriveLimits
@@ -69,6 +70,7 @@ class LiveView:
         self._state: rig_pb2.RigState | None = None
         self._rig: RigDrawing | None = None
         self._limits: DriveLimits | None = None
+        self._endurance = EnduranceDrawing(self._stream)
 
     def show_step(self, message: Message) -> None:
         """Draw a committed step, after all that came before it; steps without a picture change nothing."""
@@ -86,6 +88,8 @@ class LiveView:
                 self._show_iteration(message)
             case iterator_pb2.CampaignStatus():
                 self.show_status(message)
+            case _ if isinstance(message, EnduranceStep):
+                self._endurance.show(message)
 
     def show_status(self, status: iterator_pb2.CampaignStatus, *, at: datetime | None = None) -> None:
         """Write what the campaign does now; `at` is when it was so, now where not given."""
@@ -112,7 +116,9 @@ class LiveView:
             self._rig.show(block, on_run_time=playback_of(block.run, recording=self._recording).is_iteration)
 
     def show_block(self, block: rig_pb2.SignalBlock) -> None:
-        """Draw a block of a playback, together with its neighbours."""
+        """Draw a block of a playback, together with its neighbours; an endurance test has trends in their place."""
+        if self._endurance.begun:
+            return
         last = self._pending.last
         if last is not None and (last.run != block.run or last.first_sample > block.first_sample):
             self._draw_pending()
@@ -125,11 +131,13 @@ class LiveView:
     def close(self) -> bool:
         """Draw what is left, let go of the file and the viewer, and return whether they took everything."""
         self._draw_pending()
+        self._endurance.draw()
         return close_stream(self._stream)
 
     def _show_rig(self, description: rig_pb2.RigDescription) -> None:
         self._description = description
         self._limits = DriveLimits(self._stream, description.drives)
+        self._endurance.show_rig(description)
         try:
             scene = read_scene(description)
         except ArrayError as error:

@@ -41,6 +41,10 @@ class RunRegistry:
         """Return the rig that a run was announced on to a recording; empty where it was not."""
         return next((rig for rig, name in self.of_recording(recording) if name == run), "")
 
+    def is_not_kept(self, run: str) -> bool:
+        """Whether a run is one of the last whose blocks are not kept."""
+        return run in self._strangers
+
     def is_new_stranger(self, run: str) -> bool:
         """Whether a run of no recording is met for the first time."""
         if run in self._strangers:
@@ -70,6 +74,9 @@ class RunRegistry:
 
     def note(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
         """Note an announcement that was checked and stored."""
+        if isinstance(message, recorder_pb2.RunPlanned) and message.not_kept:
+            self._strangers.append(message.run)
+            return
         run = self._runs.setdefault((message.rig, message.run), PlannedRun(recording))
         if isinstance(message, recorder_pb2.RunPlayed):
             run.played = message
@@ -342,6 +349,9 @@ class Archive:
 
     def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
         """Write a rig's state to the recordings that have a playback on it and go on; return them."""
+        if self._runs.is_not_kept(item.message.run):
+            self._settled.append(item)
+            return set()
         named = self._runs.recordings_of_rig(rig_of(item.key))
         run = self._runs.find(rig_of(item.key), item.message.run)
         playing = "" if run is None or run.played is not None else run.recording

@@ -49,13 +49,15 @@ class NoEquilibriumError(ValueError):
     """A rig that does not come to rest, in one sentence."""
 
 
-def find_equilibrium(model: RigModel, derivative: Derivative, inputs: np.ndarray) -> np.ndarray:
-    """Return the state in which nothing moves under constant inputs, in each channel's unit.
+def find_equilibrium(
+    model: RigModel, derivative: Derivative, inputs: np.ndarray, *, start: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the state in which nothing moves under constant inputs, in each channel's unit; sought from the design.
 
     Velocities are zero, and so is the hysteretic friction: it has no unique value at rest. Raises `NoEquilibriumError`
-    where Newton's method from the design position ends with something still moving; names the state.
+    where Newton's method from the design position, or `start`, ends with something still moving; names the state.
     """
-    state = model.design_state.copy()
+    state = (model.design_state if start is None else start).copy()
     free = _unknowns(model)
     trust = np.where(free < model.position_count, 0.05, 5.0)
     rates = derivative(state, inputs)

@@ -58,7 +58,7 @@ def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, se
     for _ in range(STATES):
         state, inputs = random_state(model, rng), _random_inputs(model, rng)
         evaluation = model.evaluate(state, inputs)
-        drake = drake_answers(model, plant, state, evaluation)
+        drake = drake_answers(model, plant, state, inputs, evaluation)
         rates = compiled.derivative(state, inputs)
         responses = compiled.outputs(state, inputs)[: len(model.response_names)]
         elements = np.array(evaluation.derivative[n_q + n_v :], dtype=float)
@@ -107,10 +107,13 @@ def random_state(model: RigModel, rng: np.random.Generator) -> np.ndarray:
 
 
 def _random_inputs(model: RigModel, rng: np.random.Generator) -> np.ndarray:
-    return np.array([0.05 * channel.maximum * rng.standard_normal() for channel in model.assembly.specimen.drives])
+    drives = [0.05 * channel.maximum * rng.standard_normal() for channel in model.assembly.specimen.drives]
+    return np.array([*drives, *rng.uniform(0.0, 1.0, len(model.input_names) - len(drives))])
 
 
-def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, evaluation: Evaluation) -> DrakeAnswers:
+def drake_answers(
+    model: RigModel, plant: MultibodyPlant, state: np.ndarray, inputs: np.ndarray, evaluation: Evaluation
+) -> DrakeAnswers:
     """Ask Drake about a state in which the elements of the YAML do what `evaluation` says."""
     # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
     drake = cast(Any, plant)
@@ -123,7 +126,7 @@ def drake_answers(model: RigModel, plant: MultibodyPlant, state: np.ndarray, eva
     return DrakeAnswers(
         position_rates=np.array(drake.MapVelocityToQDot(context, state[n_q : n_q + n_v]), dtype=float),
         accelerations=np.array(accelerations, dtype=float),
-        responses=drake_responses(model, plant, context, state),
+        responses=drake_responses(model, plant, context, state, inputs),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import absolute
-from rig_sim.multibody import Array, Effect, ForceElement, Motion, Pose, cross, dot, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Input, Motion, Pose, cross, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 
@@ -38,7 +38,10 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rubber(ForceElement):
-    """Rubber between frame A on one body and the origin (m) of frame C on another, along a unit vector in frame A."""
+    """Rubber between frame A on one body and the origin (m) of frame C on another, along a unit vector in frame A.
+
+    Where the bushing beside it wears, its input is the share lost of stiffness: progression and friction go with it.
+    """
 
     name: str
     body_a: int
@@ -47,18 +50,20 @@ class Rubber(ForceElement):
     point_c: np.ndarray
     axis: np.ndarray
     law: RubberLaw
+    inputs: tuple[Input, ...] = ()
 
     initial_state = (0.0,)
 
-    def pull(self, motion: Motion, state: Array) -> Array:
-        """Return the force on frame C, (3,) in the world's axes, in N."""
+    def pull(self, motion: Motion, state: Array, *, lost: Any = 0.0) -> Array:
+        """Return the force on frame C, (3,) in the world's axes, in N, of which a share is lost."""
         axis, travel, _ = self._travel(motion)
-        return axis * -(self.law.progression * travel * travel * travel + self.law.friction * state[0])
+        force = self.law.progression * travel * travel * travel + self.law.friction * state[0]
+        return axis * -(force * (1.0 - lost))
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Hold frame C back along the axis."""
         point, _ = motion.point(self.body_c, self.point_c)
-        effect.between(self.body_a, self.body_c, wrench_at(point, self.pull(motion, state)))
+        effect.between(self.body_a, self.body_c, wrench_at(point, self.pull(motion, state, lost=sum(values))))
         return [friction_rate(self.law, state[0], self._travel(motion)[2])]
 
     def _travel(self, motion: Motion) -> tuple[Array, Any, Any]:

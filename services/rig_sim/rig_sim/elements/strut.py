@@ -9,7 +9,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass as parameters
 
 from rig_sim.compile import absolute, maximum, select_positive, tanh
-from rig_sim.multibody import Array, Effect, ForceElement, Motion, stretch, wrench_at
+from rig_sim.multibody import Array, Effect, ForceElement, Input, Motion, stretch, wrench_at
 from rig_sim.parameters import STRICT, Finite, NotNegative, Positive
 
 
@@ -39,20 +39,26 @@ class StrutLaw:
     friction_speed: Positive
 
 
-def strut_force(law: StrutLaw, compression: Any, speed: Any) -> Any:
-    """Return the force in N that pushes the ends apart at a compression [m] and a compression speed [m/s]."""
+def strut_force(law: StrutLaw, compression: Any, speed: Any, *, damping_lost: Any = 0.0) -> Any:
+    """Return the force in N that pushes the ends apart at a compression [m] and a compression speed [m/s].
+
+    `damping_lost` is a share; the friction of seals and guides stays.
+    """
     spring = law.preload + compression * (law.stiffness + law.progression * compression * compression)
     bump = maximum(compression - law.bump_clearance, 0.0)
     rebound = maximum(-compression - law.rebound_clearance, 0.0)
     stops = law.bump_stiffness * bump * bump - law.rebound_stiffness * rebound * rebound
     rate = select_positive(speed, law.compression_damping, law.rebound_damping)
-    damper = rate * speed / (1.0 + absolute(speed) * (1.0 / law.knee_speed))
+    damper = rate * speed / (1.0 + absolute(speed) * (1.0 / law.knee_speed)) * (1.0 - damping_lost)
     return spring + stops + damper + law.friction * tanh(speed * (1.0 / law.friction_speed))
 
 
 @dataclass(frozen=True)
 class Strut(ForceElement):
-    """A strut between a point on body a and a point on body b, both in their body's frame, in metres."""
+    """A strut between a point on body a and a point on body b, both in their body's frame, in metres.
+
+    Where it wears, its input is the share lost of damping.
+    """
 
     name: str
     body_a: int
@@ -61,10 +67,15 @@ class Strut(ForceElement):
     point_b: np.ndarray
     design_length: float
     law: StrutLaw
+    inputs: tuple[Input, ...] = ()
+
+    def force(self, motion: Motion, values: Array) -> Any:
+        """Return the force in N that pushes the ends apart."""
+        *_, length, rate = stretch(motion, self.body_a, self.point_a, self.body_b, self.point_b)
+        return strut_force(self.law, self.design_length - length, -rate, damping_lost=sum(values))
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
         """Push the two bodies apart."""
-        _, b, direction, length, rate = stretch(motion, self.body_a, self.point_a, self.body_b, self.point_b)
-        force = strut_force(self.law, self.design_length - length, -rate)
-        effect.between(self.body_a, self.body_b, wrench_at(b, direction * force))
+        _, b, direction, *_ = stretch(motion, self.body_a, self.point_a, self.body_b, self.point_b)
+        effect.between(self.body_a, self.body_b, wrench_at(b, direction * self.force(motion, values)))
         return []

@@ -31,21 +31,28 @@ from rig_sim.specimen import (
 )
 
 
-def drake_responses(model: RigModel, plant: MultibodyPlant, context: Context, state: Array) -> np.ndarray:
+def drake_responses(
+    model: RigModel, plant: MultibodyPlant, context: Context, state: Array, inputs: Array
+) -> np.ndarray:
     """Read all responses from Drake's context of the plant at this state of the model, in the model's order and units.
 
     The forces of the YAML's elements are on the plant's input ports. Of rubber beside a bushing, of which Drake knows
     nothing, the model says the force.
     """
     readings = [
-        _reading(channel, sensor, plant, context, own=(model, state))
+        _reading(channel, sensor, plant, context, own=(model, state, inputs))
         for channel, sensor in zip(model.assembly.specimen.responses, model.assembly.transducers, strict=True)
     ]
     return np.array(readings, dtype=float)
 
 
 def _reading(
-    channel: ResponseChannel, sensor: Sensor, plant: MultibodyPlant, context: Context, *, own: tuple[RigModel, Array]
+    channel: ResponseChannel,
+    sensor: Sensor,
+    plant: MultibodyPlant,
+    context: Context,
+    *,
+    own: tuple[RigModel, Array, Array],
 ) -> float:
     """Find what the YAML names in Drake's own plant, so that a sensor mounted wrongly is found out."""
     # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
@@ -76,7 +83,7 @@ def _reading(
             bushing = _drake_bushing(plant, channel.frame_a, channel.frame_c)
             row = "xyz".index(channel.axis)
             of_drake = bushing.CalcBushingSpatialForceOnFrameA(context).translational()
-            return float(of_drake[row]) + _rubber_force(cast(BushingForce, sensor), *own)
+            return float(of_drake[row]) + _own_force(cast(BushingForce, sensor), *own)
 
 
 def _drake_bushing(plant: MultibodyPlant, frame_a: str, frame_c: str) -> Any:
@@ -89,15 +96,16 @@ def _drake_bushing(plant: MultibodyPlant, frame_a: str, frame_c: str) -> Any:
     raise ValueError(f"the plant has no bushing from {frame_a!r} to {frame_c!r}.")
 
 
-def _rubber_force(sensor: BushingForce, model: RigModel, state: Array) -> float:
-    """Force of the rubber beside a bushing on its mount, in N, along the row of the sensor."""
-    if not sensor.rubber:
+def _own_force(sensor: BushingForce, model: RigModel, state: Array, inputs: Array) -> float:
+    """Force of rubber and wear of a bushing on its mount, in N, along the row of the sensor."""
+    if not sensor.rubber and sensor.loss is None:
         return 0.0
     tree, first = model.assembly.tree, model.position_count
     motion = move(tree, state[:first], state[first : first + tree.velocity_count])
     axes = motion.poses[sensor.bushing.body_a].rotation @ sensor.bushing.frame_a.rotation
-    force = -sum(rubber.pull(motion, state[model.element_slice(rubber.name)]) for rubber in sensor.rubber)
-    return float((axes.T @ cast(Any, force))[sensor.row])
+    states = {rubber.name: state[model.element_slice(rubber.name)] for rubber in sensor.rubber}
+    force = sensor.beside(motion, states, dict(zip(model.input_names, inputs, strict=True)))
+    return float((axes.T @ force)[sensor.row])
 
 
 # The stubs do not know the template of values.
@@ -281,7 +289,7 @@ class DrakeEngine:
         self._elements.set_drives(self._elements_context, start, end)
         self._plant.SetPositionsAndVelocities(self._plant_context, state[:first])
         self._elements_context.SetContinuousState(state[first:])
-        outputs = self._outputs()
+        outputs = self._outputs(start)
         self._forget_the_last_step()
         try:
             self._simulator.AdvanceTo(self._interval)
@@ -294,9 +302,9 @@ class DrakeEngine:
         own = self._elements_context.get_continuous_state_vector().CopyToVector()
         return np.concatenate([self._plant.GetPositionsAndVelocities(self._plant_context), own])
 
-    def _outputs(self) -> np.ndarray:
+    def _outputs(self, inputs: np.ndarray) -> np.ndarray:
         effects = self._elements.effects.Eval(self._elements_context)
-        responses = drake_responses(self._model, self._plant, self._plant_context, self._state())
+        responses = drake_responses(self._model, self._plant, self._plant_context, self._state(), inputs)
         return np.concatenate([responses, effects[self._effects.monitors]])
 
     def _diverged(self, state: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from rig_sim.model.assembly import Assembly, assemble
 from rig_sim.model.measurement import BushingForce, Sensor, SpindleForce, StrutTravel
 from rig_sim.model.rig_model import Evaluation, RigModel
+from rig_sim.model.wearing import WearingPart
 
 __all__ = [
     "Assembly",
@@ -12,5 +13,6 @@ __all__ = [
     "Sensor",
     "SpindleForce",
     "StrutTravel",
+    "WearingPart",
     "assemble",
 ]

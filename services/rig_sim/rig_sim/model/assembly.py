@@ -10,20 +10,32 @@ import numpy as np
 from rig_sim.elements import AntiRollBar, Lever, Rubber, Strut, Tyre
 from rig_sim.hydraulics import HydraulicActuator, HydraulicSupply, Supply, all_supplies, check_limits, mount_actuator
 from rig_sim.model.measurement import Sensor, mount_sensor
+from rig_sim.model.wearing import WearingPart, mount_wear
 from rig_sim.multibody import Body, Element, Input, Joint, JointKind, Motion, MultibodyTree, move
-from rig_sim.specimen import AntiRollBarPart, RubberPart, Specimen, SpecimenError, StrutPart, TyrePart, mirrored_name
+from rig_sim.specimen import (
+    AntiRollBarPart,
+    GainDrift,
+    PartWear,
+    RubberPart,
+    Specimen,
+    SpecimenError,
+    StrutPart,
+    TyrePart,
+    mirrored_name,
+)
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A tree with everything mounted on it: elements, supplies last, and a transducer per response, in order."""
+    """A tree with everything mounted on it: elements, supplies last, a transducer per response, and what wears."""
 
     specimen: Specimen
     tree: MultibodyTree
     elements: tuple[Element, ...]
     transducers: tuple[Sensor, ...]
+    wearing: tuple[WearingPart, ...] = ()
 
 
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
@@ -45,16 +57,17 @@ def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
         for rubber in specimen.rubber:
             elements += [_rubber(rubber, tree, right=right) for right in _sides(mirrored=rubber.mirrored)]
         elements += [_anti_roll_bar(bar, tree, design) for bar in specimen.anti_roll_bars]
+        wearing = mount_wear([wear for wear in specimen.wear if isinstance(wear, PartWear)], tree, elements)
         # Last: a supply sees what all actuators have drawn.
         elements += [HydraulicSupply(name, supply) for name, supply in supplies.items()]
         transducers = tuple(mount_sensor(channel, tree, design, elements) for channel in specimen.responses)
-        _check_names(specimen, elements)
+        _check_names(specimen, elements, wearing)
         for part in specimen.actuators:
             check_connected(tree, part.joint, actuator=part.name, mounted=_joined_bodies(elements))
-        _check_drives(specimen, elements, supplies)
+        _check_drives(specimen, elements, wearing, supplies)
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
-    return Assembly(specimen, tree, tuple(elements), transducers)
+    return Assembly(specimen, tree, tuple(elements), transducers, wearing)
 
 
 def _sides(*, mirrored: bool) -> tuple[bool, ...]:
@@ -135,8 +148,14 @@ def _tyre(part: TyrePart, tree: MultibodyTree, *, right: bool) -> Tyre:
     return Tyre(_named(part.name, right=right), tree.body_index(_named(part.wheel, right=right)), part.law, inputs)
 
 
-def _check_names(specimen: Specimen, elements: list[Element]) -> None:
+def _check_names(specimen: Specimen, elements: list[Element], wearing: Sequence[WearingPart]) -> None:
+    drifts = [wear for wear in specimen.wear if isinstance(wear, GainDrift)]
+    channels = [channel.name for channel in specimen.responses]
+    for drift in drifts:
+        if drift.channel not in channels:
+            raise ValueError(f"wear {drift.name!r} is of response {drift.channel!r}; there are {', '.join(channels)}.")
     for what, names in (
+        ("wears", [part.name for part in wearing] + [drift.name for drift in drifts]),
         ("parts", [element.name for element in elements]),
         ("drives", [channel.name for channel in specimen.drives]),
         ("responses", [channel.name for channel in specimen.responses]),
@@ -165,8 +184,11 @@ def _joined_bodies(elements: list[Element]) -> list[set[int]]:
     return joined
 
 
-def _check_drives(specimen: Specimen, elements: list[Element], supplies: dict[str, Supply]) -> None:
-    taken = [item for element in elements for item in element.inputs]
+def _check_drives(
+    specimen: Specimen, elements: list[Element], wearing: Sequence[WearingPart], supplies: dict[str, Supply]
+) -> None:
+    lost = {item for part in wearing for item in part.inputs}
+    taken = [item for element in elements for item in element.inputs if item not in lost]
     listed = [Input(channel.name, channel.unit) for channel in specimen.drives]
     if taken != listed:
         raise ValueError(f"its parts take the drives {_listing(taken)}, in this order; listed are {_listing(listed)}.")

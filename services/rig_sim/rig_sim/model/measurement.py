@@ -5,13 +5,13 @@ Each sensor reads the rig at one instant, over generic scalars like the model it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from rig_sim.elements import Rubber, Strut
+from rig_sim.elements import LinearLoss, Rubber, Strut
 from rig_sim.multibody import (
     Accelerations,
     Array,
@@ -29,6 +29,7 @@ from rig_sim.multibody import (
 )
 from rig_sim.specimen import (
     AccelerationChannel,
+    Axis,
     BushingChannel,
     Quantity,
     ResponseChannel,
@@ -46,8 +47,9 @@ class Instant:
     #: Sum of the external wrenches on each body about the world's origin, without gravity.
     wrenches: list[Spatial]
     accelerations: Accelerations
-    #: Own states of each element, by its name.
+    #: Own states of each element, by its name, and values of the inputs, by theirs.
     element_states: dict[str, Array]
+    inputs: dict[str, Any]
 
 
 class Sensor(Protocol):
@@ -141,21 +143,33 @@ class StrutTravel:
 class BushingForce:
     """One component of the force on the mount (frame A) of a bushing, in the axes of frame A, in N.
 
-    Of the bushing of the SDF together with all rubber between the same two frames: what a load cell in the mount shows.
+    Of the bushing of the SDF together with all rubber between the same two frames, less what both have lost by wear:
+    what a load cell in the mount shows.
     """
 
     name: str
     bushing: Bushing
     rubber: tuple[Rubber, ...]
     row: int
+    loss: LinearLoss | None = None
 
     def read(self, instant: Instant) -> Any:
         """Return the force on the mount."""
         force = -bushing_wrench(self.bushing, instant.motion).linear
-        for rubber in self.rubber:
-            force = force - rubber.pull(instant.motion, instant.element_states[rubber.name])
+        force = force + self.beside(instant.motion, instant.element_states, instant.inputs)
         axes = instant.motion.poses[self.bushing.body_a].rotation @ self.bushing.frame_a.rotation
         return (axes.T @ force)[self.row]
+
+    def beside(self, motion: Motion, element_states: Mapping[str, Array], inputs: Mapping[str, Any]) -> Any:
+        """Return what rubber and wear add to the bushing of the SDF, on the mount, in the world's axes, in N."""
+        force: Any = np.zeros(3)
+        for rubber in self.rubber:
+            lost = sum(inputs[item.name] for item in rubber.inputs)
+            force = force - rubber.pull(motion, element_states[rubber.name], lost=lost)
+        if self.loss is not None:
+            stiffness, damping = (inputs[item.name] for item in self.loss.inputs)
+            force = force + bushing_wrench(self.bushing, motion, stiffness=stiffness, damping=damping).linear
+        return force
 
 
 def mount_sensor(channel: ResponseChannel, tree: MultibodyTree, design: Motion, elements: Sequence[Element]) -> Sensor:
@@ -208,8 +222,24 @@ def _strut_travel(channel: StrutChannel, elements: Sequence[Element]) -> StrutTr
 
 
 def _bushing_force(channel: BushingChannel, tree: MultibodyTree, elements: Sequence[Element]) -> BushingForce:
-    body_a, frame_a = tree.frame(channel.frame_a)
-    body_c, frame_c = tree.frame(channel.frame_c)
+    try:
+        bushing = find_bushing(tree, channel.frame_a, channel.frame_c)
+    except ValueError as error:
+        raise ValueError(f"response {channel.name!r}: {error}") from error
+    return bushing_force(channel.name, bushing, elements, channel.axis)
+
+
+def bushing_force(name: str, bushing: Bushing, elements: Sequence[Element], axis: Axis) -> BushingForce:
+    """Return the load cell in a bushing's mount; the elements hold its rubber and its wear."""
+    rubber = tuple(element for element in elements if isinstance(element, Rubber) and is_beside(element, bushing))
+    losses = (element for element in elements if isinstance(element, LinearLoss) and element.part is bushing)
+    return BushingForce(name, bushing, rubber, "xyz".index(axis), next(losses, None))
+
+
+def find_bushing(tree: MultibodyTree, name_a: str, name_c: str) -> Bushing:
+    """Return the one bushing between two frames, or raise `ValueError`."""
+    body_a, frame_a = tree.frame(name_a)
+    body_c, frame_c = tree.frame(name_c)
     found = [
         bushing
         for bushing in tree.bushings
@@ -219,14 +249,13 @@ def _bushing_force(channel: BushingChannel, tree: MultibodyTree, elements: Seque
     ]
     if len(found) != 1:
         raise ValueError(
-            f"response {channel.name!r} is on the bushing from {channel.frame_a!r} to {channel.frame_c!r}; the SDF has "
-            f"{len(found)} of them, and must have one."
+            f"it is on the bushing from {name_a!r} to {name_c!r}; the SDF has {len(found)} of them, and must have one."
         )
-    rubber = tuple(element for element in elements if isinstance(element, Rubber) and _is_beside(element, found[0]))
-    return BushingForce(channel.name, found[0], rubber, "xyz".index(channel.axis))
+    return found[0]
 
 
-def _is_beside(rubber: Rubber, bushing: Bushing) -> bool:
+def is_beside(rubber: Rubber, bushing: Bushing) -> bool:
+    """Return whether rubber of the YAML is between the two frames of a bushing."""
     return (
         (rubber.body_a, rubber.body_c) == (bushing.body_a, bushing.body_c)
         and _same(rubber.frame_a, bushing.frame_a)

@@ -62,7 +62,9 @@ class RigModel:
         self.state_names = tuple(names)
         #: Design position at rest, valves shut: the start of the search for equilibrium.
         self.design_state = np.array(initial)
-        self.input_names = tuple(channel.name for channel in assembly.specimen.drives)
+        self.drive_names = tuple(channel.name for channel in assembly.specimen.drives)
+        #: The drives, then the shares that parts have lost by wear.
+        self.input_names = (*self.drive_names, *(item.name for part in assembly.wearing for item in part.inputs))
         self.response_names = tuple(channel.name for channel in assembly.specimen.responses)
         at_design = self.evaluate(self.design_state, np.zeros(len(self.input_names)))
         #: Responses, then the monitored values of the elements, e.g. "left_vertical.stroke".
@@ -98,16 +100,17 @@ class RigModel:
             if isinstance(element, Offering):
                 element.offer(state[self._slices[element.name]], own)
         rates: list[Any] = []
-        first_input = 0
+        given = dict(zip(self.input_names, inputs, strict=True))
         for element in self.assembly.elements:
-            values = inputs[first_input : first_input + len(element.inputs)]
-            rates += element.apply(motion, state[self._slices[element.name]], values, own)
-            first_input += len(element.inputs)
+            values = [given[item.name] for item in element.inputs]
+            rates += element.apply(motion, state[self._slices[element.name]], np.array(values, dtype=object), own)
         wrenches = list(own.wrenches)
         add_linear_elements(tree, motion, wrenches)
         accelerations = accelerate(tree, motion, wrenches, own.joint_forces)
         states = {name: state[where] for name, where in self._slices.items()}
-        instant = Instant(tree, motion, wrenches, accelerations, states)
+        instant = Instant(tree, motion, wrenches, accelerations, states, given)
+        for part in self.assembly.wearing:
+            own.monitored[f"{part.name}.load"] = part.load(instant)
         return Evaluation(
             motion=motion,
             own_effect=own,

@@ -11,6 +11,8 @@ from rig_sim.multibody.forces import (
     Offering,
     add_linear_elements,
     bushing_wrench,
+    spring_pull,
+    spring_wrench,
     stretch,
 )
 from rig_sim.multibody.kinematics import Motion, move
@@ -53,6 +55,8 @@ __all__ = [
     "load_plant",
     "move",
     "read_tree",
+    "spring_pull",
+    "spring_wrench",
     "stretch",
     "vector",
     "wrench_at",

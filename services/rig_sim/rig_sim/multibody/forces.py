@@ -118,23 +118,31 @@ def stretch(motion: Motion, body_a: int, point_a: np.ndarray, body_b: int, point
 def add_linear_elements(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial]) -> None:
     """Add the wrenches of all springs and bushings of the SDF to the bodies' wrenches (about the world's origin)."""
     for spring in tree.springs:
-        _add_spring(spring, motion, wrenches)
+        wrench = spring_wrench(spring, motion)
+        wrenches[spring.body_a] = wrenches[spring.body_a] + wrench
+        wrenches[spring.body_b] = wrenches[spring.body_b] - wrench
     for bushing in tree.bushings:
         wrench = bushing_wrench(bushing, motion)
         wrenches[bushing.body_c] = wrenches[bushing.body_c] + wrench
         wrenches[bushing.body_a] = wrenches[bushing.body_a] - wrench
 
 
-def _add_spring(spring: SpringDamper, motion: Motion, wrenches: list[Spatial]) -> None:
-    a, _, direction, length, rate = stretch(motion, spring.body_a, spring.point_a, spring.body_b, spring.point_b)
-    pull = (length - spring.free_length) * spring.stiffness + rate * spring.damping
-    wrench = wrench_at(a, direction * pull)
-    wrenches[spring.body_a] = wrenches[spring.body_a] + wrench
-    wrenches[spring.body_b] = wrenches[spring.body_b] - wrench
+def spring_pull(spring: SpringDamper, motion: Motion, *, stiffness: Any = 1.0, damping: Any = 1.0) -> Any:
+    """Return the force in N that draws a spring's ends together; `stiffness` and `damping` are shares."""
+    *_, length, rate = stretch(motion, spring.body_a, spring.point_a, spring.body_b, spring.point_b)
+    return (length - spring.free_length) * spring.stiffness * stiffness + rate * spring.damping * damping
 
 
-def bushing_wrench(bushing: Bushing, motion: Motion) -> Spatial:
+def spring_wrench(spring: SpringDamper, motion: Motion, *, stiffness: Any = 1.0, damping: Any = 1.0) -> Spatial:
+    """Return what a spring does to its body A, about the world's origin; body B gets the opposite."""
+    a, _, direction, *_ = stretch(motion, spring.body_a, spring.point_a, spring.body_b, spring.point_b)
+    return wrench_at(a, direction * spring_pull(spring, motion, stiffness=stiffness, damping=damping))
+
+
+def bushing_wrench(bushing: Bushing, motion: Motion, *, stiffness: Any = 1.0, damping: Any = 1.0) -> Spatial:
     """Return what a bushing does to its body C, about the world's origin; body A gets the opposite.
+
+    `stiffness` and `damping` are shares of its constants.
 
     Drake's law: the force in the frame half-way (by angle) between A and C, the moment by roll, pitch, yaw. Taking an
     anisotropic bushing in frame A instead gave errors of tens of per cent in the spindle force.
@@ -155,14 +163,16 @@ def bushing_wrench(bushing: Bushing, motion: Motion) -> Spatial:
     rate = frame_a.rotation.T @ between - cross(spin_a, offset)
     displacement = halfway.T @ offset
     displacement_rate = halfway.T @ (rate - cross(spin * 0.5, offset))
-    force_b = -(bushing.force_stiffness * displacement + bushing.force_damping * displacement_rate)
+    force_b = -(
+        bushing.force_stiffness * displacement * stiffness + bushing.force_damping * displacement_rate * damping
+    )
 
     force = frame_a.rotation @ (halfway @ force_b)
     total = wrench_at((frame_a.origin + frame_c.origin) * 0.5, force)
     if np.any(bushing.torque_stiffness) or np.any(bushing.torque_damping):
         angles = roll_pitch_yaw(turn)
         to_rates = roll_pitch_yaw_rates(angles)
-        gimbal = -(bushing.torque_stiffness * angles + bushing.torque_damping * (to_rates @ spin))
+        gimbal = -(bushing.torque_stiffness * angles * stiffness + bushing.torque_damping * (to_rates @ spin) * damping)
         moment = frame_a.rotation @ (to_rates.T @ gimbal)
         total = Spatial(total.angular + moment, total.linear)
     return total

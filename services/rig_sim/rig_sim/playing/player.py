@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +21,16 @@ from rig_sim.multibody import load_plant, read_tree
 from rig_sim.playing.faults import Fault, break_specimen
 from rig_sim.playing.simulated_playback import BLOCK_SAMPLES, SimulatedPlayback
 from rig_sim.playing.software import content_hash
+from rig_sim.playing.wear import (
+    Condition,
+    Lost,
+    WearState,
+    damage_of,
+    gain_changes,
+    gain_column,
+    lost_by,
+    lost_inputs,
+)
 from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen
 
 #: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
@@ -84,6 +96,8 @@ if TYPE_CHECKING:
     from duralab_proto.v1 import rig_pb2
     from rig_sim.view import Poses
 
+#: Name of the specimen that is mounted where none is named.
+FIRST_SPECIMEN = "specimen_1"
 #: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
 DRAKE_BLOCK_SAMPLES = 20
 
@@ -111,7 +125,7 @@ class Rig:
     static_response : ndarray, shape (responses,)
         Responses at rest, without noise.
     content_hash : str
-        SHA-256 of everything that decides what the rig answers to a drive.
+        SHA-256 of everything that decides what the rig answers to a drive while its specimen is new; wear leaves it.
     poses : Poses
         Forward kinematics, for a view.
     geometry : rig_pb2.RigDescription
@@ -120,6 +134,8 @@ class Rig:
         What stops a playback.
     faults : tuple of Fault
         Injected for tests and rehearsals.
+    mounted : str
+        Which specimen of its kind is mounted.
     """
 
     specimen: Specimen
@@ -135,6 +151,7 @@ class Rig:
     geometry: rig_pb2.RigDescription
     watchdogs: tuple[Watchdog, ...] = ()
     faults: tuple[Fault, ...] = ()
+    mounted: str = FIRST_SPECIMEN
 
     @property
     def engine_name(self) -> str:
@@ -146,9 +163,119 @@ class Rig:
         """Samples of every block of a playback but the last."""
         return DRAKE_BLOCK_SAMPLES if self.engine.engine is Engine.DRAKE else BLOCK_SAMPLES
 
-    def playback(self, drive: np.ndarray, *, seed: int) -> Playback:
-        """Return a playback of a checked drive (drives, samples) that has not begun yet."""
-        return Playback(self, drive, seed=seed)
+    @property
+    def wears(self) -> bool:
+        """Whether anything of it wears."""
+        return bool(self.specimen.wear)
+
+    def playback(
+        self,
+        drive: np.ndarray,
+        *,
+        seed: int,
+        condition: Condition | None = None,
+        at_end: Callable[[Playback], None] = lambda _playback: None,
+    ) -> Playback:
+        """Return a playback that has not begun yet.
+
+        Parameters
+        ----------
+        drive : ndarray, shape (drives, samples)
+            Checked, each row in its channel's unit.
+        seed : int
+            Seed of the sensors' noise.
+        condition : Condition, optional
+            What the specimen has lost; as new where not given. See `condition` and `changed`.
+        at_end : callable
+            Called with the playback when its run is over, whatever its end.
+
+        Returns
+        -------
+        Playback
+            Its blocks have to be iterated over.
+        """
+        return Playback(self, drive, seed=seed, condition=condition or self._as_new, at_end=at_end)
+
+    @property
+    def _as_new(self) -> Condition:
+        inputs = len(self.model.input_names) - len(self.model.drive_names)
+        return Condition(np.zeros(inputs), np.ones((len(self.specimen.responses), 1)), self.rest)
+
+    def condition(self, state: WearState) -> Condition:
+        """Return what the specimen is in a state of wear.
+
+        Parameters
+        ----------
+        state : WearState
+            `WearState()` of a new specimen, or that after a run, see `worn`.
+
+        Returns
+        -------
+        Condition
+            For `playback`.
+
+        Raises
+        ------
+        NoEquilibriumError
+            The worn specimen comes to no rest.
+        """
+        return self.changed(lost_by(self.model.assembly.wearing, state), gain_changes(self.model, state))
+
+    def changed(
+        self, lost: Mapping[str, Lost] = MappingProxyType({}), gains: Mapping[str, float] = MappingProxyType({})
+    ) -> Condition:
+        """Return a specimen that has lost what is said, whatever its laws of wear; for studies of detection.
+
+        Parameters
+        ----------
+        lost : mapping of str to Lost
+            Shares lost, by the name of the wear; a part that is left out is as new.
+        gains : mapping of str to float
+            Share by which the gain of a response's sensor has changed, by its name.
+
+        Returns
+        -------
+        Condition
+            For `playback`.
+
+        Raises
+        ------
+        SpecimenError
+            A part that does not wear, or a response that does not exist.
+        NoEquilibriumError
+            The specimen comes to no rest.
+        """
+        inputs = lost_inputs(self.model, lost)
+        still = np.concatenate([np.zeros(len(self.model.drive_names)), inputs])
+        # From the rest of the new specimen, never of the last run: the state alone decides.
+        rest = (
+            find_equilibrium(self.model, self.compiled.derivative, still, start=self.rest)
+            if inputs.any()
+            else self.rest
+        )
+        return Condition(inputs, gain_column(self.model, gains), rest)
+
+    def worn(self, state: WearState, playback: Playback) -> WearState:
+        """Return the state of wear after a run.
+
+        Parameters
+        ----------
+        state : WearState
+            Before it.
+        playback : Playback
+            Of this rig, played as far as it came.
+
+        Returns
+        -------
+        WearState
+            With the damage of all that was played, ways in and out included.
+        """
+        damage = {
+            part.name: state.damage.get(part.name, 0.0) + damage_of(part, load)
+            for part, load in zip(self.model.assembly.wearing, playback.loads(), strict=True)
+        }
+        hours = state.hours + playback.samples_moved / self.specimen.sample_rate / 3600.0
+        return WearState(runs=state.runs + 1, hours=hours, damage=damage)
 
 
 def load_rig(
@@ -156,6 +283,7 @@ def load_rig(
     engine: EngineChoice = EngineChoice(),  # noqa: B008 - frozen
     *,
     faults: Sequence[Fault] = (),
+    mounted: str = FIRST_SPECIMEN,
 ) -> Rig:
     """Load a rig from its YAML: read, assemble, compile, prove, find the rest; then take the engine that plays.
 
@@ -167,11 +295,13 @@ def load_rig(
         What integrates the model.
     faults : sequence of Fault
         Injected for tests and rehearsals.
+    mounted : str
+        Which specimen of its kind is mounted; part of the content hash where it wears.
 
     Returns
     -------
     Rig
-        At rest.
+        At rest, its specimen as new.
 
     Raises
     ------
@@ -193,12 +323,13 @@ def load_rig(
         model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
     )
     proof = prove(model, compiled, plant)
-    still = np.zeros(len(specimen.drives))
-    rest = find_equilibrium(model, compiled.derivative, still)
-    at_rest = linearise(compiled.derivative, rest, still)
-    check_stability(at_rest, model.state_names)
-    if engine.engine is Engine.COMPILED:  # Drake controls its own steps
-        check_step(at_rest, names=model.state_names, specimen=specimen)
+    still = np.zeros(len(model.input_names))
+    rest = _checked_rest(model, compiled, still, engine)
+    if model.assembly.wearing:
+        # A specimen that cannot be played at the end of its life is refused now, not after weeks.
+        failed = WearState(damage={part.name: sys.float_info.max for part in model.assembly.wearing})
+        lost = lost_inputs(model, lost_by(model.assembly.wearing, failed))
+        _checked_rest(model, compiled, np.concatenate([still[: len(model.drive_names)], lost]), engine)
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
     files = (sdf, *document_files(path))
     followed = [element.name for element in model.assembly.elements if isinstance(element, HydraulicActuator)]
@@ -212,7 +343,12 @@ def load_rig(
         proof=proof,
         rest=rest,
         static_response=static,
-        content_hash=content_hash(files, faults, engine=f"engine {engine.model_dump_json()}\n"),
+        content_hash=content_hash(
+            files,
+            faults,
+            engine=f"engine {engine.model_dump_json()}\n" + (f"specimen {mounted}\n" if specimen.wear else ""),
+        ),
+        mounted=mounted,
         poses=Poses(tree),
         geometry=view_geometry(sdf, model.assembly),
         watchdogs=specimen.set_up_watchdogs(followed=followed, monitored=model.output_names[len(specimen.responses) :]),
@@ -220,15 +356,40 @@ def load_rig(
     )
 
 
+def _checked_rest(model: RigModel, compiled: CompiledModel, still: np.ndarray, engine: EngineChoice) -> np.ndarray:
+    """Return where the rig rests; raises where it does not, does not stay, or moves too fast for its step."""
+    rest = find_equilibrium(model, compiled.derivative, still)
+    at_rest = linearise(compiled.derivative, rest, still)
+    check_stability(at_rest, model.state_names)
+    if engine.engine is Engine.COMPILED:  # Drake controls its own steps
+        check_step(at_rest, names=model.state_names, specimen=model.assembly.specimen)
+    return rest
+
+
 class Playback(SimulatedPlayback):
     """A playback of a multibody rig, made by `Rig.playback`; read `uses()` at its end."""
 
-    def __init__(self, rig: Rig, drive: np.ndarray, *, seed: int) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        drive: np.ndarray,
+        *,
+        seed: int,
+        condition: Condition,
+        at_end: Callable[[Playback], None] = lambda _playback: None,
+    ) -> None:
         super().__init__(rig.specimen, drive, seed=seed, faults=rig.faults, block_samples=rig.block_samples)
         self._rig = rig
-        self._state = rig.rest.copy()
+        self._condition = condition
+        self._at_end = at_end
+        names = rig.model.output_names
+        self._load_rows = [names.index(f"{part.name}.load") for part in rig.model.assembly.wearing]
+        self._loads: list[np.ndarray] = []
+        #: Samples that moved the specimen, ways in and out included.
+        self.samples_moved = 0
+        self._state = condition.rest.copy()
         self._actuators = [element for element in rig.model.assembly.elements if isinstance(element, HydraulicActuator)]
-        self._meter = UseMeter(self._actuators, drives=rig.model.input_names, outputs=rig.player.output_names)
+        self._meter = UseMeter(self._actuators, drives=rig.model.drive_names, outputs=rig.player.output_names)
         self._bounds = self._state_bounds()
 
     @property
@@ -244,16 +405,28 @@ class Playback(SimulatedPlayback):
         """Return how every drive channel was used by the drive so far; ramps do not count."""
         return self._meter.uses(self.peak_ratios(), samples=self.samples_done)
 
+    def end(self) -> None:
+        """Hear that the run is over."""
+        self._at_end(self)
+
+    def loads(self) -> np.ndarray:
+        """Return the loads of the parts that wear (parts, samples), so far, ways in and out included."""
+        return np.hstack([np.empty((len(self._load_rows), 0)), *self._loads])
+
     def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
         rig = self._rig
+        lost = np.broadcast_to(self._condition.lost[:, None], (len(self._condition.lost), commands.shape[1]))
         played = rig.player.play(
             self._state,
-            commands,
+            np.vstack([commands, lost]),
             sample_interval=1.0 / rig.specimen.sample_rate,
             substeps=rig.specimen.substeps,
             method=rig.specimen.integrator,
             bounds=self._bounds,
         )
+        self.samples_moved += played.outputs.shape[1]
+        if self._load_rows:
+            self._loads.append(played.outputs[self._load_rows])
         if played.diverged_at is not None:
             raise RigFaultError(self._explain(played.diverged_states, first + played.diverged_at))
         self._state = played.state
@@ -264,7 +437,7 @@ class Playback(SimulatedPlayback):
         return Block(
             first_sample=first,
             drive=commands[:, :-1],
-            response=self._sensed(first, played.outputs[:responses]),
+            response=self._sensed(first, self._condition.gains * played.outputs[:responses]),
             following_error=following_error,
             monitored=played.outputs[responses:],
         )

@@ -1,5 +1,6 @@
 """What a specimen's YAML may hold, the limits and ramps in it, and the specimens that ship with the project."""
 
+from rig_sim.specimen.parts import mirrored_name
 from rig_sim.specimen.responses import (
     AccelerationChannel,
     Axis,
@@ -23,10 +24,21 @@ from rig_sim.specimen.specimen import (
     document_files,
     explain_problems,
     load_specimen,
-    mirrored_name,
     read_document,
     read_specimen,
     shipped_specimens,
+)
+from rig_sim.specimen.wear import (
+    BushingPlace,
+    Crack,
+    GainDrift,
+    LinkPlace,
+    Load,
+    PartWear,
+    Share,
+    Softening,
+    StrutPlace,
+    WearKind,
 )
 
 __all__ = [
@@ -34,19 +46,29 @@ __all__ = [
     "AntiRollBarPart",
     "Axis",
     "BushingChannel",
+    "BushingPlace",
+    "Crack",
+    "GainDrift",
     "InputChannel",
+    "LinkPlace",
+    "Load",
     "Name",
+    "PartWear",
     "Quantity",
     "ResponseChannel",
     "RigSpecimen",
     "RubberPart",
     "SensorChannel",
+    "Share",
+    "Softening",
     "Specimen",
     "SpecimenError",
     "SpindleChannel",
     "StrutChannel",
     "StrutPart",
+    "StrutPlace",
     "TyrePart",
+    "WearKind",
     "document_files",
     "explain_problems",
     "load_specimen",

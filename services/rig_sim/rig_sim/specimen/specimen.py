@@ -21,7 +21,9 @@ from rig_sim.compile import Method
 from rig_sim.elements import AntiRollBarLaw, RubberLaw, StrutLaw, TyreLaw
 from rig_sim.hydraulics import CONTROLS, ActuatorKind, ActuatorPart, Supply
 from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive, RigName, Vector
+from rig_sim.specimen.parts import MirroredPart, mirrored_name
 from rig_sim.specimen.responses import KINDS, SPINDLE, UNIT_OF, Quantity, ResponseChannel
+from rig_sim.specimen.wear import PLACES, Wear, WearKind
 
 
 class Range(BaseModel):
@@ -106,24 +108,27 @@ def read_document(path: Path) -> Any:
     """Read a YAML file; where it says `variant_of: NAME.yaml`, with what that file beside it says.
 
     What a variant says is added to the other's lists and mappings, and takes the place of its single values. Raises
-    `SpecimenError` where a file is missing or not YAML, or a variant is of no file beside it, of another variant, or
-    says another kind of thing under a key.
+    `SpecimenError` where a file is missing or not YAML, or a variant is of no file beside it, of itself, or says
+    another kind of thing under a key.
     """
-    document = _read(path)
-    base = _base(path, document)
-    if base is None:
-        return document
-    other = _read(base)
-    if not isinstance(other, dict) or _VARIANT_OF in other:
-        raise SpecimenError(f"specimen {path.name}: {base.name} is itself a variant or no specimen; name a whole one.")
-    changes = {key: value for key, value in document.items() if key != _VARIANT_OF}
-    return _merged(other, changes, place=f"specimen {path.name}: ")
+    *variants, first = document_files(path)
+    document = _read(first)
+    for variant in reversed(variants):
+        if not isinstance(document, dict):
+            raise SpecimenError(f"specimen {variant.name}: {first.name} is no specimen; name one.")
+        changes = {key: value for key, value in _read(variant).items() if key != _VARIANT_OF}
+        document = _merged(document, changes, place=f"specimen {variant.name}: ")
+    return document
 
 
 def document_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that a document is made of: its own, and the one it is a variant of."""
-    base = _base(path, _read(path))
-    return (path,) if base is None else (path, base)
+    """Return the files that a document is made of: its own, the one it is a variant of, and so on."""
+    files = [path]
+    while (base := _base(files[-1], _read(files[-1]))) is not None:
+        if base in files:
+            raise SpecimenError(f"specimen {path.name}: {base.name} is a variant of itself; name another one.")
+        files.append(base)
+    return tuple(files)
 
 
 def _base(path: Path, document: Any) -> Path | None:
@@ -164,31 +169,8 @@ def _read(path: Path) -> Any:
 
 SdfName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.(sdf|urdf)$")]
 
-#: What the name of a mirrored part begins with; `right_` takes its place in the mirror image.
-LEFT = "left_"
-RIGHT = "right_"
 
-
-def mirrored_name(name: str) -> str:
-    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others stay."""
-    return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
-
-
-class _Part(BaseModel):
-    model_config = STRICT
-
-    name: Name
-    #: Write the left one only; the right one is its mirror image in the plane y = 0.
-    mirrored: bool = False
-
-    @model_validator(mode="after")
-    def _is_on_the_left(self) -> Self:
-        if self.mirrored and mirrored_name(self.name) == self.name:
-            raise ValueError(f"{self.name!r} is mirrored, so its name must begin with {LEFT!r} or hold '_{LEFT}'")
-        return self
-
-
-class StrutPart(_Part):
+class StrutPart(MirroredPart):
     """A strut between two points, given in the model's frame at design height, in metres."""
 
     body_a: str
@@ -204,7 +186,7 @@ class StrutPart(_Part):
         return self
 
 
-class RubberPart(_Part):
+class RubberPart(MirroredPart):
     """Progressive stiffness and friction in parallel with a bushing of the SDF, along an axis of frame A.
 
     The mirror image takes the axis mirrored; frame A on the right must have the axes of the left one, as in
@@ -246,7 +228,7 @@ class AntiRollBarPart(BaseModel):
         return self
 
 
-class TyrePart(_Part):
+class TyrePart(MirroredPart):
     """A tyre under a wheel; its drives are height, slope and camber of the road under it, and its speed."""
 
     wheel: str
@@ -330,6 +312,8 @@ class Specimen(RigSpecimen):
     rubber: tuple[RubberPart, ...] = ()
     anti_roll_bars: tuple[AntiRollBarPart, ...] = ()
     tyres: tuple[TyrePart, ...] = ()
+    #: What is lost as it is played, from run to run.
+    wear: tuple[Wear, ...] = ()
     drives: Annotated[tuple[InputChannel, ...], Field(min_length=1)]
     responses: Annotated[tuple[ResponseChannel, ...], Field(min_length=1)]
 
@@ -369,7 +353,7 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
 def explain_problems(error: ValidationError, kind: type[BaseModel]) -> str:
     """Return what is wrong with a document, in one sentence."""
     # A union puts the name of the kind it took into the place.
-    hidden = {SPINDLE, *KINDS.values(), *CONTROLS}
+    hidden = {SPINDLE, *KINDS.values(), *CONTROLS, *PLACES, *WearKind}
     return explain_validation(error, kind, hidden=hidden).sentence
 
 

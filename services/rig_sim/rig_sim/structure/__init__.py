@@ -1,11 +1,10 @@
 """Lightly damped structures: beams into modes, modes into a state space that is played exactly."""
 
-from rig_sim.structure.rig import PlayableRig, StructureRig, load_structure
+from rig_sim.structure.rig import StructureRig, load_structure
 from rig_sim.structure.specimen import KIND
 
 __all__ = [
     "KIND",
-    "PlayableRig",
     "StructureRig",
     "load_structure",
 ]

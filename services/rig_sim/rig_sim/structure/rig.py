@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from duralab_gateway.motion import Block, Use, Watchdog
 from rig_sim.playing import (
     BLOCK_SAMPLES,
     Fault,
-    Rig,
     SensorFault,
     SimulatedPlayback,
     content_hash,
@@ -56,10 +54,6 @@ class StructureRig:
     def sampled_frf(self, frequency: np.ndarray) -> Complex:
         """Return the FRF of what it plays (lines, responses, drives) at frequencies (lines,) in Hz."""
         return self.modes.sampled_frf(frequency, self.specimen.sample_rate)
-
-
-PlayableRig: TypeAlias = Rig | StructureRig
-"""Any rig of this simulator."""
 
 
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:

@@ -34,7 +34,7 @@ COMPLIANT = {
 #: Stiff rigs, on which stroke over command stays within 1 dB to 20 Hz.
 STIFF = ("front_axle", "macpherson")
 #: An actuator that holds a wheel which rings on its bushings at 26 Hz cannot be both damped and faster than that wheel.
-LOWER = {("front_axle", "longitudinal"): 25.0}
+LOWER = {(rig, "longitudinal"): 25.0 for rig in ("front_axle", "front_axle_wearing")}
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def closed_loops(name, *, oil=1.0, compensation=1.0):
     compiled = compile_model(
         model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
     )
-    still = np.zeros(len(specimen.drives))
+    still = np.zeros(len(model.input_names))
     rest = find_equilibrium(model, compiled.derivative, still)
 
     def both(state, drives):

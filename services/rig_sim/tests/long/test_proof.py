@@ -41,7 +41,7 @@ def test_drake_and_plain_numpy_agree_without_the_compiler(rig, plant):
         state = random_state(model, rng)
         inputs = 0.02 * rng.standard_normal(len(model.input_names))
         evaluation = model.evaluate(state, inputs)
-        drake = drake_answers(model, plant, state, evaluation)
+        drake = drake_answers(model, plant, state, inputs, evaluation)
         rates = np.array(evaluation.derivative, dtype=float)
         scale = np.abs(drake.accelerations).max()
         np.testing.assert_allclose(rates[:n_q], drake.position_rates, rtol=0, atol=1e-14)

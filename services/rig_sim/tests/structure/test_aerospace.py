@@ -162,7 +162,7 @@ def put(content, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
-        (["kind"], "modal", "kind is 'modal'; leave it out for a multibody rig, or say state_space."),
+        (["kind"], "modal", "kind is 'modal'; leave it out for a multibody rig, or say state_space or fmu."),
         (["beams", 0, "start"], "bow", "front_fuselage is at point 'bow'; the points are "),
         (["beams", 0, "section"], "tube", "front_fuselage has section 'tube'; the sections are fuselage, plate"),
         (["beams", 0, "width_axis"], [1, 0, 0], "front_fuselage has no length, or its width axis runs along it"),

@@ -1,0 +1,76 @@
+"""Trends of an endurance test: how far the statistics of a repeat are from their baseline, and damage over plan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from duralab.recording import EnduranceRecording
+from duralab_monitoring import Statistic
+from duralab_proto.v1 import sequencer_pb2
+
+_MIN, _MAX, _RMS, _DAMAGE = (
+    list(Statistic).index(each) for each in (Statistic.MIN, Statistic.MAX, Statistic.RMS, Statistic.DAMAGE)
+)
+
+
+def deviations(recording: EnduranceRecording) -> np.ndarray:
+    """Return the deviation of each statistic from its baseline as a share, as learnt limits judge it.
+
+    A baseline is the mean of the first repeats of an event with one drive; it is learnt again where a person decided
+    so. Minimum and maximum count by half the range, mean, RMS and standard deviation by the RMS, damage as the change
+    of amplitude that explains it.
+    Returns: Shape (repeats, responses, statistics); NaN for a repeat whose end is not known.
+    """
+    repeats, settings = recording.repeats, recording.schedule.monitoring
+    values = repeats.statistics[:, :, : len(Statistic)].astype(np.float64)
+    values[:, :, _DAMAGE] **= 1.0 / float(settings.damage_exponent)
+    # Of repeats with one key, the baseline is the same.
+    keys = np.stack([repeats.event, repeats.drive, np.searchsorted(_relearnt(recording), repeats.repeat, "right")])
+    found = np.full(values.shape, np.nan)
+    for key in np.unique(keys, axis=1).T:
+        rows = np.flatnonzero((keys == key[:, None]).all(axis=0) & repeats.known)
+        if rows.size:
+            baseline = values[rows[: settings.baseline_repeats]].mean(axis=0)
+            unit = baseline.copy()
+            unit[:, [_MIN, _MAX]] = 0.5 * (baseline[:, _MAX] - baseline[:, _MIN])[:, None]
+            unit[:, 2:5] = baseline[:, _RMS, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found[rows] = np.where(unit > 0.0, (values[rows] - baseline) / unit, np.nan)
+    return found
+
+
+def _relearnt(recording: EnduranceRecording) -> list[int]:
+    """Return the repeats before which baselines were learnt again, in order."""
+    holds = {hold.number: hold.next_repeat for hold in recording.messages(sequencer_pb2.EnduranceHold)}
+    return [
+        holds[decision.hold]
+        for decision in recording.messages(sequencer_pb2.EnduranceDecision)
+        if decision.kind == sequencer_pb2.ENDURANCE_DECISION_KIND_RELEARN and decision.hold in holds
+    ]
+
+
+def damage_so_far(recording: EnduranceRecording) -> np.ndarray:
+    """Return the damage counted after each repeat, shape (repeats, responses); what is not known counts as 0."""
+    return np.cumsum(np.nan_to_num(recording.repeats.damage), axis=0)
+
+
+def planned_total(recording: EnduranceRecording) -> np.ndarray:
+    """Return the damage that the plan of the schedule names, or else that planned of all repeats; shape (responses,).
+
+    NaN where it is not known.
+    """
+    plan = recording.schedule.plan
+    if plan is not None and plan.damage is not None:
+        return np.array([plan.damage.get(name, np.nan) for name in recording.responses])
+    return _planned(recording, np.array(list(recording.schedule.repeats.values())))
+
+
+def planned_so_far(recording: EnduranceRecording) -> np.ndarray:
+    """Return the planned damage of what was played, shape (responses,)."""
+    events = len(recording.schedule.events)
+    return _planned(recording, np.bincount(recording.repeats.event, minlength=events))
+
+
+def _planned(recording: EnduranceRecording, counts: np.ndarray) -> np.ndarray:
+    played = counts > 0
+    return counts[played] @ recording.planned_damage[played]

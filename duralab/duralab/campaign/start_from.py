@@ -1,0 +1,66 @@
+"""What a campaign starts from in place of nothing: a model, a first drive, what other campaigns learned, a section."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from duralab_settings import NotNegative, Positive, Section
+
+
+class FirstSection(Section):
+    """A section of the target on which a campaign of its own iterates before the whole."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    start: NotNegative = Field(default=0.0, alias="from", description="Where the section starts, in seconds.")
+    end: Positive = Field(alias="to", description="Where it ends, in seconds.")
+    iterations: int = Field(ge=1, le=1000, description="Most playbacks of the section.")
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.start >= self.end:
+            raise ValueError(f"goes from {self.start:g} to {self.end:g} s; from must be below to")
+        return self
+
+
+_RECORDING = "the path of a recording.mcap, or the id of a campaign in the lab"
+
+
+class StartFrom(Section):
+    """What is known before the first playback."""
+
+    model: str | None = Field(
+        default=None,
+        min_length=1,
+        description=f"Recording that holds the model of this very rig: {_RECORDING}; its excitation and estimator take "
+        "the place of the campaign's. Left out: the rig is identified.",
+    )
+    model_age: Positive | None = Field(
+        default=None, le=87600, description="Age of the model, in hours, up to which it counts; left out: any."
+    )
+    drive: str | None = Field(
+        default=None,
+        min_length=1,
+        description=f"First drive: {_RECORDING}, whose best drive the model scales to the target; or a file of "
+        "drives, played as they are. No longer than the target.",
+    )
+    learn_from: tuple[str, ...] = Field(
+        default=(),
+        strict=False,
+        max_length=100,
+        description=f"Campaigns of this very rig whose playbacks the update learns from, in this order: {_RECORDING}.",
+    )
+    section: FirstSection | None = Field(
+        default=None,
+        description="A section of the target that is iterated first, e.g. {from: 2, to: 8, iterations: 3}.",
+    )
+
+    @model_validator(mode="after")
+    def _check_age(self) -> Self:
+        if self.model_age is not None and self.model is None:
+            raise ValueError(f"has model_age {self.model_age:g} and no model whose age it limits; name the model")
+        if self.section is not None and self.drive is not None:
+            raise ValueError("has a section and a drive; the section makes the first drive, so leave the drive out")
+        return self

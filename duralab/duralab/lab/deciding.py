@@ -1,0 +1,92 @@
+"""Deciding at a hold point: the proposal that a campaign waits with, and the answer to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from duralab.campaign import PartialSettings, completed, decision_settings, update_message
+from duralab.data import Proposal, Rig
+from duralab.errors import InputError
+from duralab.lab.campaign_running import specification_of
+from duralab.lab.client import LabClient
+from duralab_proto.v1 import iterator_pb2, recorder_pb2
+from duralab_settings import Decision, DecisionKind, SettingsError
+from duralab_settings.messages import fill_message
+
+
+def proposal_of(ask: LabClient, id: str) -> Proposal | None:
+    """Return what a campaign waits with, its samples included; None where it waits for no decision."""
+    status = ask.query(
+        ask.key("id", ask.bus.keys.campaign, id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus
+    )
+    if not status.HasField("hold"):
+        return None
+    keys = ask.bus.keys
+    # It is the last step that was committed, as long as the campaign waits.
+    steps = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
+    request = recorder_pb2.ReadStepsRequest(first=steps - 1)
+    for step in ask.query(keys.recording_steps(id), request, recorder_pb2.RecordedSteps).steps:
+        if step.message_type == iterator_pb2.Proposal.DESCRIPTOR.full_name:
+            found = iterator_pb2.Proposal.FromString(step.payload)
+            if found.number == status.hold.number:
+                return Proposal.from_message(found)
+    return Proposal.from_message(status.hold)
+
+
+def decide(
+    ask: LabClient,
+    id: str,
+    kind: DecisionKind | str,
+    *,
+    proposal: int,
+    name: str,
+    reason: str,
+    settings: PartialSettings | Mapping[str, Any] | str | Path | None,
+    from_iteration: int,
+    describe: Callable[[str], Rig],
+) -> iterator_pb2.CampaignStatus:
+    """Answer a proposal; see `Lab.decide`."""
+    rig = specification_of(ask, id).rig
+    if (kind == DecisionKind.CHANGE) != (settings is not None):
+        given = "no settings" if settings is None else "settings"
+        raise InputError(
+            f"The decision is {kind!s} with {given}; `change`, and no other decision, has settings.", field="settings"
+        )
+    message = iterator_pb2.Decision()
+    try:
+        if settings is not None:
+            # Before the checks of the decision, so that these see all of it.
+            _put_settings(ask, id, message, decision_settings(settings), describe=describe)
+        said = {"proposal": proposal, "name": name, "reason": reason, "from_iteration": from_iteration}
+        # The settings are checked; here it counts only that there are some.
+        checked = Decision(kind=DecisionKind.PLAY if kind == DecisionKind.CHANGE else kind, **said)  # type: ignore[arg-type]
+    except SettingsError as error:
+        raise InputError(str(error), field=error.field) from error
+    message.kind = getattr(iterator_pb2, f"DECISION_KIND_{DecisionKind(kind).name}")
+    message.proposal, message.name, message.reason = checked.proposal, checked.name, checked.reason
+    message.from_iteration = checked.from_iteration
+    return ask.query(ask.bus.keys.campaign_decide(id, rig), message, iterator_pb2.CampaignStatus)
+
+
+def _put_settings(
+    ask: LabClient,
+    id: str,
+    message: iterator_pb2.Decision,
+    settings: PartialSettings,
+    *,
+    describe: Callable[[str], Rig],
+) -> None:
+    """Put the settings in use, with those that change, into a decision."""
+    waiting = proposal_of(ask, id)
+    if waiting is None:
+        raise InputError(f"Campaign {id!r} waits for no decision now; look at its status.", field="proposal")
+    specification = specification_of(ask, id)
+    specification.scenario = waiting.scenario
+    plan = completed(settings, specification)
+    if "update" in settings.sections:
+        message.update.CopyFrom(update_message(plan.update, rig=describe(specification.rig)))
+    if "control_band" in settings.sections:
+        fill_message(message.control_band, plan.control_band)
+    message.scenario = plan.text

@@ -1,0 +1,353 @@
+"""Endurance tests as the SDK drives them: started from a schedule, followed, held, decided, resumed, stopped."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from google.protobuf.message import Message
+
+from duralab.arguments import require_seed, require_switch, require_text
+from duralab.data import Rig, Signals
+from duralab.display import text_table
+from duralab.errors import InputError
+from duralab.lab.client import LabClient, deadline_of
+from duralab.lab.playing import drive_signals
+from duralab.schedule import forecast_schedule, schedule_text
+from duralab_loads import channel_damage
+from duralab_proto.arrays import from_array, to_array
+from duralab_proto.v1 import recorder_pb2, sequencer_pb2
+
+if TYPE_CHECKING:
+    from duralab_schedules import Schedule
+
+POLL_SECONDS: Final = 0.5
+_PREFIX: Final = "ENDURANCE_PHASE_"
+
+
+class EndurancePhase(StrEnum):
+    """What an endurance test does."""
+
+    CHECKING = "checking"
+    PLAYING = "playing"
+    HOLDING = "holding"
+    ITERATING = "iterating"
+    FINISHED = "finished"
+    STOPPED = "stopped"
+    FAULTED = "faulted"
+
+
+ENDED: Final = frozenset({EndurancePhase.FINISHED, EndurancePhase.STOPPED, EndurancePhase.FAULTED})
+
+
+class EnduranceChoice(StrEnum):
+    """What can be decided when an endurance test holds."""
+
+    CONTINUE = "continue"
+    ITERATE_AGAIN = "iterate_again"
+    RELEARN = "relearn"
+    END = "end"
+
+
+@dataclass(frozen=True)
+class EnduranceProgress:
+    """How far an endurance test is.
+
+    Parameters
+    ----------
+    id, rig : str
+        Its name, and the rig that plays it.
+    phase : EndurancePhase
+        What it does.
+    activity : str
+        The same in words.
+    repeats, played, unknown : int
+        Repeats of the schedule, those counted as played, and those of them whose end is not known.
+    remaining_seconds : float
+        Expected time to the end; negative where unknown.
+    events : dict of str to tuple of int
+        Repeats played and planned of each event.
+    damage, planned : dict of str to float
+        Damage by response: counted so far, and planned of what was played; `planned` is empty where it is not known.
+    alarms : int
+        Alarms so far.
+    last_alarms : tuple of str
+        The last ones, a sentence each.
+    hold : int
+        Number of the hold that it waits with; 0 where it does not wait.
+    reason : str
+        Why it waits, or why it ended early.
+    remarks : tuple of str
+        What a person should know.
+    recording : str
+        Id of the recording that is written.
+    kept : int
+        Repeats recorded with all samples.
+    """
+
+    id: str
+    rig: str
+    phase: EndurancePhase
+    activity: str
+    repeats: int
+    played: int
+    unknown: int
+    remaining_seconds: float
+    events: dict[str, tuple[int, int]]
+    damage: dict[str, float]
+    planned: dict[str, float]
+    alarms: int
+    last_alarms: tuple[str, ...]
+    hold: int
+    reason: str
+    remarks: tuple[str, ...]
+    recording: str
+    kept: int
+
+    @classmethod
+    def from_message(cls, status: sequencer_pb2.EnduranceStatus) -> EnduranceProgress:
+        """Return the progress that a status tells."""
+        names = list(status.responses)
+
+        def by_response(array_name: str) -> dict[str, float]:
+            if not status.HasField(array_name):
+                return {}
+            values = from_array(getattr(status, array_name), field=array_name, shape=(len(names),), dtype=np.float64)
+            return dict(zip(names, map(float, values), strict=True))
+
+        phase = sequencer_pb2.EndurancePhase.Name(status.phase).removeprefix(_PREFIX).lower()
+        return cls(
+            id=status.id,
+            rig=status.rig,
+            phase=EndurancePhase(phase),
+            activity=status.activity,
+            repeats=status.repeats,
+            played=status.played,
+            unknown=status.unknown,
+            remaining_seconds=status.remaining_seconds,
+            events={event.name: (event.played, event.planned) for event in status.events},
+            damage=by_response("damage"),
+            planned=by_response("damage_planned_so_far"),
+            alarms=status.alarms,
+            last_alarms=tuple(alarm.sentence for alarm in status.last_alarms),
+            hold=status.hold.number if status.HasField("hold") else 0,
+            reason=status.hold.reason if status.HasField("hold") else status.fault.message,
+            remarks=tuple(status.remarks),
+            recording=status.recording,
+            kept=status.kept,
+        )
+
+    def __str__(self) -> str:
+        """Return it as a few lines and a table of the events."""
+        told = f", of which the end of {self.unknown} is not known" if self.unknown else ""
+        left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds > 0 else ""
+        lines = [
+            f"Endurance test {self.id} on {self.rig}: {self.activity}",
+            f"{self.played} of {self.repeats} repeats{told}{left}; {self.kept} with all samples; {self.alarms} alarms",
+        ]
+        if self.reason:
+            lines.append(f"Hold {self.hold}: {self.reason}" if self.hold else self.reason)
+        lines += [*self.last_alarms[-3:], *self.remarks[-3:]]
+        rows = [(name, str(played), str(planned)) for name, (played, planned) in self.events.items()]
+        table = text_table(("event", "played", "planned"), rows, left=1) if rows else ""
+        return "\n".join([*lines, table]).rstrip()
+
+
+def start_endurance(
+    ask: LabClient, rig: Rig, schedule: Schedule, *, id: str, seed: int, real_time: bool, recordings: Path | None
+) -> EnduranceTest:
+    """Start an endurance test; see `Lab.endure`."""
+    require_seed(seed)
+    require_switch(real_time, field="real_time")
+    expected = forecast_schedule(schedule, recordings=recordings)
+    free = shutil.disk_usage(recordings).free if recordings is not None and recordings.is_dir() else None
+    expected.require_playable(free_bytes=free)
+    spec = sequencer_pb2.EnduranceSpec(
+        id=id,
+        rig=rig.name,
+        schedule=schedule_text(expected.self_contained, folder=schedule.folder),
+        seed=seed,
+        real_time=bool(real_time),
+    )
+    exponent = float(schedule.monitoring.damage_exponent)
+    for name, event in expected.events.items():
+        message = spec.events.add(name=name, source=event.source, campaign=event.campaign)
+        message.drive.CopyFrom(drive_signals(event.drive, rig).to_message())
+        planned = event.target or event.response
+        if planned is not None:
+            message.planned_damage.CopyFrom(to_array(_damage(planned, rig, exponent, event=name)))
+    ask.query(ask.bus.keys.endurance_start(rig.name), spec, sequencer_pb2.EnduranceStatus)
+    return EnduranceTest(ask, id, rig.name)
+
+
+def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.ndarray:
+    """Return the damage of a target or a response in the order of the rig's responses."""
+    damage = dict(zip(planned.names, channel_damage(planned.samples, exponents=[exponent])[:, 0], strict=True))
+    if missing := [channel.name for channel in rig.responses if channel.name not in damage]:
+        raise InputError(
+            f"The target of event {event} has no channel {', '.join(missing)}; it has {', '.join(damage)}.",
+            field=f"events.{event}.target",
+        )
+    return np.array([damage[channel.name] for channel in rig.responses])
+
+
+class EnduranceTest:
+    """One endurance test of a lab; made by `Lab.endure` and `Lab.endurance`.
+
+    `id`: Its name. `rig`: The rig that plays it; asked where not given.
+    """
+
+    def __init__(self, ask: LabClient, id: str, rig: str = "") -> None:
+        self._ask = ask
+        self.id = id
+        self._rig = rig
+
+    def progress(self) -> EnduranceProgress:
+        """Return how far it is; raises InputError where the sequencer does not know it, as after a restart."""
+        return EnduranceProgress.from_message(self._status())
+
+    def _status(self) -> sequencer_pb2.EnduranceStatus:
+        key = self._ask.key("id", self._ask.bus.keys.endurance, self.id)
+        return self._ask.query(key, sequencer_pb2.EnduranceRequest(), sequencer_pb2.EnduranceStatus)
+
+    @property
+    def rig(self) -> str:
+        """The rig that plays it, from its first recording."""
+        if not self._rig:
+            key = self._ask.key("id", self._ask.bus.keys.recording_steps, self.id)
+            answer = self._ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+            first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
+            if first.message_type != sequencer_pb2.EnduranceSpec.DESCRIPTOR.full_name:
+                raise InputError(f"The recording {self.id!r} is not that of an endurance test.", field="id")
+            self._rig = sequencer_pb2.EnduranceSpec.FromString(first.payload).rig
+        return self._rig
+
+    def wait(
+        self,
+        *,
+        on_progress: Callable[[EnduranceProgress], None] | None = None,
+        until_hold: bool = False,
+        timeout_seconds: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> EnduranceProgress:
+        """Wait for its end; it goes on in the lab whatever ends the wait.
+
+        Parameters
+        ----------
+        on_progress : callable, optional
+            Called with an `EnduranceProgress` twice a second.
+        until_hold : bool
+            Also return when it holds.
+        timeout_seconds : float, optional
+            Longest time to wait.
+        cancel : threading.Event, optional
+            Set from another thread, it ends the wait.
+
+        Returns
+        -------
+        EnduranceProgress
+            At the end, or when it holds.
+
+        Raises
+        ------
+        StoppedError, LabTimeoutError
+            `cancel` was set, or the time was over.
+        LabError
+            The sequencer is gone.
+        """
+        end = deadline_of(timeout_seconds, cancel)
+        while True:
+            progress = self.progress()
+            if on_progress is not None:
+                on_progress(progress)
+            if progress.phase in ENDED or (until_hold and progress.phase is EndurancePhase.HOLDING):
+                return progress
+            if end.is_set():
+                raise end.error(f"The wait for the endurance test {self.id!r}")
+            time.sleep(POLL_SECONDS)
+
+    def hold(self, *, reason: str = "") -> EnduranceProgress:
+        """Have it wait after the repeat that plays now.
+
+        Parameters
+        ----------
+        reason : str
+            In words; kept in the recording.
+
+        Returns
+        -------
+        EnduranceProgress
+            How far it is.
+        """
+        require_text(reason, field="reason")
+        key = self._ask.key("id", self._ask.bus.keys.endurance_hold, self.id)
+        return self._progress(key, sequencer_pb2.HoldEnduranceRequest(reason=reason))
+
+    def resume(self) -> EnduranceProgress:
+        """Go on after a hold that a person or a fault made, or after a crash of the sequencer."""
+        key = self._ask.bus.keys.endurance_resume(self.id, self.rig)
+        return self._progress(key, sequencer_pb2.ResumeEnduranceRequest())
+
+    def decide(self, choice: EnduranceChoice | str, *, hold: int, name: str, reason: str) -> EnduranceProgress:
+        """Decide on a hold; return when the decision is recorded.
+
+        Parameters
+        ----------
+        choice : EnduranceChoice or str
+            "continue"; "iterate_again" corrects the drive of the events with alarms; "relearn" learns the baselines
+            again, as after a repair; "end".
+        hold : int
+            Number of the hold: a decision on another one, or a second one, is refused.
+        name, reason : str
+            Who decides, up to 80 characters, and why, up to 1000; both are kept in the recording.
+
+        Returns
+        -------
+        EnduranceProgress
+            How far it is.
+
+        Raises
+        ------
+        InputError
+            A value is not allowed.
+        NotReadyError
+            It does not wait with this hold, or the rig cannot play.
+        """
+        if choice not in tuple(EnduranceChoice):
+            raise InputError(f"The choice is {choice!r}; allowed are {', '.join(EnduranceChoice)}.", field="choice")
+        decision = sequencer_pb2.EnduranceDecision(
+            hold=hold,
+            kind=getattr(sequencer_pb2, f"ENDURANCE_DECISION_KIND_{EnduranceChoice(choice).name}"),
+            name=name,
+            reason=reason,
+        )
+        key = self._ask.bus.keys.endurance_decide(self.id, self.rig)
+        return self._progress(key, decision)
+
+    def stop(self, *, reason: str = "") -> EnduranceProgress:
+        """End it, and stop and latch its rig; one that has ended stays as it is.
+
+        Parameters
+        ----------
+        reason : str
+            In words; kept in the recording.
+
+        Returns
+        -------
+        EnduranceProgress
+            How far it got.
+        """
+        require_text(reason, field="reason")
+        key = self._ask.key("id", self._ask.bus.keys.endurance_stop, self.id)
+        return self._progress(key, sequencer_pb2.StopEnduranceRequest(reason=reason))
+
+    def _progress(self, key: str, request: Message) -> EnduranceProgress:
+        """Ask the sequencer, and return how far the test is."""
+        return EnduranceProgress.from_message(self._ask.query(key, request, sequencer_pb2.EnduranceStatus))

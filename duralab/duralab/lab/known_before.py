@@ -1,0 +1,173 @@
+"""What a campaign starts from, gathered from recordings and files: a model, a first drive, what others learned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from duralab.campaign import Campaign, EditStep, StartFrom, Stretch, Taper, TaperLevel
+from duralab.data import Rig, Signals
+from duralab.errors import InputError
+from duralab.lab.campaign_result import CampaignResult
+from duralab.lab.campaign_running import recording_file
+from duralab.lab.client import LabClient
+from duralab.lab.fetching import Part, fetch, wait_until_closed
+from duralab.lab.playing import read_drive_file
+from duralab.lab.recordings_folder import RecordingsPlace
+from duralab.recording import Recording, open_recording
+from duralab_bus import FaultError
+from duralab_proto.v1 import identifier_pb2, iterator_pb2
+from duralab_recordings import part_path
+
+_SECTION: Final = "-section"
+"""What the name of a campaign on a section of the target ends with."""
+_TAPER_SECONDS: Final = 0.25
+"""A section that begins or ends abruptly would ask for a blow."""
+
+
+def fill_known(
+    specification: iterator_pb2.CampaignSpec,
+    start: StartFrom,
+    *,
+    ask: LabClient,
+    rig: Rig,
+    place: RecordingsPlace,
+    folder: Path,
+) -> None:
+    """Put what a campaign starts from into its specification; raises InputError for what is not there or does not fit.
+
+    `rig`: The rig of the campaign. `place`: Of the lab's recordings. `folder`: Where relative paths start.
+    """
+    known = specification.known
+    if start.model is not None:
+        with _recording(start.model, ask=ask, folder=folder, field="start_from.model") as recording:
+            model = next(recording.messages(identifier_pb2.Model), None)
+            if model is None:
+                raise InputError(
+                    f"start_from.model is {start.model!r}, a recording without a model; name that of a campaign whose "
+                    "rig was identified.",
+                    field="start_from.model",
+                )
+            known.model.CopyFrom(model)
+            known.model_source, known.model_time = recording.specification.id, recording.begun
+        known.largest_model_age = start.model_age or 0.0
+        specification.estimator.CopyFrom(model.estimator)
+        specification.excitation.CopyFrom(model.excitation)
+        specification.excitation.seed = 0
+    if start.drive is not None:
+        drive, response = _first_drive(start.drive, ask=ask, rig=rig, folder=folder)
+        put_first_drive(specification, drive, response, source=start.drive)
+    for given in start.learn_from:
+        path, id = recording_file(given), given
+        if path is not None:
+            recording = open_recording(folder / path)
+            id = recording.specification.id
+            if place.file(id) is None:
+                place.copy_in(recording)
+        known.learn_from.append(id)
+
+
+def put_first_drive(
+    specification: iterator_pb2.CampaignSpec,
+    drive: Signals,
+    response: Signals | None,
+    *,
+    source: str,
+    first_second: float = 0.0,
+) -> None:
+    """Put a first drive into a specification, with zeros before `first_second` and behind it; raises InputError."""
+    samples, length = len_of_target(specification), drive.samples.shape[1]
+    first = round(first_second * drive.sample_rate)
+    if first + length > samples:
+        raise InputError(
+            f"start_from.drive is {source!r}, which lasts {drive.duration:g} s; the target lasts "
+            f"{samples / drive.sample_rate:g} s: cut the drive, or take one that is no longer.",
+            field="start_from.drive",
+        )
+    into = specification.known.first_drive
+    into.source = source
+    for message, signals in ((into.drive, drive), (into.response, response)):
+        if signals is not None:
+            padded = np.pad(signals.samples, ((0, 0), (first, samples - first - length)))
+            message.CopyFrom(replace(signals, samples=padded).to_message())
+
+
+def len_of_target(specification: iterator_pb2.CampaignSpec) -> int:
+    """Return the samples of a specification's target."""
+    return int(specification.target.samples.shape[1])
+
+
+def section_campaign(plan: Campaign) -> Campaign | None:
+    """Return the campaign on a section of the target that goes before a campaign; None where it asks for none."""
+    start = plan.start_from
+    if start is None or start.section is None:
+        return None
+    section = start.section
+    steps = (
+        EditStep(cut=Stretch(**{"from": section.start, "to": section.end})),
+        EditStep(taper=Taper(seconds=_TAPER_SECONDS, to=TaperLevel.MEAN)),
+    )
+    target = plan.target.model_copy(update={"edit": (*plan.target.edit, *steps)})
+    changes = {
+        "name": f"{plan.name[: 60 - len(_SECTION)]}{_SECTION}",
+        "target": target,
+        "stop": plan.stop.model_copy(update={"iterations": section.iterations}),
+        "start_from": start.model_copy(update={"section": None}),
+        "confirmations": 0,
+    }
+    return plan.model_copy(update=changes).read_from(folder=plan.folder, text="")
+
+
+def after_section(plan: Campaign, section: CampaignResult) -> Campaign:
+    """Return a campaign that continues with the whole target from the model and the playbacks of its section."""
+    before = plan.start_from or StartFrom()
+    model, learned = str(section.recording_path.resolve()), (*before.learn_from, section.specification.id)
+    start = before.model_copy(update={"model": model, "model_age": None, "learn_from": learned})
+    return plan.model_copy(update={"start_from": start})
+
+
+def best_playback(recording: Recording, *, name: str, field: str) -> tuple[Signals, Signals]:
+    """Return drive and response of the best playback, or of the last where the campaign did not end."""
+    numbers = recording.iterations.numbers
+    if not numbers:
+        raise InputError(
+            f"{field} is {name!r}, a recording without a playback; name that of a campaign that played.", field=field
+        )
+    best = recording.status.best_iteration if recording.status is not None else 0
+    playback = recording.playback(best or numbers[-1])
+    return playback.drive, playback.response
+
+
+def _first_drive(given: str, *, ask: LabClient, rig: Rig, folder: Path) -> tuple[Signals, Signals | None]:
+    field = "start_from.drive"
+    path = folder / given
+    if path.suffix != ".mcap" and path.is_file():
+        return read_drive_file(path, rig), None
+    with _recording(given, ask=ask, folder=folder, field=field) as recording:
+        return best_playback(recording, name=given, field=field)
+
+
+@contextmanager
+def _recording(given: str, *, ask: LabClient, folder: Path, field: str) -> Iterator[Recording]:
+    """Open a recording by its path, or by its id from the lab's recorder."""
+    path = recording_file(given)
+    if path is not None:
+        yield open_recording(folder / path)
+        return
+    ask.key(field, ask.bus.keys.recording, given)
+    with TemporaryDirectory(prefix="duralab-") as temporary:
+        first = Path(temporary) / "recording.mcap"
+        try:
+            information = wait_until_closed(ask.bus, given)
+            for number, file in enumerate(information.files, start=1):
+                to = part_path(first, number)
+                fetch(ask.bus, given, part=Part.RECORDING, path=to, number=number, file_hash=file.file_hash)
+        except FaultError as fault:
+            raise ask.explained(fault) from fault
+        yield open_recording(first)

@@ -1,0 +1,131 @@
+"""What a project came to: one row for each event, and whether all reached their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from duralab.campaign import Event, Judgement
+from duralab.display import html_table, text_table
+from duralab.lab.campaign_result import CampaignResult
+
+_COLUMNS = ("event", "rig", "starts from", "playbacks", "first error", "worst error", "best", "verdict")
+
+
+@dataclass(frozen=True, eq=False)
+class EventResult:
+    """What an event came to.
+
+    Parameters
+    ----------
+    event : Event
+        As the project states it.
+    result : CampaignResult or None
+        Of its campaign; None where that ended early.
+    started_from : str
+        The event whose playbacks and model it started from; empty for the first on its rig.
+    error : str
+        Why there is no result; empty where there is one.
+    """
+
+    event: Event
+    result: CampaignResult | None
+    started_from: str = ""
+    error: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether its best playback is within every limit."""
+        return self.result is not None and self.result.verdict.judgement is Judgement.REACHED
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Its row of the table."""
+        about = (self.event.name, self.event.campaign.rig, self.started_from or "–")
+        if self.result is None:
+            return (*about, "–", "–", "–", "–", "ended early")
+        table = self.result.iterations
+        worst = table.judged_error.max(axis=1)
+        figures = (str(len(table)), f"{worst[0]:.3f}", f"{worst[table.best]:.3f}", str(table.numbers[table.best]))
+        return (*about, *figures, self.result.verdict.judgement.value)
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectResult:
+    """A project that was run; `print` shows its table.
+
+    Parameters
+    ----------
+    name : str
+        Of the project.
+    events : tuple of EventResult
+        In the order in which they were made, rig by rig.
+    report_path, order_path : Path or None
+        The report, and the order file of the exported drives; None where no event has a drive.
+    """
+
+    name: str
+    events: tuple[EventResult, ...]
+    report_path: Path | None = None
+    order_path: Path | None = None
+
+    @property
+    def reached(self) -> bool:
+        """Whether every event reached its target."""
+        return all(event.reached for event in self.events)
+
+    @property
+    def playbacks(self) -> int:
+        """Playbacks of all events."""
+        return sum(len(event.result.iterations) for event in self.events if event.result is not None)
+
+    @property
+    def sentence(self) -> str:
+        """What it came to, in a sentence."""
+        missed = [event.event.name for event in self.events if not event.reached]
+        what = f"{len(self.events) - len(missed)} of {len(self.events)} events reached their targets"
+        rest = f"; not {', '.join(missed)}" if missed else ""
+        return f"Project {self.name}: {what} in {self.playbacks} playbacks{rest}."
+
+    def rows(self) -> tuple[Sequence[str], list[tuple[str, ...]]]:
+        """Return header and rows of the table of results."""
+        return _COLUMNS, [event.row for event in self.events]
+
+    def document(self) -> dict[str, object]:
+        """Return what it came to, for `--json`."""
+        return {
+            "project": self.name,
+            "reached": self.reached,
+            "sentence": self.sentence,
+            "playbacks": self.playbacks,
+            "events": [
+                {
+                    "event": event.event.name,
+                    "rig": event.event.campaign.rig,
+                    "started_from": event.started_from,
+                    "reached": event.reached,
+                    "error": event.error,
+                    "recording": None if event.result is None else event.result.recording_path,
+                    "worst_error": None if event.result is None else event.result.iterations.judged_error.max(axis=1),
+                }
+                for event in self.events
+            ],
+            "report": self.report_path,
+            "order_file": self.order_path,
+        }
+
+    def __repr__(self) -> str:
+        """Return it on one line."""
+        return f"ProjectResult({self.sentence})"
+
+    def __str__(self) -> str:
+        """Return the table and the sentence as text."""
+        header, rows = self.rows()
+        early = "".join(f"\n- {event.event.name}: {event.error}" for event in self.events if event.error)
+        return f"{text_table(header, rows, left=3)}\n{self.sentence}{early}"
+
+    def _repr_html_(self) -> str:
+        header, rows = self.rows()
+        return f"<p><b>{escape(self.sentence)}</b></p>{html_table(header, rows, left=3)}"

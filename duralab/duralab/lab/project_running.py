@@ -1,0 +1,265 @@
+"""Projects: the campaigns of many events, each from the nearest one's model, playbacks and drive, resumable."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from duralab.campaign import Campaign, Event, Project, StartFrom
+from duralab.errors import InputError, LabError, ServiceEndedError, StoppedError
+from duralab.lab.campaign_result import CampaignResult
+from duralab.lab.campaign_running import resume_campaign, specification_of
+from duralab.lab.campaign_starting import MadeTarget, StartingLab, made_target, run_one
+from duralab.lab.client import Deadline
+from duralab.lab.event_order import RESEMBLES, Likeness, likeness, nearest, ordered
+from duralab.lab.fetching import fetch_files
+from duralab.lab.progress import OnProgress, RunProgress
+from duralab.lab.project_drives import write_drives
+from duralab.lab.project_result import EventResult, ProjectResult
+from duralab.lab.recordings_folder import RECORDINGS
+from duralab.output_files import OUTPUTS
+from duralab.recording import open_recording
+from duralab.report import EventSection, write_project_report
+from duralab_bus import FaultError
+from duralab_proto.arrays import from_record
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+
+_LEARN_FROM: Final = 3
+"""Events whose playbacks another learns from; more say little beside the nearest ones, and cost as much each."""
+
+OnEvent = Callable[[EventResult], None]
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What it takes to run the events of a project."""
+
+    lab: StartingLab
+    project: Project
+    folder: Path
+    tell: OnProgress
+    deadline: Deadline
+    on_event: OnEvent
+
+    def folder_of(self, event: Event) -> Path:
+        return self.folder / event.name
+
+
+def run_project(
+    lab: StartingLab,
+    project: Project,
+    *,
+    folder: Path,
+    tell: OnProgress,
+    deadline: Deadline,
+    on_event: OnEvent,
+) -> ProjectResult:
+    """Run every event of a project that `folder` holds no result of; see `Lab.run_project`."""
+    lock, halt = threading.Lock(), deadline.cancel or threading.Event()
+
+    def tell_in_turn(progress: RunProgress) -> None:
+        with lock:
+            tell(progress)
+
+    def on_event_in_turn(result: EventResult) -> None:
+        with lock:
+            on_event(result)
+
+    run = _Run(lab, project, folder, tell_in_turn, replace(deadline, cancel=halt), on_event_in_turn)
+    # What was made with other settings is refused before anything moves.
+    for event in project.events:
+        _finished(run, event)
+    targets = {event.name: _target(run, event) for event in project.events}
+    for event in project.events:
+        _require_same_target(run, event, targets[event.name])
+    rigs = list(dict.fromkeys(event.campaign.rig for event in project.events))
+    with ThreadPoolExecutor(len(rigs), thread_name_prefix="rig") as threads:
+        running = [threads.submit(_run_rig, run, rig, targets) for rig in rigs]
+        try:
+            wait(running)
+        except BaseException:
+            # The campaigns of all rigs end before the interrupt goes on.
+            halt.set()
+            raise
+    results = tuple(result for one in running for result in one.result())
+    return _concluded(run, results)
+
+
+def _run_rig(run: _Run, rig: str, targets: dict[str, MadeTarget]) -> list[EventResult]:
+    """Run the events of one rig, one after the other."""
+    events = [event for event in run.project.events if event.campaign.rig == rig]
+    alike = _likeness(events, targets)
+    done: dict[int, CampaignResult] = {}
+    results: list[EventResult] = []
+    for number in ordered(alike.distance, [event.settings.priority for event in events]):
+        event, near = events[number], nearest(alike.distance, number, list(done), most=_LEARN_FROM)
+        target = targets[event.name]
+        plan = _from_nearest(
+            event.campaign,
+            [done[each] for each in near],
+            # The same recording whatever is nearest: one identification of each rig.
+            first=next(iter(done.values()), None),
+            explained=float(alike.explained[near[-1], number]) if near else 0.0,
+            target=target,
+        )
+        result = _of_event(run, event, plan, target, started_from=events[near[-1]].name if near else "")
+        results.append(result)
+        # One that missed its target has learned the rig where it does not do what was wanted.
+        if result.result is not None and result.reached:
+            done[number] = result.result
+        run.on_event(result)
+    return results
+
+
+def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, started_from: str) -> EventResult:
+    """Run, resume or read what an event came to; what ends the whole lab is raised."""
+    folder = run.folder_of(event)
+    try:
+        result = _finished(run, event) or _resumed(run, event)
+        if result is None:
+            result = run_one(
+                run.lab,
+                plan,
+                id=plan.name,
+                folder=folder,
+                tell=run.tell,
+                deadline=run.deadline,
+                target=target,
+            )
+        if not (folder / OUTPUTS[2]).is_file():
+            result.report(folder / OUTPUTS[2])
+        return EventResult(event, result, started_from)
+    except (StoppedError, ServiceEndedError):
+        raise
+    except LabError as error:
+        if run.deadline.is_set() or run.lab.ask.failure() is not None:
+            raise
+        return EventResult(event, None, started_from, error=str(error))
+
+
+def _from_nearest(
+    plan: Campaign, near: list[CampaignResult], *, first: CampaignResult | None, explained: float, target: MadeTarget
+) -> Campaign:
+    """Return the campaign of an event with what the nearest ones left, the nearest last; as it is for the first."""
+    if first is None:
+        return plan
+    before, closest = plan.start_from or StartFrom(), near[-1]
+    changes: dict[str, object] = {"learn_from": (*before.learn_from, *(each.specification.id for each in near))}
+    if before.model is None:
+        changes["model"] = str(first.recording_path.resolve())
+    short = closest.recording.target.samples.shape[1] <= target.edited.signals.samples.shape[1]
+    if before.drive is None and before.section is None and short and explained >= RESEMBLES:
+        changes["drive"] = str(closest.recording_path.resolve())
+    return plan.model_copy(update={"start_from": before.model_copy(update=changes)})
+
+
+def _likeness(events: list[Event], targets: dict[str, MadeTarget]) -> Likeness:
+    bands = [event.campaign.control_band for event in events]
+    signals = [targets[event.name].edited.signals for event in events]
+    # Where bands differ: in what all have in common, or in the first event's where that is nothing.
+    lowest, highest = max(band.lowest_frequency for band in bands), min(band.highest_frequency for band in bands)
+    if not lowest < highest:
+        lowest, highest = bands[0].lowest_frequency, bands[0].highest_frequency
+    return likeness([each.samples for each in signals], sample_rate=signals[0].sample_rate, band=(lowest, highest))
+
+
+def _target(run: _Run, event: Event) -> MadeTarget:
+    plan = event.campaign
+    rig = run.lab.describe(plan.rig)
+    return made_target(run.lab, plan, rig=rig, id=plan.name, tell=run.tell, deadline=run.deadline)
+
+
+def _finished(run: _Run, event: Event) -> CampaignResult | None:
+    """Return the result of an event that ended before, with its recording where the lab's recorder finds it."""
+    path = run.folder_of(event) / OUTPUTS[0]
+    if not path.is_file():
+        return None
+    recording = open_recording(path)
+    _require_same_settings(recording.specification, event, where=str(path))
+    if recording.status is None or recording.status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+        return None
+    if run.lab.place.folder is not None and run.lab.place.file(recording.specification.id) is None:
+        run.lab.place.copy_in(recording)
+    return CampaignResult(recording.specification, recording.status, path, path.with_name(OUTPUTS[1]))
+
+
+def _resumed(run: _Run, event: Event) -> CampaignResult | None:
+    """Resume or fetch what the recorder, or one that was killed, holds of an event; None where there is nothing."""
+    ask, place, id = run.lab.ask, run.lab.place, event.campaign.name
+    if place.folder is not None and place.file(id) is None:
+        left = [path for path in run.folder.glob(f"{RECORDINGS}*/{id}.mcap") if path.parent != place.folder]
+        for path in sorted(left, key=lambda path: path.stat().st_mtime)[-1:]:
+            place.copy_in(open_recording(path))
+    try:
+        request = recorder_pb2.RecordingRequest()
+        information = ask.bus.query(ask.bus.keys.recording(id), request, recorder_pb2.RecordingInfo)
+    except FaultError as fault:
+        if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:
+            raise ask.explained(fault) from fault
+        return None
+    _require_same_settings(specification_of(ask, id), event, where=f"the recording {id!r} of the lab")
+    if information.ended and information.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+        fetch_files(ask.bus, information, folder=run.folder_of(event))
+        place.fetched.add(id)
+        return _finished(run, event)
+    return resume_campaign(
+        ask,
+        id,
+        settings=None,
+        from_iteration=0,
+        describe=run.lab.describe,
+        folder=lambda _name: run.folder_of(event),
+        place=place,
+        replace=True,
+        tell=run.tell,
+        deadline=run.deadline,
+    )
+
+
+def _require_same_settings(specification: iterator_pb2.CampaignSpec, event: Event, *, where: str) -> None:
+    if specification.scenario != event.campaign.text:
+        raise InputError(
+            f"{where} was made with other settings than the project has for event {event.name!r} now; give another "
+            "folder (--out), or remove it and the event is made again.",
+            field="events",
+        )
+
+
+def _require_same_target(run: _Run, event: Event, target: MadeTarget) -> None:
+    path = run.folder_of(event) / OUTPUTS[0]
+    if not path.is_file():
+        return
+    _, _, recorded = from_record(open_recording(path).specification.target, field="target")
+    if recorded.tobytes() != target.edited.signals.samples.tobytes():
+        raise InputError(
+            f"{path} was made for another target than event {event.name!r} has now; give another folder (--out), or "
+            "remove it and the event is made again.",
+            field="events",
+        )
+
+
+def _concluded(run: _Run, results: tuple[EventResult, ...]) -> ProjectResult:
+    """Write the report and the drives of all events that have a result."""
+    result = ProjectResult(run.project.name, results)
+    made = [each for each in results if each.result is not None]
+    if not made:
+        return result
+    header, rows = result.rows()
+    report = write_project_report(
+        run.folder / "report.html",
+        name=run.project.name,
+        sentence=result.sentence,
+        reached=result.reached,
+        header=header,
+        rows=rows,
+        events=[
+            EventSection(each.event.name, each.result.recording, f"{each.event.name}/{OUTPUTS[2]}")
+            for each in made
+            if each.result is not None
+        ],
+    )
+    return replace(result, report_path=report, order_path=write_drives(run.project, results, run.folder / "drives"))

@@ -1,0 +1,152 @@
+"""The events of a schedule with their drives, and the damage that one repeat does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from duralab.campaign import Judgement
+from duralab.data import Signals
+from duralab.errors import InputError
+from duralab.formats import read_signals
+from duralab.near_files import did_you_mean
+from duralab.recording import Recording, open_recording
+from duralab_loads import channel_damage
+from duralab_schedules import Event, EventLoad, Schedule
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedEvent:
+    """An event with its drive.
+
+    Parameters
+    ----------
+    drive : Signals
+        What is played.
+    target : Signals, optional
+        What the response is to be, over the whole band; None where nothing tells it.
+    response : Signals, optional
+        What the best playback measured; None for a drive that is not from a recording.
+    source : str
+        Where the drive comes from, in words.
+    campaign : str
+        Campaign that made the drive; empty where none did.
+    exponent : float
+        Slope of the S-N line.
+    """
+
+    drive: Signals
+    target: Signals | None
+    response: Signals | None
+    source: str
+    campaign: str
+    exponent: float
+
+    @property
+    def load(self) -> EventLoad:
+        """One repeat: samples, and the damage of the response, or of the target where no response is known."""
+        measured = self.response or self.target
+        return EventLoad(
+            samples=self.drive.samples.shape[1],
+            sample_rate=self.drive.sample_rate,
+            drives=len(self.drive.channels),
+            # Of a drive file alone, the rig's are not known here; most rigs have as many.
+            responses=len((measured or self.drive).channels),
+            damage=None if measured is None else damage_of(measured, self.exponent),
+        )
+
+
+def damage_of(signals: Signals, exponent: float) -> dict[str, float]:
+    """Return the damage of each channel, in its unit to the power of the exponent."""
+    damage = channel_damage(signals.samples, exponents=[exponent])[:, 0]
+    return dict(zip(signals.names, map(float, damage), strict=True))
+
+
+def prepare_events(schedule: Schedule, *, recordings: Path | None = None) -> dict[str, PreparedEvent]:
+    """Read the drives of all events of a schedule.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        Its relative paths start in its folder.
+    recordings : Path, optional
+        Folder of a recorder, for events that name a recording by its id.
+
+    Returns
+    -------
+    dict of str to PreparedEvent
+        By event, in the schedule's order.
+
+    Raises
+    ------
+    InputError
+        A drive or target cannot be read, or a recording is of another rig or missed its target.
+    """
+    prepared = {}
+    for name, event in schedule.events.items():
+        try:
+            prepared[name] = _prepared(schedule, event, recordings)
+        except InputError as error:
+            raise InputError(f"Event {name}: {error.message}", field=f"events.{name}") from error
+    _require_one_kind(schedule, prepared)
+    return prepared
+
+
+def _prepared(schedule: Schedule, event: Event, recordings: Path | None) -> PreparedEvent:
+    path = _find(event.drive, schedule.folder, recordings)
+    exponent = float(schedule.monitoring.damage_exponent)
+    if path.suffix.lower() == ".mcap":
+        if event.target is not None:
+            raise InputError(f"target is {event.target}; the recording {path} holds its own, so leave it out.")
+        return _from_recording(open_recording(path), schedule.rig, exponent, accepted=event.missed_target_accepted)
+    target = None if event.target is None else read_signals(schedule.folder / event.target)
+    return PreparedEvent(read_signals(path), target, None, f"file {path.name}", "", exponent)
+
+
+def _find(given: str, folder: Path, recordings: Path | None) -> Path:
+    """Return the file of a drive: a path, a campaign's folder, or the id of a recording."""
+    path = folder / given
+    candidates = [path, path / "recording.mcap", *([recordings / f"{given}.mcap"] if recordings else [])]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    where = "" if recordings is None else f", and {recordings} holds no recording of that id"
+    raise InputError(f"there is no drive {str(path)!r}{where}; give a drive file or a recording{did_you_mean(path)}")
+
+
+def _from_recording(recording: Recording, rig: str, exponent: float, *, accepted: bool) -> PreparedEvent:
+    specification, verdict, table = recording.specification, recording.verdict, recording.iterations
+    if specification.rig != rig:
+        raise InputError(
+            f"the recording {recording.path} is of the rig {specification.rig}, and the schedule of {rig}; give a "
+            f"drive that was made on {rig}."
+        )
+    if verdict.judgement is not Judgement.REACHED and not accepted:
+        raise InputError(
+            f"the recording {recording.path} missed its target ({verdict.sentence.rstrip('.')}); run the campaign on, "
+            "or give missed_target_accepted: true."
+        )
+    if not table.numbers:
+        raise InputError(f"the recording {recording.path} holds no playback; give one that has a drive.")
+    best = recording.playback(table.numbers[table.best])
+    target = Signals.from_message(specification.target, field="target")
+    source = f"playback {table.numbers[table.best]} of {specification.id}"
+    return PreparedEvent(best.drive, target, best.response, source, specification.id, exponent)
+
+
+def _require_one_kind(schedule: Schedule, prepared: Mapping[str, PreparedEvent]) -> None:
+    """Refuse events whose drives or responses are not those of one rig."""
+    first, *others = prepared.items()
+    for name, event in others:
+        for what, ours, theirs in (
+            ("drives", event.drive, first[1].drive),
+            ("responses", event.response, first[1].response),
+        ):
+            if ours and theirs and (ours.names, ours.sample_rate) != (theirs.names, theirs.sample_rate):
+                raise InputError(
+                    f"The {what} of event {name} are {', '.join(ours.names)} at {ours.sample_rate:g} Hz and those of "
+                    f"{first[0]} {', '.join(theirs.names)} at {theirs.sample_rate:g} Hz; all events of the schedule "
+                    f"{schedule.name} need the channels of {schedule.rig}.",
+                    field=f"events.{name}",
+                )

@@ -1,0 +1,288 @@
+"""Design and forecast of a schedule: planned damage, repeats, what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+
+import numpy as np
+
+from duralab.arguments import require_path
+from duralab.display import html_table, text_table
+from duralab.errors import InputError
+from duralab.formats import read_signals
+from duralab.schedule.events import PreparedEvent, damage_of, prepare_events
+from duralab_schedules import (
+    MOST_REPEATS,
+    DamagePlan,
+    Forecast,
+    Order,
+    Schedule,
+    ScheduleError,
+    design,
+    forecast,
+    in_bytes,
+    read_schedule,
+    require_room,
+    require_within_plan,
+)
+
+_EVENTS = ("event", "repeats", "one repeat", "kept", "drive")
+_CHANNELS = ("channel", "planned damage", "damage", "ratio")
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleForecast:
+    """A schedule with what it comes to; prints as a table.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        With the repeats of every event.
+    events : dict of str to PreparedEvent
+        Its events with their drives.
+    planned : dict of str to float
+        Planned damage by response; empty without a plan.
+    forecast : Forecast
+        Duration, damage, bytes on disk.
+    notes : tuple of str
+        Sentences: what the plan leaves out, what is not known.
+    """
+
+    schedule: Schedule
+    events: dict[str, PreparedEvent]
+    planned: dict[str, float]
+    forecast: Forecast
+    notes: tuple[str, ...] = ()
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square over the planned channels of damage over planned damage, less 1; NaN without a plan."""
+        return float(np.sqrt(np.mean([(ratio - 1.0) ** 2 for ratio in self.forecast.ratio.values()] or [np.nan])))
+
+    @property
+    def self_contained(self) -> Schedule:
+        """The schedule with its plan as damage by response, so that it is known without the files of a mix."""
+        if self.schedule.plan is None:
+            return self.schedule
+        plan = DamagePlan(damage=self.planned, largest_ratio=self.schedule.plan.largest_ratio)
+        return self.schedule.model_copy(update={"plan": plan}).read_from(self.schedule.folder)
+
+    def require_playable(self, *, free_bytes: int | None = None) -> None:
+        """Refuse a schedule that must not be started.
+
+        Parameters
+        ----------
+        free_bytes : int, optional
+            Free on the disk of the recordings; not checked where left out.
+
+        Raises
+        ------
+        InputError
+            More damage than planned, or a recording that is longer than the disk holds.
+        """
+        try:
+            require_within_plan(self.forecast, self.schedule)
+            if free_bytes is not None:
+                require_room(self.forecast, free_bytes)
+        except ScheduleError as error:
+            raise InputError(str(error)) from error
+
+    def __str__(self) -> str:
+        """Return events, channels and sums as text."""
+        tables = [text_table(_EVENTS, self._event_rows(), left=1)]
+        if self.planned:
+            tables.append(text_table(_CHANNELS, self._channel_rows(), left=1))
+        return "\n\n".join([*tables, "\n".join(self._sums())])
+
+    def _repr_html_(self) -> str:
+        tables = [html_table(_EVENTS, self._event_rows(), left=1)]
+        if self.planned:
+            tables.append(html_table(_CHANNELS, self._channel_rows(), left=1))
+        return "".join([*tables, *(f"<p>{line}</p>" for line in self._sums())])
+
+    def _event_rows(self) -> list[tuple[str, ...]]:
+        found = self.forecast
+        return [
+            (name, str(found.repeats[name]), f"{event.load.seconds:.4g} s", str(found.kept[name]), event.source)
+            for name, event in self.events.items()
+        ]
+
+    def _channel_rows(self) -> list[tuple[str, ...]]:
+        damage, ratio = self.forecast.damage, self.forecast.ratio
+        return [
+            (name, f"{planned:.3g}", f"{damage.get(name, 0.0):.3g}", f"{ratio[name]:.3f}")
+            for name, planned in self.planned.items()
+        ]
+
+    def _sums(self) -> list[str]:
+        found = self.forecast
+        lines = [
+            f"{sum(found.repeats.values())} repeats in {timedelta(seconds=round(found.seconds))} of playing, without "
+            "the rig's ways in and out.",
+            f"{in_bytes(found.bytes)} on disk before compression: {in_bytes(found.sample_bytes)} of "
+            f"{sum(found.kept.values())} repeats with all samples, {in_bytes(found.statistics_bytes)} of statistics; "
+            "repeats around alarms come on top.",
+        ]
+        if self.planned:
+            lines.append(
+                f"Damage over planned damage differs from 1 by {self.misfit:.3f} RMS over {len(self.planned)} channels."
+            )
+        return [*lines, *self.notes]
+
+
+def load_schedule(path: str | Path) -> Schedule:
+    """Read a schedule file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The YAML.
+
+    Returns
+    -------
+    Schedule
+        Checked; its relative paths start in the folder of the file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a value is not allowed.
+    """
+    require_path(path, of="a schedule file", field="path")
+    try:
+        return read_schedule(Path(path))
+    except ScheduleError as error:
+        raise InputError(str(error)) from error
+
+
+def forecast_schedule(schedule: Schedule, *, recordings: Path | None = None) -> ScheduleForecast:
+    """Forecast duration, damage and bytes on disk of a schedule.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        With the repeats of every event.
+    recordings : Path, optional
+        Folder of a recorder, for events that name a recording by its id.
+
+    Returns
+    -------
+    ScheduleForecast
+        What it comes to; `require_playable` says whether it may be started.
+
+    Raises
+    ------
+    InputError
+        A drive or target cannot be read, a recording missed its target, or repeats are missing.
+    """
+    events = prepare_events(schedule, recordings=recordings)
+    planned, notes = _planned_damage(schedule, events)
+    return _with_forecast(schedule, events, planned, notes)
+
+
+def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> ScheduleForecast:
+    """Choose the repeats of the events that have none, so that the damage of all channels meets the plan.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        With a plan; repeats that are given stay as they are.
+    recordings : Path, optional
+        Folder of a recorder, for events that name a recording by its id.
+
+    Returns
+    -------
+    ScheduleForecast
+        The designed schedule and what it comes to, with the ratio of each channel.
+
+    Raises
+    ------
+    InputError
+        Nothing is left to design, the plan is missing, or a drive, target or damage is.
+    """
+    if schedule.plan is None:
+        raise InputError("The schedule has no plan; give plan.damage or plan.mix.", field="plan")
+    if schedule.order is Order.NESTED:
+        raise InputError("The order is nested, and blocks set the repeats; design another order.", field="order")
+    if all(event.repeats is not None for event in schedule.events.values()):
+        raise InputError("Every event has repeats; leave repeats out where they are to be designed.", field="events")
+    events = prepare_events(schedule, recordings=recordings)
+    planned, notes = _planned_damage(schedule, events)
+    damage = {name: event.load.damage for name, event in events.items()}
+    if unknown := [name for name, value in damage.items() if value is None]:
+        raise InputError(
+            f"The damage of {', '.join(unknown)} is not known; give a recording as the drive, or a target.",
+            field=f"events.{unknown[0]}",
+        )
+    given = schedule.events.values()
+    try:
+        found = design(
+            [[(each or {}).get(channel, 0.0) for channel in planned] for each in damage.values()],
+            list(planned.values()),
+            at_least=[event.at_least if event.repeats is None else event.repeats for event in given],
+            at_most=[
+                (MOST_REPEATS if event.at_most is None else event.at_most) if event.repeats is None else event.repeats
+                for event in given
+            ],
+        )
+        designed = schedule.with_repeats(dict(zip(events, map(int, found.repeats), strict=True)))
+    except ValueError as error:  # of the design, or of the schedule that it gives
+        raise InputError(str(error)) from error
+    return _with_forecast(designed, events, planned, notes)
+
+
+def _with_forecast(
+    schedule: Schedule, events: dict[str, PreparedEvent], planned: dict[str, float], notes: tuple[str, ...]
+) -> ScheduleForecast:
+    try:
+        found = forecast(schedule, {name: event.load for name, event in events.items()}, planned=planned)
+    except ScheduleError as error:
+        raise InputError(str(error)) from error
+    if found.unknown_damage:
+        notes = (*notes, f"The damage of {', '.join(found.unknown_damage)} is not known and not counted.")
+    return ScheduleForecast(schedule, events, planned, found, notes)
+
+
+def _planned_damage(
+    schedule: Schedule, events: Mapping[str, PreparedEvent]
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return the planned damage of each channel, and what the plan leaves out."""
+    plan = schedule.plan
+    if plan is None:
+        return {}, ()
+    responses = _responses(events)
+    if plan.damage is not None:
+        if unknown := [name for name in plan.damage if responses and name not in responses]:
+            raise InputError(
+                f"plan.damage names {', '.join(unknown)}; the responses are {', '.join(responses)}.",
+                field="plan.damage",
+            )
+        return dict(plan.damage), ()
+    planned: dict[str, float] = {}
+    for name, met in (plan.mix or {}).items():
+        target = events[name].target if met.target is None else read_signals(schedule.folder / met.target)
+        if target is None:
+            raise InputError(
+                f"plan.mix.{name} has no target, and its event's drive is a file; give the target of one of them.",
+                field=f"plan.mix.{name}",
+            )
+        damage = damage_of(target, float(schedule.monitoring.damage_exponent))
+        if missing := [channel for channel in responses if channel not in damage]:
+            raise InputError(
+                f"The target of plan.mix.{name} has no channel {', '.join(missing)}; it has {', '.join(damage)}.",
+                field=f"plan.mix.{name}",
+            )
+        for channel in responses:
+            planned[channel] = planned.get(channel, 0.0) + met.count * damage[channel]
+    silent = [channel for channel, value in planned.items() if value == 0.0]
+    notes = (f"The customer's mix does not damage {', '.join(silent)}: not planned.",) if silent else ()
+    return {channel: value for channel, value in planned.items() if value > 0.0}, notes
+
+
+def _responses(events: Mapping[str, PreparedEvent]) -> tuple[str, ...]:
+    """Return the names of the responses, of the first event that knows them."""
+    measured = (event.response or event.target for event in events.values())
+    return next((signals.names for signals in measured if signals is not None), ())

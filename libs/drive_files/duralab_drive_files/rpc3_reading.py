@@ -1,0 +1,215 @@
+"""Reading RPC III time histories: `.rsp`, `.drv`, `.tim`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+
+from duralab_drive_files.errors import DriveFileError, opened, require_file
+from duralab_drive_files.rpc3_header import (
+    BLOCK,
+    MOST_BLOCKS,
+    RECORD,
+    TRUE_LENGTH,
+    DataType,
+    Header,
+    Layout,
+    TimeType,
+    parse_header,
+)
+from duralab_drive_files.time_history import TimeHistory, unique_names
+
+PIECE_BYTES: Final = 1 << 18
+"""Bytes of the file that are in memory at a time; small enough to stay in the cache of a processor."""
+
+PADDING_ATTRIBUTE: Final = "duralab.padding"
+"""Says in `TimeHistory.attributes` whether the padding of the last group was cut off or may still be there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rpc3File:
+    """An RPC III time history whose header was read and found consistent with the file's size.
+
+    `path`: The file. `header`: All its records. `layout`: Where the samples lie. `names`: Made unique; `labels` and
+    `units` as the file has them. Limits are not taken over, for writers leave them at ±1. `scales`, shape (channels):
+    What one integer is worth, in the channel's unit; 1 where numbers are stored as they are. `sample_rate`: In hertz.
+    `samples`: Of each channel, without padding where the file says how much of it there is. `length_known`: False where
+    the last samples may be padding. `trailing_bytes`: Bytes after the last group, which are not read.
+    """
+
+    path: Path
+    header: Header
+    layout: Layout
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    labels: tuple[str, ...]
+    scales: np.ndarray
+    sample_rate: float
+    samples: int
+    length_known: bool
+    trailing_bytes: int
+
+    def read(self) -> np.ndarray:
+        """Read the samples."""
+        out = np.empty((self.layout.channels, self.samples))
+        group = self.layout.points_per_group
+        groups_at_once = max(1, PIECE_BYTES // self.layout.group_bytes)
+        piece = np.empty((groups_at_once, self.layout.channels, group), dtype=self.layout.dtype)
+        with opened(self.path), self.path.open("rb") as stream:
+            stream.seek(self.header.size)
+            for first in range(0, -(-self.samples // group), groups_at_once):
+                groups = piece[: min(groups_at_once, self.layout.groups - first)]
+                self._fill(stream, groups, first)
+                self._demultiplex(groups, first, out)
+        return out
+
+    def _fill(self, stream: BinaryIO, groups: np.ndarray, first: int) -> None:
+        content = groups.reshape(-1).view(np.uint8).data
+        count = stream.readinto(content)  # pyright: ignore[reportAttributeAccessIssue]
+        if count < len(content):
+            offset = self.header.size + first * self.layout.group_bytes + count
+            raise DriveFileError("the file became shorter while it was read.", path=self.path, offset=offset)
+
+    def _demultiplex(self, groups: np.ndarray, first: int, out: np.ndarray) -> None:
+        """Put groups (group, channel, point) into their place in (channel, sample), in the channels' units."""
+        start = first * self.layout.points_per_group
+        for position, group in enumerate(groups):
+            begin = start + position * self.layout.points_per_group
+            points = min(self.layout.points_per_group, self.samples - begin)
+            if points <= 0:
+                break
+            stored, place = group[:, :points], out[:, begin : begin + points]
+            if self.layout.dtype.kind == "i":
+                np.multiply(stored, self.scales[:, np.newaxis], out=place)
+            else:
+                # Rubbish may be a number that signals; it is refused below.
+                with np.errstate(invalid="ignore"):
+                    np.copyto(place, stored)
+                if not np.isfinite(place).all():
+                    self._refuse(place, first + position)
+
+    def _refuse(self, place: np.ndarray, group: int) -> None:
+        row, point = (int(index) for index in np.argwhere(~np.isfinite(place))[0])
+        layout = self.layout
+        offset = self.header.size + group * layout.group_bytes
+        offset += (row * layout.points_per_group + point) * layout.dtype.itemsize
+        raise DriveFileError(
+            f"sample {group * layout.points_per_group + point} of {self.names[row]} is {place[row, point]}; a "
+            "finite number was expected.",
+            path=self.path,
+            offset=offset,
+        )
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """All records of the header as they are, and a sentence about the padding."""
+        if self.length_known:
+            padding = self.layout.points - self.samples
+            said = f"{padding} samples of padding at the end were cut off, as {TRUE_LENGTH} says"
+        else:
+            said = "the file does not say where its data end; the last samples may be padding"
+        attributes = {**self.header.values, PADDING_ATTRIBUTE: said}
+        if self.trailing_bytes:
+            attributes["duralab.trailing_bytes"] = f"{self.trailing_bytes} bytes after the data were not read"
+        return attributes
+
+
+def open_rpc3(path: Path) -> Rpc3File:
+    """Read and check the header of an RPC III time history.
+
+    What real writers do is read: keywords that the description does not know, lower case, blanks at the ends, more
+    header blocks than records, Latin-1, bytes after the data. What would make the samples a guess is refused.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file.
+
+    Returns
+    -------
+    Rpc3File
+        Its header; `read` reads the samples.
+
+    Raises
+    ------
+    DriveFileError
+        Naming the byte and what was expected there.
+    """
+    size = require_file(path)
+    with opened(path), path.open("rb") as stream:
+        content = stream.read(BLOCK)
+        # The count of blocks is looked at before so much is read.
+        announced = content[RECORD + 32 : 2 * RECORD].partition(b"\0")[0].strip()
+        if announced.isdigit() and len(announced) < 6 and 1 < int(announced) <= MOST_BLOCKS:
+            content += stream.read((int(announced) - 1) * BLOCK)
+    header = parse_header(path, content)
+    time_type = header.choice("TIME_TYPE", TimeType, TimeType.RESPONSE)
+    if time_type is TimeType.PEAK_PICK:
+        raise header.error("TIME_TYPE", "a history of evenly spaced samples, so no picked peaks,")
+    layout = header.layout()
+    if layout.points == 0:
+        raise header.error("FRAMES", "1 frame or more")
+    available = size - header.size
+    if available < layout.data_bytes:
+        raise DriveFileError(
+            f"the file ends here; {layout.groups} groups of {layout.channels} channels and {layout.points_per_group} "
+            f"points need {layout.data_bytes} bytes after the header, and {available} are there.",
+            path=path,
+            offset=size,
+        )
+    labels = _texts(header, "DESC", layout.channels)
+    samples = header.integer(TRUE_LENGTH, smallest=1, largest=layout.points, default=layout.points)
+    return Rpc3File(
+        path=path,
+        header=header,
+        layout=layout,
+        names=tuple(unique_names(labels)),
+        units=_texts(header, "UNITS", layout.channels),
+        labels=labels,
+        scales=_scales(header, layout),
+        sample_rate=header.sample_rate(),
+        samples=samples,
+        length_known=TRUE_LENGTH in header.values,
+        trailing_bytes=available - layout.data_bytes,
+    )
+
+
+def _texts(header: Header, keyword: str, count: int) -> tuple[str, ...]:
+    return tuple(header.values.get(f"{keyword}.CHAN_{number}", "") for number in range(1, count + 1))
+
+
+def _scales(header: Header, layout: Layout) -> np.ndarray:
+    scales = np.ones(layout.channels)
+    if header.choice("DATA_TYPE", DataType, DataType.SHORT_INTEGER) is DataType.SHORT_INTEGER:
+        for row in range(layout.channels):
+            scale = header.real(f"SCALE.CHAN_{row + 1}", "what one integer is worth")
+            if not math.isfinite(scale * 2**15):
+                raise header.error(f"SCALE.CHAN_{row + 1}", "a value whose full scale is finite")
+            scales[row] = scale
+    return scales
+
+
+def read_rpc3(path: Path) -> TimeHistory:
+    """Read an RPC III time history.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file: `.rsp`, `.drv`, `.tim`.
+
+    Returns
+    -------
+    TimeHistory
+        All channels in the units of the file; the records of the header are its attributes.
+
+    Raises
+    ------
+    DriveFileError
+        Naming the byte and what was expected there.
+    """
+    file = open_rpc3(path)
+    return TimeHistory(file.names, file.units, file.sample_rate, file.read(), file.attributes, file.labels)

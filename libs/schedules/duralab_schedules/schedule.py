@@ -1,0 +1,336 @@
+"""The schedule file: events with drives and repeats, the order, the damage plan, and the samples that are kept."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from duralab_monitoring import MonitoringSettings
+from duralab_schedules.order import Order, in_order, interleaved, nested, shuffled
+from duralab_settings import Positive, Section, Seed, YamlError, explain_validation, parse_yaml, read_yaml_text
+
+MOST_REPEATS: Final = 10_000_000
+"""Repeats of one schedule, all events together: their order is held in memory."""
+
+EventName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,59}$")]
+Repeats = Annotated[int, Field(ge=0, le=MOST_REPEATS)]
+
+
+class ScheduleError(ValueError):
+    """A schedule that cannot be read, designed or played.
+
+    Parameters
+    ----------
+    sentence : str
+        What is wrong with which value, what is allowed and what to do.
+    path : Path, optional
+        The schedule file.
+    """
+
+    def __init__(self, sentence: str, *, path: Path | None = None) -> None:
+        super().__init__(sentence if path is None else f"{path}: {sentence}")
+        self.sentence = sentence
+        self.path = path
+
+
+class Event(Section):
+    """One target of a schedule with its drive."""
+
+    drive: str = Field(
+        min_length=1, description="Drive: a file or a recording, relative to the schedule, or the id of a recording."
+    )
+    repeats: Repeats | None = Field(
+        default=None, description="How often it is played; left out: designed from the damage plan, or set by blocks."
+    )
+    at_least: Repeats = Field(default=0, description="Fewest repeats that a design may choose.")
+    at_most: Repeats | None = Field(default=None, description="Most repeats that a design may choose.")
+    missed_target_accepted: bool = Field(
+        default=False, description="Whether a drive is played although its recording says that it missed its target."
+    )
+    target: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Target file of a drive that is not from a recording: its damage is that of one repeat.",
+    )
+
+    @model_validator(mode="after")
+    def _check_bounds(self) -> Self:
+        if self.at_most is not None and self.at_most < self.at_least:
+            raise ValueError(f"at_least is {self.at_least} and at_most {self.at_most}; at_least must not be above")
+        return self
+
+
+class Block(Section):
+    """Events of a nested schedule that are played together."""
+
+    times: int = Field(default=1, ge=1, le=MOST_REPEATS, description="How often the block is played.")
+    events: dict[EventName, Annotated[int, Field(ge=1, le=MOST_REPEATS)]] = Field(
+        min_length=1, description="Repeats of each event in one block, in this order."
+    )
+
+
+class CustomerEvent(Section):
+    """How often a customer meets one event."""
+
+    count: Positive = Field(description="How often the customer meets it.")
+    target: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Target file; left out: that of the schedule's event.",
+    )
+
+
+class DamagePlan(Section):
+    """Damage that the endurance test is to reach in each channel: given, or that of a customer's mix of events."""
+
+    damage: dict[str, Positive] | None = Field(
+        default=None,
+        min_length=1,
+        description="Damage by response, in its unit to the power of monitoring.damage_exponent.",
+    )
+    mix: dict[EventName, CustomerEvent] | None = Field(
+        default=None, min_length=1, description="How often a customer meets each event."
+    )
+    largest_ratio: Annotated[float, Field(ge=1)] = Field(
+        default=1.5, description="Largest damage of a channel over its planned damage; a schedule above it is refused."
+    )
+
+    @model_validator(mode="after")
+    def _check_one_way(self) -> Self:
+        if (self.damage is None) == (self.mix is None):
+            raise ValueError("needs either damage or mix; give one of them")
+        return self
+
+
+class KeepRule(Section):
+    """Which repeats are recorded with all samples; of all others the statistics are kept."""
+
+    first: Repeats = Field(default=3, description="The first repeats of each event.")
+    every: Annotated[int, Field(ge=1, le=MOST_REPEATS)] | None = Field(
+        default=500, description="Every n-th repeat of each event; null: none."
+    )
+    around_alarm: Annotated[int, Field(ge=0, le=100)] = Field(
+        default=2, description="Repeats before and after the one with an alarm, beside that one."
+    )
+
+    def keeps(self, nth: int) -> bool:
+        """Return whether the samples of a repeat are kept, alarms aside.
+
+        Parameters
+        ----------
+        nth : int
+            Number of the repeat among those of its event, from 0.
+
+        Returns
+        -------
+        bool
+            True for the first ones and every n-th.
+        """
+        return nth < self.first or (self.every is not None and nth % self.every == 0)
+
+
+class AlarmAction(StrEnum):
+    """What the sequencer does after an alarm."""
+
+    LOG = "log"
+    """The alarm is recorded, and the test goes on."""
+    HOLD = "hold"
+    """The test waits for a decision before the next repeat."""
+    STOP = "stop"
+    """The test ends, and the rig is latched."""
+    ITERATE_AGAIN = "iterate_again"
+    """The drive of the event is corrected in a campaign, and the test goes on with the new one."""
+
+
+class Actions(Section):
+    """What the sequencer does after an alarm of each level."""
+
+    warning: AlarmAction = Field(
+        default=AlarmAction.LOG, strict=False, description="After a warning: log, hold, stop or iterate_again."
+    )
+    abort: AlarmAction = Field(
+        default=AlarmAction.HOLD, strict=False, description="After an abort: log, hold, stop or iterate_again."
+    )
+    playbacks: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=3, description="Most playbacks of the campaign that iterate_again makes."
+    )
+
+
+class Schedule(Section):
+    """The content of a schedule file."""
+
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
+        description="Lower case letters, digits, '-' and '_'; names the endurance test and its recording.",
+    )
+    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="The rig that plays it.")
+    events: dict[EventName, Event] = Field(min_length=1, description="Events by name.")
+    order: Order = Field(
+        default=Order.INTERLEAVED, strict=False, description="in_order, interleaved, shuffled or nested."
+    )
+    seed: Seed = Field(default=0, description="The shuffled order comes from this seed.")
+    blocks: tuple[Block, ...] = Field(
+        default=(), strict=False, description="Blocks of a nested schedule, in the order they are played."
+    )
+    keep: KeepRule = Field(default=KeepRule(), description="Which repeats are recorded with all samples.")
+    monitoring: MonitoringSettings = Field(default=MonitoringSettings(), description="How the repeats are monitored.")
+    actions: Actions = Field(default=Actions(), description="What is done after an alarm.")
+    plan: DamagePlan | None = Field(default=None, description="Damage that the endurance test is to reach.")
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    @property
+    def folder(self) -> Path:
+        """Folder at which the relative paths of the file start."""
+        return self._folder
+
+    @property
+    def repeats(self) -> dict[str, int]:
+        """Repeats of each event, in the order of the events.
+
+        Raises
+        ------
+        ScheduleError
+            The repeats of an event are not designed yet.
+        """
+        if self.order is Order.NESTED:
+            return {name: sum(block.times * block.events.get(name, 0) for block in self.blocks) for name in self.events}
+        if missing := [name for name, event in self.events.items() if event.repeats is None]:
+            raise ScheduleError(
+                f"repeats of {', '.join(missing)} is missing; give it, or let `duralab schedule design` choose it."
+            )
+        return {name: event.repeats or 0 for name, event in self.events.items()}
+
+    @property
+    def total_repeats(self) -> int:
+        """Number of repeats, all events together."""
+        return sum(self.repeats.values())
+
+    def sequence(self) -> NDArray[np.int64]:
+        """Return the event of every repeat.
+
+        Returns
+        -------
+        ndarray, shape (repeats,)
+            Index of the event among `events`, 0 or more; the same for the same schedule and seed.
+
+        Raises
+        ------
+        ScheduleError
+            The repeats of an event are not designed yet.
+        """
+        repeats = tuple(self.repeats.values())
+        match self.order:
+            case Order.NESTED:
+                index = {name: number for number, name in enumerate(self.events)}
+                blocks = [
+                    (block.times, [(index[name], count) for name, count in block.events.items()])
+                    for block in self.blocks
+                ]
+                return nested(blocks)
+            case Order.INTERLEAVED:
+                return interleaved(repeats)
+            case Order.SHUFFLED:
+                return shuffled(repeats, self.seed)
+            case _:
+                return in_order(repeats)
+
+    def with_repeats(self, repeats: dict[str, int]) -> Schedule:
+        """Return this schedule with other repeats.
+
+        Parameters
+        ----------
+        repeats : dict of str to int
+            Repeats of every event, 0 or more.
+
+        Returns
+        -------
+        Schedule
+            Checked; its relative paths start in the same folder.
+        """
+        events = {name: event.model_copy(update={"repeats": repeats[name]}) for name, event in self.events.items()}
+        changed = Schedule(**{**{name: getattr(self, name) for name in type(self).model_fields}, "events": events})
+        return changed.read_from(self.folder)
+
+    def read_from(self, folder: Path) -> Schedule:
+        """Return this schedule with the folder at which its relative paths start.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the schedule file.
+
+        Returns
+        -------
+        Schedule
+            A copy.
+        """
+        copy = self.model_copy()
+        copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
+        return copy
+
+    @model_validator(mode="after")
+    def _check_events(self) -> Self:
+        named = [("blocks", name) for block in self.blocks for name in block.events]
+        if self.plan is not None and self.plan.mix is not None:
+            named += [("plan.mix", name) for name, met in self.plan.mix.items() if met.target is None]
+        for place, name in named:
+            if name not in self.events:
+                raise ValueError(f"{place} names the unknown event {name!r}; known are {', '.join(self.events)}")
+        return self
+
+    @model_validator(mode="after")
+    def _check_repeats(self) -> Self:
+        if (self.order is Order.NESTED) != bool(self.blocks):
+            given = "has no blocks" if self.order is Order.NESTED else f"has blocks and the order {self.order}"
+            raise ValueError(f"{given}; blocks belong to the order nested, and it needs them")
+        given = [event.repeats for event in self.events.values() if event.repeats is not None]
+        if self.order is Order.NESTED:
+            if given:
+                raise ValueError("has repeats of an event beside blocks, which set them; leave repeats out")
+            given = list(self.repeats.values())
+            if idle := [name for name, count in self.repeats.items() if not count]:
+                raise ValueError(f"{', '.join(idle)} stands in no block; name it in one, or leave the event out")
+        total = sum(given)
+        if total > MOST_REPEATS:
+            raise ValueError(f"has {total} repeats; {MOST_REPEATS} are allowed, so divide it into several schedules")
+        if total == 0 and len(given) == len(self.events):
+            raise ValueError("has no repeats at all; give one event repeats above 0")
+        return self
+
+
+def read_schedule(path: Path) -> Schedule:
+    """Read a schedule file.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML.
+
+    Returns
+    -------
+    Schedule
+        Checked; its relative paths start in the folder of the file.
+
+    Raises
+    ------
+    ScheduleError
+        The file cannot be read, or a value is not allowed; one sentence.
+    """
+    try:
+        content = parse_yaml(read_yaml_text(path))
+        schedule = Schedule.model_validate({} if content is None else content)
+    except OSError as error:
+        raise ScheduleError(f"it cannot be read ({error.strerror}); give a schedule file.", path=path) from error
+    except UnicodeDecodeError as error:
+        raise ScheduleError("it is not UTF-8 text.", path=path) from error
+    except YamlError as error:
+        raise ScheduleError(f"it is not YAML: {error}.", path=path) from error
+    except ValidationError as error:
+        raise ScheduleError(explain_validation(error, Schedule).sentence, path=path) from error
+    return schedule.read_from(path.parent)

@@ -1,0 +1,57 @@
+"""What decisions at hold points make of a campaign's specification."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from duralab_proto.v1 import iterator_pb2
+
+
+def decisions_in_force(
+    decisions: Iterable[iterator_pb2.Decision], proposals: Iterable[iterator_pb2.Proposal]
+) -> list[iterator_pb2.Decision]:
+    """Return the decisions that count: not those on a proposal that another one took the place of after a crash.
+
+    Parameters
+    ----------
+    decisions : iterable of Decision
+        Of a recording, in its order.
+    proposals : iterable of Proposal
+        All of that recording.
+
+    Returns
+    -------
+    list of Decision
+        In the same order.
+    """
+    replaced = [range(proposal.replaces, proposal.number) for proposal in proposals if proposal.replaces]
+    return [decision for decision in decisions if not any(decision.proposal in numbers for numbers in replaced)]
+
+
+def revised_specification(
+    specification: iterator_pb2.CampaignSpec, *decisions: iterator_pb2.Decision
+) -> iterator_pb2.CampaignSpec:
+    """Return what a campaign does after decisions.
+
+    Parameters
+    ----------
+    specification : CampaignSpec
+        As it was before them; not changed.
+    *decisions : Decision
+        In their order; those that change no settings leave it as it is.
+
+    Returns
+    -------
+    CampaignSpec
+        A copy with the update, the control band and the campaign file of the last ones that give them.
+    """
+    revised = iterator_pb2.CampaignSpec()
+    revised.CopyFrom(specification)
+    for decision in decisions:
+        if decision.HasField("update"):
+            revised.update.CopyFrom(decision.update)
+        if decision.HasField("control_band"):
+            for field in decision.control_band.DESCRIPTOR.fields:
+                setattr(revised, field.name, getattr(decision.control_band, field.name))
+        revised.scenario = decision.scenario or revised.scenario
+    return revised

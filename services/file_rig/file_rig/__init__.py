@@ -1,0 +1,1 @@
+"""Gateway to rig controllers that exchange drive and response files."""

@@ -1,0 +1,173 @@
+"""The playbacks that the next drive is made from: all, in order, unless a decision went back to an earlier one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duralab_drive_map import DriveMap
+from duralab_spectra import rms
+from iterator.assessment import Forecast
+from iterator.holds.basis import Basis
+from iterator.limits import DriveLimits, held_share
+from iterator.model import IterationHistory, Playback, RigModel
+from iterator.playbacks import NOTHING_KNOWN, KnownBefore, mapped_drive
+from iterator.updates import learned_before
+
+# Share of the time that the last drive stood at a limit, above which its nonlinear terms are not used: a drive that is
+# cut off does not do what its square foresees. With 85 % of the stroke that a target needs it is 0.6 to 1 %.
+_MOST_HELD: Final = 0.002
+
+
+@dataclass(frozen=True)
+class Revision:
+    """What a decision changes before a drive is made again.
+
+    `basis`: What drives are made and judged by from now on; None as before. `from_iteration`: Playback that the next
+    drive is made from; 0 for the last one.
+    """
+
+    basis: Basis | None = None
+    from_iteration: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A playback as it was made: what it takes to go back to it, or to see it in another control band."""
+
+    basis: Basis
+    drive_map: DriveMap | None
+    drive: NDArray[np.float64]
+    response: NDArray[np.float64]
+    level: float
+    model: RigModel
+    forecast: Forecast
+    numbers: tuple[int, ...]
+    """The playbacks that it ends, its own number last."""
+
+
+class Lineage:
+    """Everything that the next drive is made from.
+
+    `basis`: Of the campaign. `limits`: Of the rig, if known. `drive_map`: That drives are made with; None for the
+    identity. `keep`: Whether decisions may come: then the samples of every playback are kept. `known`: What is known
+    before the first playback.
+    """
+
+    def __init__(
+        self,
+        basis: Basis,
+        *,
+        limits: DriveLimits | None,
+        drive_map: DriveMap | None,
+        keep: bool,
+        known: KnownBefore = NOTHING_KNOWN,
+    ) -> None:
+        self.basis = basis
+        self.drive_map = drive_map
+        self._known = known
+        self.history = IterationHistory(target=basis.controlled_target, start=self._start())
+        self.model = self._informed(basis.model)
+        """What the last drive was made with, as far as the basis is the same."""
+        self.forecast: Forecast | None = None
+        """Of the last playback, compared with it; None before the first and where it is not comparable."""
+        self.last_drive: NDArray[np.float64] | None = None
+        self.numbers: tuple[int, ...] = ()
+        """The playbacks that the next drive is made from."""
+        self._limits = limits
+        self._keep = keep
+        self._made: list[_Made] = []
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the last drive stood at a limit for so long that its nonlinear terms are not used."""
+        if self.last_drive is None or self._limits is None:
+            return False
+        return held_share(self.last_drive, self._limits) > _MOST_HELD
+
+    def add(
+        self,
+        *,
+        drive: NDArray[np.float64],
+        mapped: NDArray[np.float64],
+        response: NDArray[np.float64],
+        judged: NDArray[np.float64],
+        level: float,
+        model: RigModel,
+        forecast: Forecast,
+        number: int,
+        made_with: DriveMap | None,
+    ) -> None:
+        """Add a playback.
+
+        `drive`, `mapped`, shape (n_u, samples): As played, and as updates see it. `response`, shape (n_y, samples): As
+        measured. `judged`: Rows of the controlled ones in the band, divided by the level. `model`: What it was made
+        with. `forecast`: Compared with it. `made_with`: The drive map, if any.
+        """
+        self.history = self.history.after(Playback(drive=mapped / level, response=judged))
+        # A drive map that was learned from this playback maps the drives of earlier campaigns, too.
+        remapped = self._known.campaigns and self._informed_with is not self.drive_map
+        self.model = self._informed(self.basis.model) if remapped else model
+        self.forecast, self.last_drive = forecast, drive
+        self.numbers = (*self.numbers, number)
+        if self._keep:
+            self._made.append(
+                _Made(self.basis, made_with, drive, response, level, model, forecast, numbers=self.numbers)
+            )
+
+    def revise(self, revision: Revision) -> None:
+        """Go back to an earlier playback, change what drives are made and judged by, or both."""
+        if revision.from_iteration:
+            self.numbers = self._made[revision.from_iteration - 1].numbers
+        self.basis = basis = revision.basis or self.basis
+        line = [self._made[number - 1] for number in self.numbers]
+        playbacks = tuple(self._seen(made) for made in line)
+        self.history = IterationHistory(basis.controlled_target, playbacks, start=self._start())
+        last = line[-1] if line else None
+        self.last_drive = None if last is None else last.drive
+        # What an update learned of the rig is kept where it goes on from there; otherwise it learns again.
+        self.model = last.model if last is not None and basis.updates_as(last.basis) else self._informed(basis.model)
+        self.forecast = last.forecast if last is not None and basis.judges_as(last.basis) else None
+
+    def given_drive(self) -> NDArray[np.float64] | None:
+        """Return the first drive that is to be played as it is, mapped and in the band; None where there is none."""
+        first = self._known.first_drive
+        return None if first is None or first.response is not None else self._in_band(first.drive)
+
+    def _start(self) -> Playback | None:
+        """Return the first drive with the response it gave, both scaled to the target."""
+        first = self._known.first_drive
+        if first is None or first.response is None:
+            return None
+        target, response = self.basis.controlled_target, self._response(first.response)
+        weight = 1.0 / np.square(rms(target))
+        energy = float(weight @ np.einsum("ct,ct->c", response, response))
+        scale = float(weight @ np.einsum("ct,ct->c", response, target)) / energy if energy > 0.0 else 0.0
+        return Playback(drive=scale * self._in_band(first.drive), response=scale * response)
+
+    def _informed(self, model: RigModel) -> RigModel:
+        """Return a model that has learned from the playbacks of earlier campaigns."""
+        self._informed_with = self.drive_map
+        earlier = tuple(
+            tuple(Playback(self._in_band(each.drive), self._response(each.response)) for each in campaign)
+            for campaign in self._known.campaigns
+        )
+        return learned_before(earlier, model, self.basis.own_settings.update) if earlier else model
+
+    def _in_band(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.basis.settings.update.band.limit_drive(mapped_drive(drive, self.drive_map))
+
+    def _response(self, response: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.basis.rows(self.basis.settings.update.band.limit_response(response))
+
+    def _seen(self, made: _Made) -> Playback:
+        """Return a playback as the update sees it now: in this control band, mapped by this map."""
+        band = self.basis.settings.update.band
+        fits = made.basis.settings.update.band == band and made.drive_map is self.drive_map
+        mapped = mapped_drive(made.drive, self.drive_map)
+        response = self.basis.rows(band.limit_response(made.response) / made.level)
+        # What a drive has outside the band would stay in every drive that follows.
+        return Playback(drive=(mapped if fits else band.limit_drive(mapped)) / made.level, response=response)

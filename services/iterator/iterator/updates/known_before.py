@@ -1,0 +1,28 @@
+"""What an update learns of a rig from the playbacks of earlier campaigns, before its own first one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from duralab_settings import UpdateKind
+from iterator.model import IterationHistory, Playback, RigModel
+from iterator.updates.adaptive_modelling import corrected, estimate_correction
+from iterator.updates.settings import UpdateSettings
+
+
+def learned_before(earlier: tuple[tuple[Playback, ...], ...], model: RigModel, settings: UpdateSettings) -> RigModel:
+    """Return the model as playbacks of earlier campaigns on the same rig correct it.
+
+    The secant update fits its model to their steps whenever it fits, so that it keeps them; Adaptive Modelling corrects
+    the model by one playback after the other; basic TWR learns nothing.
+
+    `earlier`: Drives mapped where there is a map, responses in the control band, by campaigns. `model`: As identified.
+    """
+    if settings.kind is UpdateKind.SECANT:
+        return replace(model, earlier=earlier)
+    if settings.kind is UpdateKind.ADAPTIVE_MODELLING:
+        for playback in (each for campaign in earlier for each in campaign):
+            # The target of that campaign is near its response, and tells no more than which lines have energy.
+            history = IterationHistory(target=playback.response, playbacks=(playback,))
+            model = corrected(model, estimate_correction(history, model, settings), settings.prediction)
+    return model

@@ -1,0 +1,1 @@
+"""Page in a browser from which an operator sets up, watches, decides, stops and reports."""

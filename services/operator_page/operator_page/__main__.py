@@ -1,0 +1,11 @@
+"""`python -m operator_page --config FILE`: serve the page until it is told to end."""
+
+from duralab_bus import HostedService, service_main
+from operator_page.config import PageConfig
+from operator_page.service import NAME, build
+
+HOSTED = HostedService(NAME, PageConfig, build)
+"""The service as one of several in a process."""
+
+if __name__ == "__main__":
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

@@ -1,0 +1,193 @@
+"""What people do at the page, carried out in the lab, each with the name of who did it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from duralab import Campaign, InputError, LabError, RunProgress, load_campaign, shipped_campaigns
+from duralab.lab import Lab
+from duralab_bus import BusError
+from operator_page.deliberation import Holders
+from operator_page.lab_view import LabView
+from operator_page.requests import Begin, Decide, Resume
+
+ANSWER_SECONDS = 0.12
+"""A stop is answered within 0.2 s: where the rig is still on its way down by then, the stream says when it rests."""
+
+
+class Commands:
+    """Commands of people to the lab; safe for threads."""
+
+    def __init__(self, lab: Lab, view: LabView, holders: Holders, *, folder: Path) -> None:
+        self._lab, self._view, self._holders, self.folder = lab, view, holders, folder
+        self._log = structlog.get_logger("operator_page")
+        self._lock = threading.Lock()
+        self._beginning: dict[str, threading.Event] = {}
+        # A stop never waits for something else.
+        self._stops = ThreadPoolExecutor(32, thread_name_prefix="page-stop")
+
+    def _did(self, who: str, text: str, **values: Any) -> None:
+        """Note a command: on every page, and in the log of the service."""
+        self._log.info("command", who=who, did=text, **values)
+        self._view.say(text, who=who)
+
+    def _in_background(self, work: Callable[[], object], *, name: str) -> None:
+        def run() -> None:
+            try:
+                work()
+            except (LabError, BusError) as error:
+                self._view.say(str(error), trouble=True)
+            except Exception:  # noqa: BLE001 - said on every page, and in the log
+                self._log.exception("a command failed")
+                self._view.say("The page could not carry a command out; its log says why.", trouble=True)
+
+        threading.Thread(target=run, name=name, daemon=True).start()
+
+    def stop(self, rig: str, who: str, reason: str) -> dict[str, Any]:
+        """Stop a rig and what moves it, now; answer in a moment, whether it rests already or not."""
+        why = f"{reason or 'Stop'} ({who}, at the operator page)"
+        with self._lock:
+            beginning = [event for name, event in self._beginning.items() if rig in name.split()]
+        for event in beginning:
+            event.set()
+        campaigns = self._view.campaigns_on(rig)
+        sent: list[Future[Any]] = [self._stops.submit(self._lab.stop_rig, rig, reason=why)]
+        sent += [self._stops.submit(self._lab.stop, id, reason=why) for id in campaigns]
+        self._did(who, f"Stop of {rig}" + (f": {reason}" if reason else "."), campaigns=campaigns)
+        done, pending = wait(sent, timeout=ANSWER_SECONDS)
+        for future in pending:
+            future.add_done_callback(self._tell_failure)
+        for future in done:
+            future.result()
+        return {"rests": not pending}
+
+    def _tell_failure(self, future: Future[Any]) -> None:
+        if (error := future.exception()) is not None:
+            self._view.say(f"The stop was not carried out: {error}", trouble=True)
+
+    def stop_all(self, who: str, reason: str) -> dict[str, Any]:
+        """Stop every rig."""
+        answers = [self._stops.submit(self.stop, rig, who, reason) for rig in self._lab.rig_names()]
+        return {"rests": all(answer.result()["rests"] for answer in answers)}
+
+    def reset(self, rig: str, who: str, reason: str) -> dict[str, Any]:
+        """Clear the latch of a rig."""
+        self._holders.require(rig, who)
+        self._did(who, f"Reset of {rig}: {reason}")
+        state = self._lab.reset(rig)
+        return {"mode": state.mode.value}
+
+    def take(self, rig: str, who: str) -> dict[str, Any]:
+        """Take a rig over from who holds it."""
+        self._require_known(rig)
+        before = self._holders.take(rig, who)
+        from_whom = f" from {before.name}" if before is not None and before.name != who else ""
+        self._did(who, f"{who} holds the rig {rig} now, taken over{from_whom}.")
+        return {"holder": who}
+
+    def release(self, rig: str, who: str) -> dict[str, Any]:
+        """Hold a rig no more."""
+        if self._holders.release(rig, who):
+            self._did(who, f"{who} no longer holds the rig {rig}.")
+        return {}
+
+    def _require_known(self, rig: str) -> None:
+        if rig not in (known := self._lab.rig_names()):
+            raise InputError(f"There is no rig {rig!r}; there are {', '.join(known) or 'none'}.", field="rig")
+
+    def campaign(self, kind: str, name: str) -> Campaign:
+        """Return a shipped campaign, or one of a file of the page's folder."""
+        return load_campaign(name if kind == "shipped" else self.folder / f"{name}.yaml")
+
+    def begin(self, values: Begin, who: str) -> dict[str, Any]:
+        """Begin a campaign; it goes on without the page."""
+        if values.kind == "shipped" and values.name not in (shipped := shipped_campaigns()):
+            raise InputError(f"There is no shipped campaign {values.name!r}; there are {', '.join(shipped)}.")
+        plan = self.campaign(values.kind, values.name)
+        folder = Path() if values.kind == "shipped" else self.folder
+        plan = plan.read_from(folder=folder, text=f"# Begun at the operator page by {who}.\n{plan.text}")
+        for rig in plan.rigs:
+            self._require_known(rig)
+            self._holders.require(rig, who)
+        cancel, key = threading.Event(), " ".join(plan.rigs)
+        with self._lock:
+            if taken := [rig for name in self._beginning for rig in name.split() if rig in plan.rigs]:
+                raise InputError(f"A campaign is already being made ready on {taken[0]}; wait, or stop it.")
+            self._beginning[key] = cancel
+
+        def tell(progress: RunProgress) -> None:
+            self._view.wait_with(plan.rig, progress.activity)
+
+        def work() -> None:
+            try:
+                self._view.wait_with(plan.rig, "making the target")
+                id = self._lab.begin(plan, on_progress=tell, cancel=cancel)
+                self._view.say(f"The campaign {id} has begun.", who=who)
+            finally:
+                with self._lock:
+                    del self._beginning[key]
+                self._view.wait_with(plan.rig, "")
+
+        self._did(who, f"Begin of campaign {plan.name} on {plan.rig}.")
+        self._in_background(work, name="page-begin")
+        return {"rig": plan.rig, "campaign": plan.name}
+
+    def pre_test(self, rig: str, who: str) -> dict[str, Any]:
+        """Play small pulses on each drive of a rig and say what is wrong; it goes on without the page."""
+        self._require_known(rig)
+        self._holders.require(rig, who)
+        self._did(who, f"Pre-test of {rig}.")
+
+        def work() -> None:
+            found = self._lab.pre_test(rig)
+            for finding in found.findings:
+                self._view.say(f"Pre-test of {rig}: {finding.sentence}", trouble=finding.failed)
+            self._view.say(
+                f"The pre-test of {rig} is {'passed' if found.passed else 'not passed'}.", trouble=not found.passed
+            )
+
+        self._in_background(work, name="page-pre-test")
+        return {}
+
+    def stop_campaign(self, id: str, who: str, reason: str) -> dict[str, Any]:
+        """Stop a campaign and the rig it uses."""
+        if rig := self._view.rig_of(id):
+            return self.stop(rig, who, reason)
+        raise InputError(f"There is no campaign {id!r} under way.", field="id")
+
+    def decide(self, id: str, values: Decide, who: str) -> dict[str, Any]:
+        """Decide at a hold point."""
+        self._holders.require(self._rig_of(id), who)
+        progress = self._lab.decide(
+            id,
+            values.kind,
+            proposal=values.proposal,
+            name=who,
+            reason=values.reason,
+            settings=values.settings,
+            from_iteration=values.from_iteration,
+        )
+        self._did(who, f"{id}: {values.kind}, on proposal {values.proposal}: {values.reason}")
+        return {"activity": progress.activity}
+
+    def resume(self, id: str, values: Resume, who: str) -> dict[str, Any]:
+        """Continue a campaign that was broken off, or take an ended one up again; it goes on without the page."""
+        rig = self._rig_of(id)
+        self._holders.require(rig, who)
+        self._did(who, f"Resume of campaign {id} on {rig}.")
+        out = self.folder / "results" / id
+        self._in_background(
+            lambda: self._lab.resume(id, from_iteration=values.from_iteration, out=out), name="page-resume"
+        )
+        return {"rig": rig}
+
+    def _rig_of(self, id: str) -> str:
+        if not (rig := self._view.rig_of(id)):
+            raise InputError(f"There is no campaign {id!r} in this lab.", field="id")
+        return rig

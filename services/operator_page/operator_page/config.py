@@ -1,0 +1,56 @@
+"""How the operator page is configured."""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from duralab_bus import ServiceConfig
+
+DEFAULT_PORT = 7480
+
+
+class PageTls(BaseModel):
+    """Certificate and private key that the page shows to browsers, PEM."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    certificate: Path
+    key: Path
+
+
+class PageConfig(ServiceConfig):
+    """Configuration of the operator page."""
+
+    # Address to listen at. Other than loopback needs `tls` and `accounts`.
+    host: str = "127.0.0.1"
+    # 0 takes a free one.
+    port: int = Field(default=DEFAULT_PORT, ge=0, le=65535)
+    tls: PageTls | None = None
+    # Names by which browsers may reach the page, besides `host` and localhost: a request to another one is refused.
+    names: tuple[str, ...] = ()
+    # File of those who may sign in; left out: everybody at this machine is the local operator.
+    accounts: Path | None = None
+    # After so long a person signs in again.
+    session_hours: float = Field(default=12.0, gt=0, le=168)
+    # Where campaign files, uploads and reports go; made if it is not there.
+    folder: Path = Path("page")
+    # Largest file that is taken from a browser.
+    largest_upload_mebibytes: int = Field(default=256, ge=1, le=4096)
+    # Page of Rerun's web viewer that is shown beside a rig, e.g. http://127.0.0.1:9090/?url=...
+    viewer: str | None = Field(default=None, pattern=r"^https?://[A-Za-z0-9.\-\[\]:]+/[!-~]*$")
+
+    @model_validator(mode="after")
+    def _check_security(self) -> Self:
+        try:
+            loopback = ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            raise ValueError(f"host is {self.host!r}; give the number of an address, e.g. 127.0.0.1") from None
+        if not loopback and (self.tls is None or self.accounts is None):
+            raise ValueError(f"host is {self.host}, which others reach; give `tls` and `accounts`, or host 127.0.0.1")
+        if self.bus.tls is not None and self.accounts is None:
+            raise ValueError("the lab is secured (`bus.tls`); give `accounts`, so that people sign in")
+        return self

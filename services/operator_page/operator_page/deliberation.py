@@ -1,0 +1,89 @@
+"""What a motion needs beside a right: a second deliberate act, data that are not old, and the rig in one's hand."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+ARMED_SECONDS = 10.0
+"""The second act follows the first within this time."""
+OLDEST_SECONDS = 3.0
+"""Who acts on older data than these acts on what is no longer so."""
+MOST_ARMED = 1000
+
+
+class Arming:
+    """The first of two acts: it names an action with all of its values and gives a word that does it once."""
+
+    def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._lock = clock, threading.Lock()
+        self._armed: dict[str, tuple[str, str, float]] = {}
+
+    def arm(self, who: str, action: str, values: Mapping[str, Any]) -> str:
+        """Return the word that does an action once, for who armed it, with these values."""
+        word = secrets.token_urlsafe(16)
+        with self._lock:
+            now = self._clock()
+            self._armed = {key: one for key, one in self._armed.items() if one[2] > now}
+            if len(self._armed) >= MOST_ARMED:
+                self._armed.pop(next(iter(self._armed)))
+            self._armed[word] = (who, _key(action, values), now + ARMED_SECONDS)
+        return word
+
+    def use(self, word: str, who: str, action: str, values: Mapping[str, Any]) -> bool:
+        """Return whether an action was armed by the same person and session, and not used or too old since."""
+        with self._lock:
+            found = self._armed.pop(word, None)
+            return found is not None and found[:2] == (who, _key(action, values)) and found[2] > self._clock()
+
+
+def _key(action: str, values: Mapping[str, Any]) -> str:
+    return json.dumps([action, values], sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Who holds a rig, since when (seconds since 1970 UTC)."""
+
+    name: str
+    since: float
+
+
+class Holders:
+    """Who holds which rig: the first who commands it, until another one takes it over."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holders: dict[str, Holder] = {}
+
+    def of(self, rig: str) -> Holder | None:
+        """Return who holds a rig."""
+        return self._holders.get(rig)
+
+    def require(self, rig: str, name: str) -> Holder:
+        """Return the holder of a rig, who is `name`, also where nobody held it; PermissionError with a sentence."""
+        with self._lock:
+            holder = self._holders.setdefault(rig, Holder(name, time.time()))
+        if holder.name != name:
+            raise PermissionError(f"{holder.name} holds the rig {rig}; ask {holder.name}, or take the rig over first.")
+        return holder
+
+    def take(self, rig: str, name: str) -> Holder | None:
+        """Give a rig to a person; return who held it before."""
+        with self._lock:
+            before = self._holders.get(rig)
+            self._holders[rig] = Holder(name, time.time())
+        return before
+
+    def release(self, rig: str, name: str) -> bool:
+        """Let a rig be held by none where this person held it; return whether that was so."""
+        with self._lock:
+            held = (found := self._holders.get(rig)) is not None and found.name == name
+            if held:
+                del self._holders[rig]
+        return held

@@ -1,0 +1,169 @@
+"""What the lab says as documents that a browser reads: no infinity, no array, no object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from duralab import CatalogueEntry, IterationTable, Proposal, Rig, RunProgress, Signals
+from duralab.lab import ServiceHealth
+from operator_page.envelope import Envelope, rounded
+
+
+def number(value: float) -> float | None:
+    """Return a number as JSON has it; None where it is none."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def numbers(values: np.ndarray) -> Any:
+    """Return an array as nested lists of numbers."""
+    return [numbers(row) for row in values] if values.ndim > 1 else [number(value) for value in values.tolist()]
+
+
+def campaign_document(id: str, progress: RunProgress, *, rig: str, ended: bool, age: float) -> dict[str, Any]:
+    """Return how far a campaign is."""
+    return {
+        "id": id,
+        "rig": rig,
+        "ended": ended,
+        "age": age,
+        "activity": progress.activity,
+        "fraction": number(progress.fraction),
+        "remaining": number(progress.remaining_seconds) if progress.remaining_seconds >= 0 else None,
+        "table": None if progress.iterations is None else _table(progress.iterations),
+        "hold": None if progress.hold is None else proposal_document(progress.hold),
+    }
+
+
+def _table(table: IterationTable) -> dict[str, Any]:
+    return {
+        "channels": list(table.channels),
+        "watched": table.watched.tolist(),
+        "numbers": list(table.numbers),
+        "level": numbers(table.level),
+        "overall": numbers(table.overall),
+        "error": numbers(table.relative_rms_error),
+        "peak": numbers(table.peak_ratio),
+        # Of slope 5, as damage is counted where no other is asked for.
+        "damage": numbers(table.damage_ratio[:, :, 1]),
+        "predicted": None if table.predicted_error is None else numbers(table.predicted_error),
+        "best": table.numbers[table.best] if len(table) else None,
+    }
+
+
+def proposal_document(proposal: Proposal) -> dict[str, Any]:
+    """Return what a campaign waits with, without samples."""
+    return {
+        "number": proposal.number,
+        "playback": proposal.playback,
+        "reason": proposal.reason,
+        "level": number(proposal.level),
+        "follows": proposal.follows,
+        "overall": number(proposal.overall_error),
+        "remarks": list(proposal.remarks),
+        "refusal": proposal.refusal,
+        "drives": [
+            {**vars(use), **{k: number(v) for k, v in vars(use).items() if k != "channel"}} for use in proposal.drives
+        ],
+        "responses": [
+            {
+                "channel": each.channel,
+                "error": number(each.relative_rms_error),
+                "peak": number(each.peak_ratio),
+                "damage": number(each.damage_ratio[1]) if len(each.damage_ratio) > 1 else None,
+                "uncertainty": number(each.uncertainty),
+            }
+            for each in proposal.responses
+        ],
+    }
+
+
+def service_document(health: ServiceHealth) -> dict[str, Any]:
+    """Return how a service is."""
+    free = health.value("duralab_recorder_free_bytes")
+    return {
+        "service": health.service,
+        "instance": health.instance,
+        "up": number(health.up_seconds),
+        "trouble": health.trouble,
+        "free_bytes": None if free is None else number(free),
+    }
+
+
+def rig_document(rig: Rig) -> dict[str, Any]:
+    """Return what a rig is: channels, limits, sensors."""
+    return {
+        "name": rig.name,
+        "specimen": rig.specimen,
+        "engine": rig.engine,
+        "version": rig.version,
+        "sample_rate": rig.sample_rate,
+        "longest_drive_seconds": number(rig.longest_drive_seconds),
+        "simulated": rig.simulated,
+        "cannot_be_stopped": rig.cannot_be_stopped,
+        "overdue": list(rig.overdue),
+        "rest": numbers(rig.static_response),
+        "drives": [_channel(each) for each in rig.drives],
+        "responses": [_channel(each) for each in rig.responses],
+    }
+
+
+def _channel(channel: Any) -> dict[str, Any]:
+    sensor = channel.sensor
+    return {
+        "name": channel.name,
+        "unit": channel.unit,
+        "label": channel.label,
+        "minimum": number(channel.minimum),
+        "maximum": number(channel.maximum),
+        "slew_limit": number(channel.slew_limit) or None,
+        "watchdog": number(channel.watchdog) or None,
+        "sensor": None
+        if sensor is None
+        else {
+            "serial_number": sensor.serial_number,
+            "calibration_due": sensor.calibration_due,
+            "warning_level": number(sensor.warning_level) or None,
+            "abort_level": number(sensor.abort_level) or None,
+        },
+    }
+
+
+def target_document(target: Signals) -> dict[str, Any]:
+    """Return a target without its static part, the straight line from its first to its last sample, thinned."""
+    first, last = target.samples[:, :1], target.samples[:, -1:]
+    return signals_document(
+        replace(target, samples=target.samples - np.linspace(first, last, target.samples.shape[1], axis=1)[..., 0])
+    )
+
+
+def recording_document(entry: CatalogueEntry) -> dict[str, Any]:
+    """Return what the catalogue says of a recording."""
+    return {
+        "id": entry.id,
+        "rig": entry.rig,
+        "target": entry.target,
+        "begun": None if entry.begun is None else entry.begun.timestamp(),
+        "result": entry.result.value,
+        "closed": entry.closed,
+        "missing": entry.missing_blocks,
+        "bytes": entry.bytes,
+    }
+
+
+def signals_document(signals: Signals) -> dict[str, Any]:
+    """Return a whole record, thinned."""
+    envelope = Envelope(signals.samples.shape[0], samples=signals.samples.shape[1])
+    envelope.put(0, signals.samples)
+    low, high = envelope.part(0)
+    return {
+        "channels": [{"name": each.name, "unit": each.unit} for each in signals.channels],
+        "seconds": signals.duration,
+        "sample_rate": signals.sample_rate,
+        "bucket_seconds": envelope.bucket_samples / signals.sample_rate,
+        "low": rounded(low),
+        "high": rounded(high),
+    }

@@ -1,0 +1,116 @@
+"""Campaign files and measured files of the page's folder: checked, saved whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import secrets
+from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from duralab import Campaign, InputError, Rig
+from duralab.campaign import (
+    campaign_text,
+    check_against_rig,
+    parse_campaign,
+    shipped_campaigns,
+    shipped_text,
+    template_for,
+)
+from duralab.output_files import replace_when_complete
+
+UPLOADS: Final = "uploads"
+SUFFIXES: Final = (".rsp", ".drv", ".tim", ".mf4", ".uff", ".unv", ".tdms", ".mat", ".parquet", ".csv")
+MOST_UPLOADS: Final = 200
+
+
+class PageFiles:
+    """The page's folder; `largest_bytes`: of one file that is taken from a browser."""
+
+    def __init__(self, folder: Path, *, largest_bytes: int) -> None:
+        self.folder, self._largest_bytes = folder, largest_bytes
+
+    def listed(self) -> dict[str, Any]:
+        """Return the names of all campaigns there are."""
+        return {"shipped": shipped_campaigns(), "files": sorted(path.stem for path in self.folder.glob("*.yaml"))}
+
+    def path(self, name: str) -> Path:
+        """Return where the campaign of a name is kept; the name is checked, and holds no separator."""
+        return self.folder / f"{name}.yaml"
+
+    def document(self, kind: str, name: str) -> dict[str, Any]:
+        """Return a campaign file as a document to edit."""
+        if kind == "shipped":
+            text = shipped_text(name)
+        else:
+            path = self.path(name)
+            if not path.is_file():
+                raise InputError(f"There is no campaign file {name!r} on this page.", field="name")
+            text = path.read_text(encoding="utf-8")
+        return self._as_document(parse_campaign(text, name=name, folder=self.folder))
+
+    def template(self, rig: Rig) -> dict[str, Any]:
+        """Return a campaign for a rig to begin with: its experiment is made for the rig's drives."""
+        text = campaign_text(template_for(rig.name), path=self.path("new"), rig=rig)
+        return self._as_document(parse_campaign(text, name="new", folder=self.folder))
+
+    @staticmethod
+    def _as_document(plan: Campaign) -> dict[str, Any]:
+        return yaml.safe_load(yaml.safe_dump(plan.model_dump(mode="json", exclude_unset=True)))
+
+    def checked(self, document: Mapping[str, Any], rig: Rig | None) -> tuple[Campaign, str]:
+        """Check a document as the command line checks a file; return the campaign, and the text of that file."""
+        text = yaml.safe_dump(dict(document), sort_keys=False, allow_unicode=True)
+        plan = parse_campaign(text, name=str(document.get("name", "campaign")), folder=self.folder)
+        measured = plan.target.file or (plan.target.opencrg.path if plan.target.opencrg is not None else None)
+        if measured is not None and not self._is_inside(measured):
+            raise InputError(f"target is {str(measured)!r}; give a file that was put on this page.", field="target")
+        if rig is not None:
+            check_against_rig(plan, rig)
+        return plan, text
+
+    def _is_inside(self, path: Path) -> bool:
+        return (self.folder / path).resolve().is_relative_to(self.folder.resolve())
+
+    def save(self, plan: Campaign, text: str, *, replace: bool) -> None:
+        """Save a campaign under its name."""
+        path = self.path(plan.name)
+        if path.exists() and not replace:
+            raise InputError(
+                f"There is a campaign {plan.name!r} already; give another name, or replace it.", field="name"
+            )
+        with replace_when_complete(path) as part:
+            part.write_text(text, encoding="utf-8")
+
+    async def upload(self, name: str, pieces: AsyncIterator[bytes]) -> str:
+        """Keep a file that a browser sends; return its path in the folder, which no other file has."""
+        suffix = Path(name).suffix.lower()
+        if suffix not in SUFFIXES:
+            raise InputError(f"The file {name!r} is of no known kind; give one of {', '.join(SUFFIXES)}.", field="file")
+        folder = self.folder / UPLOADS
+        folder.mkdir(exist_ok=True)
+        if sum(1 for _ in folder.iterdir()) >= MOST_UPLOADS:
+            raise InputError(
+                f"{MOST_UPLOADS} files are kept already in {folder.name}; remove some first.", field="file"
+            )
+        part, digest, size = folder / f".{secrets.token_hex(8)}.part", hashlib.sha256(), 0
+        try:
+            with part.open("xb") as stream:
+                async for piece in pieces:
+                    size += len(piece)
+                    if size > self._largest_bytes:
+                        raise InputError(
+                            f"The file is larger than {self._largest_bytes // 2**20} MiB; shorten it first.",
+                            field="file",
+                        )
+                    digest.update(piece)
+                    stream.write(piece)
+            stem = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(name).stem)[:60] or "file"
+            kept = f"{stem}-{digest.hexdigest()[:8]}{suffix}"
+            part.replace(folder / kept)
+        finally:
+            part.unlink(missing_ok=True)
+        return f"{UPLOADS}/{kept}"

@@ -1,0 +1,80 @@
+"""What a browser may send: the values of each command, checked before anything looks at them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from operator_page.accounts import LONGEST_PASSWORD, NAME_PATTERN
+
+CAMPAIGN_NAME = r"^[a-z0-9][a-z0-9_-]{0,59}$"
+Said = Annotated[str, StringConstraints(strip_whitespace=True, max_length=500)]
+Reason = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
+
+
+class Values(BaseModel):
+    """Values of a command."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Nothing(Values):
+    """A command without values."""
+
+
+class SignIn(Values):
+    """Name and password of a person."""
+
+    name: Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+    password: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_PASSWORD)]
+
+
+class Stop(Values):
+    """Why something is stopped, if somebody says."""
+
+    reason: Said = ""
+
+
+class Reset(Values):
+    """Why a rig may move again."""
+
+    reason: Reason
+
+
+class Begin(Values):
+    """The campaign to begin: a shipped one, or a file of the page's folder."""
+
+    kind: Literal["shipped", "file"]
+    name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
+
+
+class Decide(Values):
+    """A decision at a hold point."""
+
+    kind: Literal["play", "change", "back", "end"]
+    proposal: int = Field(ge=1, lt=2**32)
+    reason: Reason
+    settings: dict[str, Any] | None = None
+    from_iteration: int = Field(default=0, ge=0, lt=2**32)
+
+
+class Resume(Values):
+    """From which playback a campaign goes on; 0 is the last."""
+
+    from_iteration: int = Field(default=0, ge=0, lt=2**32)
+
+
+class Arm(Values):
+    """The first of two acts: what is to be done, and its values."""
+
+    action: Annotated[str, StringConstraints(pattern=r"^/api/[a-z0-9_/-]{1,250}$")]
+    values: dict[str, Any]
+
+
+class CampaignDocument(Values):
+    """A campaign as its file would say it; saved where `save`, in the place of another one where `replace`."""
+
+    document: dict[str, Any]
+    save: bool = False
+    replace: bool = False

@@ -1,0 +1,107 @@
+// Parts that several screens use: a motion in two acts, a state with its age, tables of figures, plots.
+"use strict";
+import { act, arm, attempt, html, mayMove, say, state, useEffect, useRef, useState } from "/web/lab.js";
+
+export const figure = (value, digits = 3) => (value === null || value === undefined ? "–" : Number(value.toPrecision(digits)).toString());
+export const share = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(0)} %`);
+export const clock = (when) => new Date(1000 * when).toLocaleTimeString([], { hour12: false });
+
+export function span(value) {
+  if (value === null || value === undefined) return "–";
+  if (value < 90) return `${value.toFixed(0)} s`;
+  return value < 5400 ? `${(value / 60).toFixed(0)} min` : `${(value / 3600).toFixed(1)} h`;
+}
+
+// Colour is never the only sign: each state has a word and a shape of its own.
+const SHAPES = { idle: "○", playing: "▶", settling: "◐", "ramping down": "▼", waiting: "…", interlocked: "■", unknown: "?" };
+
+export function Mode({ rig }) {
+  const old = rig.age > 3;
+  const mode = old ? "unknown" : rig.mode;
+  return html`<span class="mode mode-${mode.replace(" ", "-")}"><span aria-hidden="true">${SHAPES[mode] || "?"}</span> ${old ? `no answer for ${span(rig.age)}` : mode}</span>`;
+}
+
+// First act: arm. Second act, within 10 s: do it.
+export function Deliberate({ label, action, values, ready = true, done, kind = "" }) {
+  const [armed, setArmed] = useState(null);
+  const [left, setLeft] = useState(0);
+  const key = JSON.stringify([action, values]);
+  const go = useRef(null);
+  useEffect(() => setArmed(null), [key]);
+  useEffect(() => {
+    if (!armed) return undefined;
+    if (go.current) go.current.focus();
+    const timer = setInterval(() => {
+      const rest = Math.ceil((armed.until - Date.now()) / 1000);
+      setLeft(rest);
+      if (rest <= 0 || !mayMove()) setArmed(null);
+    }, 200);
+    return () => clearInterval(timer);
+  }, [armed]);
+  const first = async () => {
+    const answer = await attempt(() => arm(action, values));
+    if (answer) { setLeft(10); setArmed({ word: answer.word, until: Date.now() + 10000 }); }
+  };
+  const second = async () => {
+    const { word } = armed;
+    setArmed(null);
+    const answer = await attempt(() => act(action, values, word));
+    if (answer) { say(`${label}: done.`); if (done) done(answer); }
+  };
+  return html`<span class="deliberate" role="group" aria-label=${label}>
+    <button type="button" class="arm" disabled=${!ready || !mayMove() || armed} onClick=${first}>${armed ? "Armed" : `Arm: ${label}`}</button>
+    ${armed && html`<button type="button" ref=${go} class="go ${kind}" disabled=${!mayMove()} onClick=${second}>${label} now (${left} s)</button>
+    <button type="button" onClick=${() => setArmed(null)}>Disarm</button>`}
+  </span>`;
+}
+
+export function Table({ caption, heads, rows, className = "" }) {
+  return html`<div class="scroll" tabindex="0" role="region" aria-label=${caption}><table class=${className}>
+    <caption>${caption}</caption>
+    <thead><tr>${heads.map((head) => html`<th scope="col">${head}</th>`)}</tr></thead>
+    <tbody>${rows.map((row) => html`<tr class=${row.className || ""}>${(row.cells || row).map((cell, i) => (i === 0
+      ? html`<th scope="row">${cell}</th>` : html`<td>${cell}</td>`))}</tr>`)}</tbody></table></div>`;
+}
+
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// Two points a bucket, smallest and largest value: the curve has every peak.
+export function curve(low, high, step) {
+  const x = [], y = [];
+  for (let i = 0; i < low.length; i += 1) {
+    x.push(i * step, (i + 0.5) * step);
+    y.push(low[i], high[i]);
+  }
+  return [x, y];
+}
+
+export function Plot({ title, unit, curves, changes, height = 130, xLabel = "s" }) {
+  const place = useRef(null);
+  const plot = useRef(null);
+  useEffect(() => {
+    const names = curves.map((one) => one.name);
+    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") }, font: "11px system-ui" };
+    const made = new self.uPlot({
+      width: place.current.clientWidth || 300, height, legend: { show: false }, cursor: { show: false }, pxAlign: false,
+      scales: { x: { time: false } },
+      axes: [{ ...axis, size: 24, incrs: xLabel === "s" ? undefined : [1, 2, 5, 10] }, { ...axis, size: 58 }],
+      series: [{}, ...curves.map((one, i) => ({ label: names[i], stroke: colour(one.colour), width: one.width || 1, dash: one.dash, spanGaps: true, points: { show: false } }))],
+    }, [[], ...curves.map(() => [])], place.current);
+    plot.current = made;
+    const fit = new ResizeObserver(() => made.setSize({ width: place.current ? place.current.clientWidth || 300 : 300, height }));
+    fit.observe(place.current);
+    return () => { fit.disconnect(); made.destroy(); plot.current = null; };
+  }, [title, state.theme, state.system, curves.map((one) => one.name).join()]);
+  useEffect(() => {
+    if (!plot.current) return;
+    const joined = curves.length > 1 ? self.uPlot.join(curves.map((one) => one.data)) : curves[0].data;
+    plot.current.setData(joined);
+  }, [changes, title, state.theme, state.system]);
+  const words = `${title}: ${curves.map((one) => one.name).join(", ")}`;
+  return html`<figure class="plot"><figcaption>${title} <span class="unit">[${unit} over ${xLabel}]</span></figcaption>
+    <div ref=${place} role="img" aria-label=${words}></div></figure>`;
+}
+
+export function Legend({ curves }) {
+  return html`<p class="legend">${curves.map(([name, kind]) => html`<span><span class="key key-${kind}" aria-hidden="true"></span>${name}</span>`)}</p>`;
+}

@@ -1,0 +1,180 @@
+// Screens that watch: the lab, a rig, a run.
+"use strict";
+import { changed, described, get, html, isOperator, mayMove, attempt, post, state, targetOf, useEffect, useState } from "/web/lab.js";
+import { Deliberate, Legend, Mode, Plot, Table, clock, curve, figure, share, span } from "/web/parts.js";
+
+const choose = (rig, screen) => () => { state.rig = rig; location.hash = screen; changed(); };
+
+export function LabScreen() {
+  const { lab } = state;
+  const free = lab.services.map((one) => one.free_bytes).find((bytes) => bytes !== null && bytes !== undefined);
+  const troubled = lab.services.filter((one) => one.trouble).length;
+  return html`<h1>Lab</h1>
+    <div class="cards">${lab.rigs.map((rig) => {
+      const campaign = lab.campaigns.find((one) => one.rig === rig.name && !one.ended);
+      return html`<article class="card" key=${rig.name}><h2><a href="#rig" onClick=${choose(rig.name, "rig")}>${rig.name}</a></h2>
+        <p><${Mode} rig=${rig} /></p>
+        ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
+        <p>${rig.run ? html`Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest."} Last sign of life ${span(rig.age)} ago.</p>
+        <p>${rig.holder ? `Held by ${rig.holder.name} since ${clock(rig.holder.since)}.` : "Held by none."}</p>
+        ${rig.waiting && html`<p>Being made ready: ${rig.waiting}.</p>`}
+        ${campaign && html`<p><a href="#run" onClick=${choose(rig.name, "run")}>${campaign.id}</a>: ${campaign.activity}, ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}</p>
+          ${campaign.hold && html`<p class="notice">Waits for a decision.</p>`}`}
+      </article>`;
+    })}</div>
+    ${lab.rigs.length === 0 && html`<p class="notice">There is no rig in this lab.</p>`}
+    <p>${free === undefined ? "The room on the recorder's disk is not known." : `${(free / 1e9).toFixed(0)} GB are free on the recorder's disk.`}
+      ${troubled === 0 ? " All services answer." : ` ${troubled} of ${lab.services.length} services do not answer.`}</p>
+    <${Table} caption="Services" heads=${["service", "instance", "up", "state"]}
+      rows=${lab.services.map((one) => ({ className: one.trouble ? "bad" : "", cells: [one.service, one.instance, span(one.up), one.trouble || "answers"] }))} />
+    <${Log} />`;
+}
+
+export function Log({ lines = 40 }) {
+  return html`<section class="log" aria-label="Event log"><h2>Event log</h2><ol reversed tabindex="0" aria-label="Events, the newest first">${state.log.slice(-lines).reverse().map((line) => html`
+    <li key=${line.number} class=${line.trouble ? "bad" : ""}><time>${clock(line.when)}</time> ${line.trouble ? html`<strong>Trouble: </strong>` : ""}${line.text}${line.who ? html` <span class="who">${line.who}</span>` : ""}</li>`)}</ol></section>`;
+}
+
+const limits = (channel) => (channel.minimum === null || channel.maximum === null ? "–"
+  : channel.minimum === -channel.maximum ? `± ${figure(channel.maximum)} ${channel.unit}`
+    : `${figure(channel.minimum)} … ${figure(channel.maximum)} ${channel.unit}`);
+
+export function RigScreen() {
+  const rig = state.lab.rigs.find((one) => one.name === state.rig);
+  const [reason, setReason] = useState("");
+  if (!rig) return html`<h1>Rig</h1><p class="notice">There is no rig in this lab.</p>`;
+  const about = described(rig.name);
+  const mine = rig.holder && rig.holder.name === state.session.name;
+  const level = (channel, name) => (channel.sensor && channel.sensor[name] ? `${figure(channel.sensor[name])} ${channel.unit}` : "–");
+  return html`<h1>Rig ${rig.name}</h1>
+    <div class="cards">
+      <article class="card"><h2>State</h2><p class="large"><${Mode} rig=${rig} /></p>
+        ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
+        <p>${rig.run ? `Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest."} Last sign of life ${span(rig.age)} ago.</p></article>
+      <article class="card"><h2>Held by</h2><p>${rig.holder ? html`${rig.holder.name}${mine ? " (you)" : ""} since ${clock(rig.holder.since)}.` : "None: the first who commands it holds it."}</p>
+        ${isOperator() && (mine
+          ? html`<button type="button" disabled=${!mayMove()} onClick=${() => attempt(() => post(`/api/rigs/${rig.name}/release`))}>Release</button>`
+          : html`<${Deliberate} label="Take over" action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
+      ${isOperator() && html`<article class="card"><h2>Reset</h2>
+        <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
+        <div class="row"><label>Reason <input name="reset-reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
+        <${Deliberate} label="Reset" action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
+      ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
+        <${Deliberate} label="Pre-test" action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
+    </div>
+    ${about && html`
+      <p>${about.specimen}. ${about.engine} ${about.version}, ${figure(about.sample_rate)} Hz, drives up to ${span(about.longest_drive_seconds)}.
+        ${about.simulated ? " A simulation: nothing real moves." : ""}${about.cannot_be_stopped ? " A run that has begun cannot be stopped." : ""}</p>
+      ${about.overdue.map((sentence) => html`<p class="notice">${sentence}</p>`)}
+      <${Table} caption="Drives" heads=${["drive", "limits", "rate limit", "what it is"]}
+        rows=${about.drives.map((one) => [one.name, limits(one), one.slew_limit ? `${figure(one.slew_limit)} ${one.unit}/s` : "–", one.label])} />
+      <${Table} caption="Responses" heads=${["response", "limits", "watchdog", "warning", "abort", "sensor", "calibration due", "what it is"]}
+        rows=${about.responses.map((one) => [one.name, limits(one), one.watchdog ? `${figure(one.watchdog)} ${one.unit}` : "–", level(one, "warning_level"), level(one, "abort_level"),
+          (one.sensor && one.sensor.serial_number) || "–", (one.sensor && one.sensor.calibration_due) || "–", one.label])} />`}
+    ${state.session.viewer && html`<h2>In 3-D</h2><iframe title="Rig in 3-D" src=${state.session.viewer}></iframe>`}`;
+}
+
+export function RunScreen() {
+  const campaigns = state.lab.campaigns.filter((one) => one.rig === state.rig);
+  const campaign = campaigns.filter((one) => !one.ended).pop() || campaigns.pop();
+  const rig = state.lab.rigs.find((one) => one.name === state.rig);
+  return html`<h1>Run ${campaign ? campaign.id : ""} ${rig && html`<${Mode} rig=${rig} />`}</h1>
+    ${rig && rig.reason && html`<p class="reason">${rig.reason}</p>`}
+    ${rig && rig.waiting && html`<p class="notice">Being made ready: ${rig.waiting}.</p>`}
+    ${campaign && html`
+      <p class="activity">${campaign.activity}${campaign.ended ? "" : html` — ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}`}</p>
+      <progress max="1" value=${campaign.fraction} aria-label="Share of the campaign that is done"></progress>
+      ${campaign.ended && isOperator() && html`<p class="row resume">Go on from its last playback, as a new campaign: <${Deliberate} label="Resume" action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
+        <a href="#recordings">Report and recording</a></p>`}
+      ${campaign.hold && html`<${Hold} campaign=${campaign} key=${`${campaign.id}-${campaign.hold.number}`} />`}
+      ${campaign.table && html`<${Iterations} table=${campaign.table} />`}`}
+    ${(!campaign || campaign.ended) && !(rig && rig.waiting) && html`<${Begin} />`}
+    <${Curves} campaign=${campaign} />
+    <${Log} lines=${15} />`;
+}
+
+function Begin() {
+  const [known, setKnown] = useState(null);
+  const [chosen, setChosen] = useState("");
+  useEffect(() => { attempt(async () => setKnown(await get("/api/campaign_files"))); }, []);
+  if (!isOperator()) return html`<p>No campaign runs on this rig.</p>`;
+  if (!known) return html`<p>Reading the campaigns …</p>`;
+  const [kind, name] = chosen.split(":");
+  return html`<section class="card" aria-label="Begin a campaign"><h2>Begin a campaign</h2>
+    <div class="row"><label>Campaign <select name="campaign" value=${chosen} onChange=${(event) => setChosen(event.target.value)}>
+      <option value="">choose …</option>
+      ${known.files.length > 0 && html`<optgroup label="Files of this page">${known.files.map((one) => html`<option value=${`file:${one}`}>${one}</option>`)}</optgroup>`}
+      <optgroup label="Shipped">${known.shipped.map((one) => html`<option value=${`shipped:${one}`}>${one}</option>`)}</optgroup></select></label>
+    <${Deliberate} label="Begin" action="/api/campaigns" values=${{ kind, name }} ready=${chosen !== ""} /></div></section>`;
+}
+
+function Iterations({ table }) {
+  const rows = table.numbers.map((number, row) => ({
+    className: number === table.best ? "best" : "",
+    cells: [`${number}${number === table.best ? " ★ best" : ""}`, share(table.level[row]), figure(table.overall[row]),
+      ...table.channels.map((_, column) => html`${figure(table.error[row][column])} <span class="second">${figure(table.damage[row][column])}</span>`)],
+  }));
+  const points = [table.numbers, table.overall];
+  return html`<div class="iterations"><${Table} caption="Iterations: relative RMS error, and damage ratio (slope 5) in small" className="figures"
+      heads=${["playback", "level", "overall", ...table.channels.map((name, i) => name + (table.watched[i] ? " (monitored)" : ""))]} rows=${rows} />
+    ${table.numbers.length > 1 && html`<${Plot} title="Overall error" unit="1" xLabel="playback" changes=${points[0].length} curves=${[{ name: "error", colour: "--response", width: 2, data: points }]} />`}</div>`;
+}
+
+function Curves({ campaign }) {
+  const run = state.signals[state.rig];
+  const about = described(state.rig);
+  const [kind, setKind] = useState("response");
+  if (!run || !about) return null;
+  const isIteration = campaign && run.run.startsWith(`${campaign.id}.i`);
+  const target = isIteration && kind === "response" ? targetOf(campaign.id) : null;
+  const channels = kind === "response" ? about.responses : about.drives;
+  return html`<section aria-label="Signals"><h2>${run.run}${run.over ? " (played)" : ""}</h2>
+    <div class="row"><label>Show <select value=${kind} onChange=${(event) => setKind(event.target.value)}><option value="response">responses</option><option value="drive">drives</option></select></label>
+      <${Legend} curves=${target ? [["target", "target"], ["response, both without their static part", "response"]] : [[kind, "response"]]} /></div>
+    <div class="plots">${channels.map((channel, row) => {
+      const [low, high] = run[kind];
+      const rest = target ? about.rest[row] || 0 : 0;
+      const above = (values) => (rest ? values.map((value) => (value === null ? null : value - rest)) : values);
+      const curves = [{ name: kind, colour: "--response", data: curve(above(low[row] || []), above(high[row] || []), run.bucket_seconds) }];
+      if (target) curves.unshift({ name: "target", colour: "--target", width: 2, data: curve(target.low[row], target.high[row], target.bucket_seconds) });
+      return html`<${Plot} key=${`${kind} ${channel.name}`} title=${channel.name} unit=${channel.unit} curves=${curves} changes=${`${run.run} ${run.changes}`} />`;
+    })}</div></section>`;
+}
+
+const KINDS = [["play", "Play this drive"], ["change", "Change settings and make the drive again"], ["back", "Go back to an earlier playback"], ["end", "End the campaign"]];
+
+function Hold({ campaign }) {
+  const { hold } = campaign;
+  const [kind, setKind] = useState("play");
+  const [reason, setReason] = useState("");
+  const [gain, setGain] = useState("");
+  const [low, setLow] = useState("");
+  const [high, setHigh] = useState("");
+  const [from, setFrom] = useState(String(Math.max(1, hold.follows)));
+  const [drive, setDrive] = useState(null);
+  useEffect(() => { attempt(async () => setDrive((await get(`/api/campaigns/${campaign.id}/proposal`)).drive)); }, []);
+  const band = { ...(low && { lowest_frequency: Number(low) }), ...(high && { highest_frequency: Number(high) }) };
+  const settings = { ...(gain && { update: { iteration_gain: Number(gain) } }), ...((low || high) && { control_band: band }) };
+  const values = { kind, proposal: hold.number, reason: reason.trim(), ...(kind === "change" && { settings }), ...(kind === "back" && { from_iteration: Number(from) }) };
+  const ready = reason.trim() !== "" && !(kind === "play" && hold.refusal) && !(kind === "change" && Object.keys(settings).length === 0);
+  const label = KINDS.find(([one]) => one === kind)[1];
+  return html`<section class="hold" aria-label="Hold point"><h2>Decide: the drive of playback ${hold.playback}, ${hold.follows ? `made from playback ${hold.follows}` : "the first"}</h2>
+    <p>${hold.reason}. Predicted error over all controlled responses: <strong>${figure(hold.overall)}</strong>, at ${share(hold.level)} of the target.</p>
+    ${hold.refusal && html`<p class="notice">No drive could be made with the settings in use: ${hold.refusal}</p>`}
+    ${hold.remarks.map((remark) => html`<p class="notice">${remark}</p>`)}
+    <div class="beside"><${Table} caption="Next drive" heads=${["drive", "peak", "of its range", "slew", "of its limit", "change"]}
+      rows=${hold.drives.map((one) => [one.channel, figure(one.peak), html`${share(one.range_share)} <meter min="0" max="1" high="0.9" value=${one.range_share} aria-label=${`share of the range of ${one.channel}`}></meter>`, figure(one.slew), one.slew_share ? share(one.slew_share) : "–", share(one.change)])} />
+    <${Table} caption="Prediction" heads=${["response", "error", "peak", "damage", "uncertainty"]}
+      rows=${hold.responses.map((one) => [one.channel, figure(one.error), figure(one.peak), figure(one.damage), one.uncertainty === null ? "unknown" : `± ${figure(one.uncertainty)}`])} /></div>
+    <details><summary>The drive as curves</summary>${drive && html`<div class="plots">${drive.channels.map((channel, row) => html`<${Plot} title=${channel.name} unit=${channel.unit} changes="1"
+      curves=${[{ name: "next drive", colour: "--response", data: curve(drive.low[row], drive.high[row], drive.bucket_seconds) }]} />`)}</div>`}</details>
+    ${isOperator() && html`<form onSubmit=${(event) => event.preventDefault()}>
+      <fieldset><legend>Decision</legend>${KINDS.map(([one, words]) => html`<label class="choice"><input type="radio" name="decision" value=${one} checked=${kind === one} onChange=${() => setKind(one)} /> ${words}</label>`)}</fieldset>
+      ${kind === "change" && html`<div class="row"><label>Iteration gain, 0 to 1 <input name="gain" inputmode="decimal" value=${gain} onInput=${(event) => setGain(event.target.value)} /></label>
+        <label>Control band from, Hz <input inputmode="decimal" value=${low} onInput=${(event) => setLow(event.target.value)} /></label>
+        <label>to, Hz <input inputmode="decimal" value=${high} onInput=${(event) => setHigh(event.target.value)} /></label></div>`}
+      ${kind === "back" && html`<label>Playback to make the next drive from <input name="from" inputmode="numeric" value=${from} onInput=${(event) => setFrom(event.target.value)} /></label>`}
+      <div class="row"><label>Reason, kept in the recording <input name="reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
+      <${Deliberate} label=${label} action=${`/api/campaigns/${campaign.id}/decide`} values=${values} ready=${ready} /></div></form>`}
+  </section>`;
+}

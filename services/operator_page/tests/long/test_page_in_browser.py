@@ -1,0 +1,408 @@
+"""The page in a real browser: a campaign begun, held, changed, stopped and resumed, by mouse and by keyboard."""
+
+import io
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Browser, browser_program
+from page_lab import PASSWORDS, RIG, Client, PageLab, campaign, write_target
+from PIL import Image
+
+import duralab
+
+SECONDS = 60.0
+HERE = Path(__file__).parent
+
+pytestmark = [
+    pytest.mark.skipif(browser_program() is None, reason="no chromium here; apt-get install chromium"),
+    pytest.mark.timeout(600),
+]
+
+
+class Page:
+    """One open page, as a person has it: looks for words, clicks, types."""
+
+    def __init__(self, browser: Browser, address: str, *, width=1920, height=1080, theme="light") -> None:
+        self.browser, self.address = browser, address
+        browser.call("Page.enable")
+        browser.call("Runtime.enable")
+        browser.call("Network.enable")
+        self.look(width, height, theme)
+        browser.call(
+            "Page.addScriptToEvaluateOnNewDocument",
+            source="self.wrong = []; addEventListener('error', (e) => wrong.push(String(e.message)));"
+            "addEventListener('unhandledrejection', (e) => wrong.push(String(e.reason)));"
+            "addEventListener('securitypolicyviolation', (e) => wrong.push(`policy: ${e.violatedDirective}`));",
+        )
+        browser.call("Page.navigate", url=address)
+        self.wait("document.readyState === 'complete'")
+
+    def look(self, width: int, height: int, theme: str) -> None:
+        self.browser.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
+        )
+        self.browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+
+    def value(self, expression: str):
+        answer = self.browser.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def wait(self, expression: str, seconds: float = SECONDS):
+        end = time.monotonic() + seconds
+        while not self.value(f"Boolean({expression})"):
+            assert time.monotonic() < end, (
+                f"{expression}; the page says: {self.value('document.body.innerText')[:3000]}"
+            )
+            time.sleep(0.02)
+
+    def text(self, selector: str = "body") -> str:
+        return self.value(f"document.querySelector({json.dumps(selector)})?.innerText ?? ''")
+
+    def wait_for_text(self, text: str, selector: str = "body", seconds: float = SECONDS) -> None:
+        found = f"(document.querySelector({json.dumps(selector)})?.innerText ?? '').includes({json.dumps(text)})"
+        self.wait(found, seconds)
+
+    def go(self, screen: str) -> None:
+        self.value(f"location.hash = {screen!r}; 0")
+        self.wait(f"document.querySelector('nav a[aria-current]')?.hash === '#{screen}'")
+
+    def place(self, selector: str) -> dict:
+        """Scroll to an element and return where its middle is."""
+        found = f"document.querySelector({json.dumps(selector)})"
+        self.wait(f"{found} && !{found}.disabled")
+        return self.value(
+            f"(() => {{ const e = {found}; e.scrollIntoView({{block: 'center'}});"
+            "const r = e.getBoundingClientRect(); return {x: r.x + r.width / 2, y: r.y + r.height / 2}; })()"
+        )
+
+    def click(self, selector: str) -> None:
+        at = self.place(selector)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.browser.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **at)
+
+    def key(self, key: str, **also) -> None:
+        for kind in ("keyDown", "keyUp"):
+            self.browser.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=also.get("code", key),
+                **{k: v for k, v in also.items() if k not in ("code",) and (kind == "keyDown" or k != "text")},
+            )
+
+    def write(self, selector: str, text: str) -> None:
+        self.place(selector)
+        self.value(
+            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.focus(); e.select?.(); }})()"
+        )
+        self.browser.call("Input.insertText", text=text)
+
+    def choose(self, selector: str, value: str) -> None:
+        self.wait(
+            f"[...document.querySelector({json.dumps(selector)})?.options ?? []].some((o) => o.value === {value!r})"
+        )
+        self.value(
+            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.value = {value!r};"
+            "e.dispatchEvent(new Event('change', {bubbles: true})); })()"
+        )
+
+    def deliberate(self, within: str) -> None:
+        """Do both acts with the mouse; a click that something moved away from is done again, as a person does."""
+        for _ in range(5):
+            self.click(f"{within} .arm")
+            end = time.monotonic() + 3.0
+            while (
+                not (armed := self.value(f"Boolean(document.querySelector({json.dumps(within + ' .go')}))"))
+                and time.monotonic() < end
+            ):
+                time.sleep(0.05)
+            if armed:
+                break
+        self.click(f"{within} .go")
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    with PageLab(tmp_path_factory.mktemp("page_lab")) as started:
+        yield started
+
+
+@pytest.fixture
+def browser(tmp_path):
+    with Browser(browser_program(), tmp_path / "profile") as opened:
+        yield opened
+
+
+@pytest.fixture
+def served(lab, request):
+    page = lab.page(request.node.name[:40])
+    yield page
+    page.close()
+    if lab.lab.state(RIG).mode is duralab.RigMode.INTERLOCKED:
+        lab.lab.reset(RIG)
+
+
+def decide(page: Page, proposal: int, kind: str = "play", *, reason: str = "as foreseen") -> None:
+    page.wait_for_text(f"on proposal {proposal},", ".activity")
+    page.click(f".hold input[value={kind}]")
+    page.write(".hold input[name=reason]", reason)
+
+
+def test_a_campaign_is_begun_held_changed_decided_stopped_and_resumed(lab, served, browser):
+    lab.put_campaign(served, campaign("held", real_time=True))
+    page = Page(browser, served.address)
+    page.go("run")
+    page.choose("select[name=campaign]", "file:held")
+    page.deliberate("section[aria-label='Begin a campaign']")
+    decide(page, 1)
+    page.deliberate(".hold")
+    decide(page, 2, "change", reason="too slow")
+    page.write(".hold input[name=gain]", "0.8")
+    page.deliberate(".hold")
+    decide(page, 3)
+    page.deliberate(".hold")
+    page.wait_for_text("held.i02")
+    page.wait("document.querySelectorAll('.figures tbody tr').length === 2")
+    decide(page, 4, "back", reason="look again")
+    page.write(".hold input[name=from]", "1")
+    page.deliberate(".hold")
+    decide(page, 5)
+    page.deliberate(".hold")
+    page.wait_for_text("playing", "h1 .mode")
+    page.click("#stop")
+    page.wait_for_text("interlocked", "h1 .mode", 5.0)
+    page.wait_for_text("stopped", ".activity")
+    assert lab.lab.state(RIG).reason == "Stop (local operator, at the operator page)"
+    page.go("rig")
+    page.write("article input", "the stop was a test")
+    page.deliberate("article:nth-of-type(3)")
+    page.wait_for_text("idle", ".large")
+    page.go("run")
+    page.deliberate(".resume")
+    page.wait_for_text("Run held-2", "h1")
+    decide(page, 1, "end", reason="enough")
+    page.deliberate(".hold")
+    page.wait("document.querySelector('.activity') && !document.querySelector('.hold')")
+    assert page.value("wrong") == []
+    (entry,) = [found for found in lab.lab.catalogue.search() if found.id == "held"]
+    assert entry.result == "stopped"
+    recording = duralab.open(lab.lab.catalogue.fetch("held", lab.folder / "fetched"))
+    assert [(each.kind.value, each.name) for each in recording.decisions] == [
+        (kind, "local operator") for kind in ("play", "change", "play", "back", "play")
+    ]
+    assert np.frombuffer(recording.specification_in_use.update.iteration_gain.data).tolist() == [0.8, 0.8]
+    assert recording.specification.scenario.startswith("# Begun at the operator page by local operator.\n")
+
+
+def test_a_test_is_set_up_from_a_measured_file_run_and_reported(lab, served, browser, tmp_path):
+    page = Page(browser, served.address)
+    page.go("new")
+    page.choose("select[name=beginning]", f"rig:{RIG}")
+    page.wait("document.querySelector('input[name=measured]')")
+    written = write_target(tmp_path / "proving ground.rsp", lab.rig)
+    browser.call("DOM.enable")
+    root = browser.call("DOM.getDocument")["root"]["nodeId"]
+    node = browser.call("DOM.querySelector", nodeId=root, selector="input[name=measured]")["nodeId"]
+    browser.call("DOM.setFileInputFiles", nodeId=node, files=[str(written)])
+    first = lab.rig.responses[0].name
+    page.wait_for_text("2 channels, 6 s at 1000 Hz.")
+    page.choose(f"select[name=map-{first}]", first)
+    page.click("#preview")
+    page.wait_for_text("What the steps did")
+    page.wait("document.querySelectorAll('section[aria-label=Target] canvas').length === 4")
+    page.write("#field-name", "set-up")
+    page.write("#field-rig", RIG)
+    for name, text in (("excitation-duration", "20"), ("excitation-rms", "0.002"), ("stop-iterations", "two")):
+        page.value(f"document.getElementById('field-{name}').closest('details').open = true; 0")
+        page.write(f"#field-{name}", text)
+    page.wait_for_text("Give a number")
+    page.write("#field-stop-iterations", "0")
+    page.click("#check")
+    page.wait_for_text("stop.iterations is 0", ".wrong[role=alert]")
+    page.write("#field-stop-iterations", "2")
+    page.click("#save")
+    page.wait_for_text("It is a campaign file")
+    assert duralab.load_campaign(served.files / "set-up.yaml").stop.iterations == 2
+    page.go("run")
+    page.choose("select[name=campaign]", "file:set-up")
+    page.deliberate("section[aria-label='Begin a campaign']")
+    page.wait_for_text("Run set-up", "h1")
+    page.wait("document.querySelectorAll('.figures tbody tr').length === 2")
+    page.wait("document.querySelector('.resume')")
+    page.go("recordings")
+    page.wait("document.querySelector(\"a[href='/api/recordings/set-up/report']\")")
+    assert page.value("wrong") == []
+    browser.call("Page.navigate", url=f"{served.address}api/recordings/set-up/report")
+    page.wait("document.querySelectorAll('.plot .main-svg').length > 3")
+    assert page.value("wrong.filter((one) => !one.includes('storage') && !one.includes('sandbox'))") == []
+
+
+def test_the_keyboard_alone_begins_decides_and_stops(lab, served, browser):
+    lab.put_campaign(served, campaign("typed", real_time=True))
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+    page.key("3", text="3")
+    page.wait_for_text("Begin a campaign")
+    page.wait("document.querySelector('select[name=campaign]')")
+    page.value("document.querySelector('select[name=campaign]').focus()")
+    page.choose("select[name=campaign]", "file:typed")
+    page.wait("!document.querySelector('.arm').disabled")
+    page.key("Tab", windowsVirtualKeyCode=9)
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    # The second act has the focus now.
+    page.wait("document.activeElement.className.includes('go')")
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    page.wait("document.querySelector('.hold')")
+    page.value("document.querySelector('.hold input[name=reason]').focus()")
+    browser.call("Input.insertText", text="by keyboard")
+    page.wait("!document.querySelector('.hold .arm').disabled")
+    page.key("Tab", windowsVirtualKeyCode=9)
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    page.wait("document.activeElement.className.includes('go')")
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    page.wait_for_text("playing", "h1 .mode")
+    page.key("F9", windowsVirtualKeyCode=120)
+    page.wait_for_text("interlocked", "h1 .mode", 5.0)
+
+
+def test_one_act_moves_nothing_and_an_armed_one_is_disarmed_by_itself(lab, served, browser):
+    lab.put_campaign(served, campaign("armed"))
+    page = Page(browser, served.address)
+    page.go("run")
+    page.choose("select[name=campaign]", "file:armed")
+    page.click(".arm")
+    page.wait("document.querySelector('.go')")
+    page.choose("select[name=campaign]", "shipped:front_axle_demo")
+    page.wait("!document.querySelector('.go')")
+    page.choose("select[name=campaign]", "file:armed")
+    page.click(".arm")
+    page.wait("document.querySelector('.go')")
+    page.wait("!document.querySelector('.go')", 12.0)
+    assert "armed" not in {entry.id for entry in lab.lab.catalogue.search()}
+
+
+def test_a_page_that_lost_its_stream_says_so_within_3_s_and_moves_nothing(lab, served, browser):
+    lab.put_campaign(served, campaign("cut"))
+    page = Page(browser, served.address)
+    page.go("run")
+    page.choose("select[name=campaign]", "file:cut")
+    page.wait("!document.querySelector('.arm').disabled")
+    # Frozen: its connections stay open, and nothing comes.
+    os.kill(served.process.pid, signal.SIGSTOP)
+    try:
+        page.wait_for_text("No contact with the lab.", seconds=3.0)
+        page.wait("[...document.querySelectorAll('.arm')].every((button) => button.disabled)", 1.0)
+        # A stop is tried all the same.
+        assert not page.value("document.querySelector('#stop').disabled")
+        time.sleep(8.0)
+    finally:
+        os.kill(served.process.pid, signal.SIGCONT)
+    page.wait("!document.querySelector('.banner')", 5.0)
+    page.wait("!document.querySelector('.arm').disabled", 5.0)
+
+
+def test_a_service_that_is_killed_is_noticed_and_found_again_without_old_data(lab, served, browser):
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+    client = Client(served.address)
+    client.post(f"/api/rigs/{RIG}/stop", {"reason": "before the end"})
+    page.wait_for_text("before the end", ".log")
+    served.kill()
+    page.wait_for_text("No contact with the lab.", seconds=3.0)
+    lab.lab.reset(RIG)
+    served.start()
+    page.wait("!document.querySelector('.banner')", 20.0)
+    # What the killed one knew is gone with it; the rig is what it is now.
+    page.wait_for_text("idle", ".card .mode")
+    page.wait("!document.querySelector('.log').innerText.includes('before the end')")
+
+
+def test_a_page_that_slept_shows_nothing_that_waited_meanwhile_as_new(lab, served, browser):
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+    # Seconds of events wait in the browser while its script does nothing, as after a sleep.
+    page.value(
+        "self.shown = []; new MutationObserver(() => { const status = document.querySelector('.status');"
+        "if (status.querySelector('.live')) shown.push(Date.now() / 1000 - Number(status.dataset.when)); })"
+        ".observe(document.body, {subtree: true, childList: true, characterData: true, attributes: true}); 0"
+    )
+    page.value("(() => { const end = Date.now() + 8000; while (Date.now() < end); shown.length = 0; })()")
+    page.wait("shown.length > 4", 10.0)
+    assert page.value("Math.max(...shown)") < 3.0
+
+
+def test_a_viewer_signs_in_sees_the_rig_and_has_no_button_that_moves_it(lab, browser):
+    page = Page(browser, lab.secured_page("people").address)
+    page.wait("document.querySelector('input[type=password]')")
+    page.write("input[autocomplete=username]", "Vera")
+    page.write("input[type=password]", "a wrong one")
+    page.click("form button")
+    page.wait_for_text("Name or password is wrong.")
+    page.write("input[type=password]", PASSWORDS["Vera"])
+    page.click("form button")
+    page.wait_for_text("Vera (viewer)")
+    page.wait_for_text("You watch only.")
+    for screen in ("lab", "rig", "run", "new", "recordings"):
+        page.go(screen)
+        page.wait("document.querySelector('main h1')")
+        assert page.value("document.querySelectorAll('#stop, .arm, .go').length") == 0
+    page.value("[...document.querySelectorAll('header button')].find((one) => one.innerText === 'Sign out').click(); 0")
+    page.wait("document.querySelector('input[type=password]')")
+    assert page.value("wrong") == []
+
+
+HOSTILE = "<img src=x onerror=wrong.push('run')>&amp;"
+
+
+def test_a_hostile_reason_is_shown_as_text(lab, served, browser):
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+    Client(served.address).post(f"/api/rigs/{RIG}/stop", {"reason": HOSTILE})
+    page.wait_for_text(HOSTILE, ".reason")
+    page.wait_for_text(HOSTILE, ".log")
+    assert page.value("wrong") == []
+    assert page.value("document.querySelectorAll('img').length") == 0
+
+
+def test_the_page_is_light_and_dark_as_the_system_is_and_fits_a_tablet(served, browser):
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+    for theme, dark in (("light", False), ("dark", True)):
+        page.look(1920, 1080, theme)
+        time.sleep(0.2)
+        picture = np.asarray(Image.open(io.BytesIO(browser.picture())).convert("L"))
+        assert (np.median(picture) < 60) == dark
+    page.look(820, 1180, "light")
+    assert page.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+
+
+AXE = (HERE.parent / "vendor" / "axe.min.js").read_text()
+RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_no_screen_breaks_a_rule_of_accessibility(lab, served, browser, theme):
+    lab.put_campaign(served, campaign("seen", hold="first"))
+    client = Client(served.address)
+    assert client.act("/api/campaigns", {"kind": "file", "name": "seen"})[0] == 200
+    page = Page(browser, served.address, theme=theme)
+    page.go("run")
+    page.wait("document.querySelector('.hold table')")
+    page.value(f"{AXE}; 0")
+    found = {}
+    for screen in page.value("[...document.querySelectorAll('nav a')].map((a) => a.hash.slice(1))"):
+        page.go(screen)
+        time.sleep(0.5)
+        broken = page.value(
+            f"axe.run(document, {json.dumps(RULES)}).then((r) => r.violations.map((v) => [v.id, v.nodes[0].html]))"
+        )
+        if broken:
+            found[screen] = broken
+    client.post(f"/api/rigs/{RIG}/stop")
+    assert found == {}

@@ -1,0 +1,67 @@
+"""The file of accounts: made by a command, checked when it is read."""
+
+import subprocess
+import sys
+
+import pytest
+from pydantic import ValidationError
+
+from duralab_bus import ConfigError
+from operator_page.accounts import PageRole, read_accounts
+from operator_page.config import PageConfig
+
+
+def add(file, *arguments, password="a long password"):
+    command = [sys.executable, "-m", "operator_page.add_account", str(file), *arguments]
+    return subprocess.run(command, input=f"{password}\n", capture_output=True, text=True, check=False)
+
+
+def test_an_account_is_added_and_replaced_and_its_password_is_nowhere(tmp_path):
+    file = tmp_path / "accounts.yaml"
+    assert add(file, "Ada Lovelace", "operator").returncode == 0
+    assert add(file, "Vera", "viewer", password="something else").returncode == 0
+    accounts = read_accounts(file)
+    assert accounts.role_of("Ada Lovelace", "a long password") is PageRole.OPERATOR
+    assert accounts.role_of("Vera", "something else") is PageRole.VIEWER
+    assert accounts.role_of("Vera", "a long password") is None
+    assert accounts.role_of("nobody", "of nobody") is None
+    assert add(file, "Vera", "operator", password="another password").returncode == 0
+    assert read_accounts(file).role_of("Vera", "another password") is PageRole.OPERATOR
+    assert "long password" not in file.read_text()
+    assert file.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "password", "said"),
+    [
+        (("Ada", "operator"), "short", "The password has 5 characters; give 10 to 200."),
+        (("<b>", "operator"), "a long password", "NAME is '<b>'"),
+        (("Ada", "boss"), "a long password", "invalid choice: 'boss'"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_and_writes_nothing(tmp_path, arguments, password, said):
+    file = tmp_path / "accounts.yaml"
+    done = add(file, *arguments, password=password)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert not file.exists()
+
+
+def test_a_password_in_the_clear_is_refused_when_the_file_is_read(tmp_path):
+    file = tmp_path / "accounts.yaml"
+    file.write_text("accounts: {Ada: {role: operator, password: hunter2}}\n")
+    with pytest.raises(ConfigError, match="is no hash of argon2"):
+        read_accounts(file)
+
+
+def test_the_page_listens_to_others_with_tls_and_accounts_only(tmp_path):
+    with pytest.raises(ValidationError, match="others reach; give `tls` and `accounts`"):
+        PageConfig(host="0.0.0.0", accounts=tmp_path / "a")
+    with pytest.raises(ValidationError, match="give the number of an address"):
+        PageConfig(host="rig.example")
+    tls = {"certificate": tmp_path / "c", "key": tmp_path / "k"}
+    PageConfig(host="192.0.2.1", accounts=tmp_path / "a", tls=tls)
+    PageConfig(host="::1")
+    secured = {"mode": "client", "connect": ["tls/192.0.2.1:7447"], "tls": {**tls, "ca": tmp_path / "ca"}}
+    with pytest.raises(ValidationError, match="the lab is secured"):
+        PageConfig(bus=secured)

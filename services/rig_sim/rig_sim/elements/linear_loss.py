@@ -1,0 +1,42 @@
+"""What a spring or bushing of the SDF has lost by wear: the opposite of that share of its force.
+
+The part itself stays as the SDF says, also in Drake's plant; what is left of it is the sum of both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rig_sim.multibody import (
+    Array,
+    Bushing,
+    Effect,
+    ForceElement,
+    Input,
+    Motion,
+    SpringDamper,
+    bushing_wrench,
+    spring_wrench,
+)
+
+
+@dataclass(frozen=True)
+class LinearLoss(ForceElement):
+    """Loss of a part; its inputs are the shares lost of stiffness and damping, 0 to below 1."""
+
+    name: str
+    part: Bushing | SpringDamper
+    inputs: tuple[Input, ...]
+
+    def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
+        """Take away from both bodies what the part no longer does."""
+        stiffness, damping = values
+        match self.part:
+            case Bushing():
+                wrench = bushing_wrench(self.part, motion, stiffness=stiffness, damping=damping)
+                effect.between(self.part.body_c, self.part.body_a, wrench)
+            case SpringDamper():
+                wrench = spring_wrench(self.part, motion, stiffness=stiffness, damping=damping)
+                effect.between(self.part.body_a, self.part.body_b, wrench)
+        return []

@@ -1,0 +1,125 @@
+"""What a specimen has lost: its state between runs, and what the rig plays with in that state.
+
+Within a run nothing changes: damage is counted from the loads of the whole run, its ways in and out among them, and
+acts from the next run on. So a run belongs to one state, and the state follows from the runs before and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel
+
+from rig_sim.model import RigModel, WearingPart
+from rig_sim.parameters import STRICT, NotNegative
+from rig_sim.specimen import GainDrift, Share, SpecimenError
+
+
+class WearState(BaseModel):
+    """What a specimen has gone through.
+
+    Parameters
+    ----------
+    runs : int
+        Runs that moved it, whatever their end.
+    hours : float
+        Played time in h, ways in and out among it.
+    damage : dict of str to float
+        Miner sum of each part that wears.
+    """
+
+    model_config = STRICT
+
+    runs: int = 0
+    hours: NotNegative = 0.0
+    damage: dict[str, NotNegative] = {}
+
+
+class Lost(BaseModel):
+    """Shares that a part has lost.
+
+    Parameters
+    ----------
+    stiffness, damping : float
+        0 to 0.95; a strut loses damping only.
+    """
+
+    model_config = STRICT
+
+    stiffness: Share = 0.0
+    damping: Share = 0.0
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A specimen in one state, ready to play.
+
+    Parameters
+    ----------
+    lost : ndarray, shape (inputs,)
+        Shares that parts have lost, in the order of the model's inputs after the drives.
+    gains : ndarray, shape (responses, 1)
+        Gains of the sensors; 1 is as calibrated.
+    rest : ndarray, shape (states,)
+        Where the rig rests then.
+    """
+
+    lost: np.ndarray
+    gains: np.ndarray
+    rest: np.ndarray
+
+
+def lost_by(parts: Iterable[WearingPart], state: WearState) -> dict[str, Lost]:
+    """Return what each part has lost in a state."""
+    lost = {}
+    for part in parts:
+        grown = part.wear.grown(state.damage.get(part.name, 0.0))
+        lost[part.name] = Lost(stiffness=grown * part.wear.stiffness_lost, damping=grown * part.wear.damping_lost)
+    return lost
+
+
+def gain_changes(model: RigModel, state: WearState) -> dict[str, float]:
+    """Return by which share the gain of each drifting response has changed in a state."""
+    changes: dict[str, float] = {}
+    for wear in model.assembly.specimen.wear:
+        if isinstance(wear, GainDrift):
+            amount = (wear.per_run or 0.0) * state.runs
+            amount += (wear.per_hour or 0.0) * max(state.hours - wear.from_hours, 0.0)
+            changes[wear.channel] = changes.get(wear.channel, 0.0) + amount
+    return changes
+
+
+def lost_inputs(model: RigModel, lost: Mapping[str, Lost]) -> np.ndarray:
+    """Return the model's inputs after the drives; raises `SpecimenError` where a part does not wear, or not so."""
+    parts = {part.name: part for part in model.assembly.wearing}
+    for name, shares in lost.items():
+        if name not in parts:
+            raise SpecimenError(f"{name!r} is no part that wears; there are {', '.join(parts) or 'none'}.")
+        if shares.stiffness > 0.0 and len(parts[name].inputs) == 1:
+            raise SpecimenError(f"{name!r} is a strut, which loses damping only; leave out its stiffness.")
+    values: list[float] = []
+    for name, part in parts.items():
+        shares = lost.get(name, Lost())
+        values += (shares.stiffness, shares.damping)[-len(part.inputs) :]
+    return np.array(values)
+
+
+def gain_column(model: RigModel, changes: Mapping[str, float]) -> np.ndarray:
+    """Return the gains of the responses (responses, 1); raises `SpecimenError` where a channel does not exist."""
+    gains = np.ones((len(model.response_names), 1))
+    for channel, change in changes.items():
+        if channel not in model.response_names:
+            raise SpecimenError(f"{channel!r} is no response; there are {', '.join(model.response_names)}.")
+        gains[model.response_names.index(channel)] += change
+    return gains
+
+
+def damage_of(part: WearingPart, load: np.ndarray) -> float:
+    """Return the Miner sum of a load (samples,) in N or m."""
+    # Counting brings pylife along, which a rig that does not wear never waits for.
+    from duralab_loads import count_load_cycles, pseudo_damage
+
+    wear = part.wear
+    return pseudo_damage(count_load_cycles(load / wear.reference_range), wear.exponent) / wear.reference_cycles

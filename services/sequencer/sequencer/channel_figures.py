@@ -1,0 +1,41 @@
+"""Figures of each response of a running endurance test: damage over plan, and the residual of the last repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import sequencer_pb2
+
+
+def damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
+    """Return the damage counted of each response over that planned of what was played; empty where it is not known."""
+    if not (status.HasField("damage") and status.HasField("damage_planned_so_far")):
+        return {}
+    counted, planned = (
+        from_array(array, field="damage", shape=(len(status.responses),))
+        for array in (status.damage, status.damage_planned_so_far)
+    )
+    pairs = zip(status.responses, counted, planned, strict=True)
+    return {name: float(damage / plan) for name, damage, plan in pairs if plan > 0.0}
+
+
+def residual(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
+    """Return the residual of each response in the last repeat, all bands together, as a share of its RMS."""
+    if not status.HasField("last_statistics"):
+        return {}
+    shape = (len(status.responses), len(status.columns))
+    table = from_array(status.last_statistics, field="last_statistics", shape=shape, finite=False)
+    parts = table[:, [column for column, name in enumerate(status.columns) if name.startswith("residual")]]
+    values = np.sqrt(np.sum(parts**2, axis=1))
+    return {name: float(value) for name, value in zip(status.responses, values, strict=True) if np.isfinite(value)}
+
+
+CHANNEL_FIGURES: Final[Mapping[str, tuple[str, Callable[[sequencer_pb2.EnduranceStatus], Mapping[str, float]]]]] = {
+    "damage_ratio": ("Damage of a response over that planned of what was played", damage_ratio),
+    "residual": ("Residual of a response against its baseline in the last repeat, as a share of its RMS", residual),
+}
+"""By the end of their names: what they are, and how they are read from a status."""

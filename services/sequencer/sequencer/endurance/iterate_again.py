@@ -1,0 +1,118 @@
+"""Correcting the drive of an event: a campaign of its own on the iterator, from the present drive and a known model."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
+from google.protobuf.message import Message
+from numpy.typing import NDArray
+
+from duralab_bus import Bus, FaultError
+from duralab_proto.arrays import from_array, to_record
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+
+_POLL_SECONDS: Final = 0.5
+_ENDED: Final = (
+    iterator_pb2.CAMPAIGN_PHASE_FINISHED,
+    iterator_pb2.CAMPAIGN_PHASE_FAULTED,
+    iterator_pb2.CAMPAIGN_PHASE_STOPPED,
+)
+_KINDS: Final = {
+    kind.DESCRIPTOR.full_name: kind
+    for kind in (iterator_pb2.CampaignSpec, identifier_pb2.Model, iterator_pb2.IterationStep)
+}
+
+
+def corrected_drive(
+    bus: Bus,
+    drive: NDArray[np.float64],
+    *,
+    parent: str,
+    id: str,
+    description: rig_pb2.RigDescription,
+    playbacks: int,
+    stop: threading.Event,
+    on_activity: Callable[[str], None],
+) -> NDArray[np.float64]:
+    """Have the iterator correct a drive; return that of its best playback, shape (drives, samples).
+
+    `parent`: Campaign that the first drive of the event is from: its target, settings and model are used. `id`: Of the
+    new campaign.
+    Raises FaultError: Why there is none; CANCELLED where `stop` was set, the campaign is stopped then.
+    """
+    spec = _specification(bus, drive, parent=parent, id=id, description=description, playbacks=playbacks)
+    status = bus.query(bus.keys.campaign_start(spec.rig), spec, iterator_pb2.CampaignStatus)
+    while status.phase not in _ENDED:
+        on_activity(status.activity)
+        if stop.wait(_POLL_SECONDS):
+            request = iterator_pb2.StopCampaignRequest(reason="the endurance test was stopped")
+            bus.query(bus.keys.campaign_stop(id), request, iterator_pb2.CampaignStatus)
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
+        status = bus.query(bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+    if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
+        raise FaultError(
+            status.fault.code or query_pb2.FAULT_CODE_INTERNAL,
+            f"Campaign {id!r} ended early: {status.fault.message or status.activity}",
+        )
+    for message, step in _steps(bus, id, with_samples=True):
+        if isinstance(message, iterator_pb2.IterationStep) and message.iteration == status.best_iteration:
+            samples = step.drive if step.HasField("drive") else message.drive.samples
+            return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
+    raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+
+
+def _specification(
+    bus: Bus,
+    drive: NDArray[np.float64],
+    *,
+    parent: str,
+    id: str,
+    description: rig_pb2.RigDescription,
+    playbacks: int,
+) -> iterator_pb2.CampaignSpec:
+    """Return the campaign of the parent, with the present drive as its first and the known model."""
+    spec, model = iterator_pb2.CampaignSpec(), None
+    for message, _ in _steps(bus, parent):
+        match message:
+            case iterator_pb2.CampaignSpec():
+                spec.CopyFrom(message)
+                model = message.known.model if message.known.HasField("model") else None
+            case identifier_pb2.Model():
+                model = message
+        if model is not None:
+            break
+    if model is None:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {parent!r} holds no model of its rig."
+        )
+    spec.id = id
+    for name in ("parent", "parent_iteration", "levels", "confirmations", "pre_test", "known"):
+        spec.ClearField(name)
+    # The person who decided, or wrote the schedule, has let it play.
+    spec.hold.CopyFrom(iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_NEVER))
+    spec.stop.iterations = playbacks
+    spec.known.model.CopyFrom(model)
+    spec.known.model_source = parent
+    spec.excitation.CopyFrom(model.excitation)
+    spec.excitation.seed = 0
+    spec.estimator.CopyFrom(model.estimator)
+    spec.known.first_drive.drive.CopyFrom(to_record(description.drives, description.sample_rate, drive))
+    spec.known.first_drive.source = "the endurance test"
+    return spec
+
+
+def _steps(
+    bus: Bus, recording: str, *, with_samples: bool = False
+) -> Iterator[tuple[Message, recorder_pb2.RecordedStep]]:
+    """Yield the specification, the model and the iterations of a campaign."""
+    first, total = 0, 1
+    while first < total:
+        request = recorder_pb2.ReadStepsRequest(first=first, with_samples=with_samples)
+        answer = bus.query(bus.keys.recording_steps(recording), request, recorder_pb2.RecordedSteps)
+        for step in answer.steps:
+            if (kind := _KINDS.get(step.message_type)) is not None:
+                yield kind.FromString(step.payload), step
+        first, total = first + len(answer.steps), answer.total if answer.steps else 0

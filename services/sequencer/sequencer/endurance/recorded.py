@@ -1,0 +1,181 @@
+"""An endurance test as its recordings hold it: what the next repeat depends on, read back from the last of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from google.protobuf.message import DecodeError, Message
+
+from duralab_bus import Bus, FaultError
+from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
+from sequencer.endurance.test_log import last_volume, volume_name
+
+_KINDS: Final = {
+    kind.DESCRIPTOR.full_name: kind
+    for kind in (
+        sequencer_pb2.EnduranceSpec,
+        sequencer_pb2.EnduranceVolume,
+        rig_pb2.RigDescription,
+        recorder_pb2.RunPlanned,
+        recorder_pb2.RunPlayed,
+        sequencer_pb2.EnduranceRepeat,
+        sequencer_pb2.RepeatSamples,
+        sequencer_pb2.EnduranceDrive,
+        sequencer_pb2.EnduranceHold,
+        sequencer_pb2.EnduranceDecision,
+        sequencer_pb2.EnduranceStatus,
+        recorder_pb2.RecordingClosed,
+    )
+}
+
+
+@dataclass
+class RecordedVolume:
+    """What one recording of an endurance test holds.
+
+    `steps`: How many were committed. `volume`: Its beginning; None where a crash came before. `repeats`: In order,
+    without those of earlier recordings. `changes`: These, decisions and drives in their order. `announced`: A run that
+    was announced and of which nothing followed. `hold`: One that was not decided. `iterating`: One on
+    which iterating again was decided and is not done. `samples`: Repeats with their samples
+    in a step. `played`: Runs proved to be recorded.
+    """
+
+    number: int
+    steps: int = 0
+    last: Message | None = None
+    spec: sequencer_pb2.EnduranceSpec | None = None
+    volume: sequencer_pb2.EnduranceVolume | None = None
+    description: rig_pb2.RigDescription | None = None
+    repeats: list[sequencer_pb2.EnduranceRepeat] = field(default_factory=list)
+    changes: list[Message] = field(default_factory=list)
+    drives: list[sequencer_pb2.EnduranceDrive] = field(default_factory=list)
+    announced: recorder_pb2.RunPlanned | None = None
+    hold: sequencer_pb2.EnduranceHold | None = None
+    iterating: sequencer_pb2.EnduranceHold | None = None
+    holds: int = 0
+    samples: int = 0
+    played: set[str] = field(default_factory=set)
+    final: sequencer_pb2.EnduranceStatus | None = None
+    closed: bool = False
+
+    def take(self, message: Message) -> None:
+        """Add the next step."""
+        self.steps += 1
+        self.last = message
+        match message:
+            case sequencer_pb2.EnduranceSpec():
+                self.spec = message
+            case sequencer_pb2.EnduranceVolume():
+                self.volume = message
+                self.holds = message.holds
+            case rig_pb2.RigDescription():
+                self.description = message
+            case recorder_pb2.RunPlanned():
+                self.announced = message
+            case recorder_pb2.RunPlayed():
+                self.played.add(message.run)
+            case sequencer_pb2.EnduranceRepeat():
+                self.repeats.append(message)
+                self.iterating = None
+                self.changes.append(message)
+                self.announced = None
+            case sequencer_pb2.RepeatSamples():
+                self.samples += 1
+            case sequencer_pb2.EnduranceDrive():
+                self.drives.append(message)
+                self.iterating = None
+                self.changes.append(message)
+            case sequencer_pb2.EnduranceHold() | sequencer_pb2.EnduranceDecision():
+                self._take_hold(message)
+            case sequencer_pb2.EnduranceStatus():
+                self.final = message
+            case recorder_pb2.RecordingClosed():
+                self.closed = True
+
+    def _take_hold(self, message: sequencer_pb2.EnduranceHold | sequencer_pb2.EnduranceDecision) -> None:
+        if isinstance(message, sequencer_pb2.EnduranceHold):
+            # A rig that refused the run that was announced did not move.
+            self.announced = None
+            self.hold, self.holds, self.iterating = message, message.number, None
+            return
+        if message.kind == sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN:
+            self.iterating = self.hold
+        self.hold = None
+        self.changes.append(message)
+
+
+@dataclass(frozen=True)
+class RecordedTest:
+    """An endurance test as far as it came: its specification, and the last recording in which something is."""
+
+    spec: sequencer_pb2.EnduranceSpec
+    last: RecordedVolume
+
+
+def read_endurance(bus: Bus, id: str) -> RecordedTest:
+    """Read back an endurance test.
+
+    Raises FaultError: NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no endurance test's.
+    """
+    number = last_volume(bus, id)
+    if number == 0:
+        raise FaultError(
+            query_pb2.FAULT_CODE_NOT_FOUND,
+            f"There is no recording of an endurance test {id!r}; `duralab catalogue` lists all recordings.",
+            field="id",
+        )
+    last = _read_volume(bus, id, number)
+    spec = last.spec if number == 1 else _specification(bus, id)
+    if spec is None or spec.id != id:
+        raise _damaged(id, "its first step is not the specification of that endurance test")
+    if last.volume is None and number > 1:
+        raise _damaged(id, f"the recording {volume_name(id, number)} does not begin as one of an endurance test")
+    return RecordedTest(spec, last)
+
+
+def _specification(bus: Bus, id: str) -> sequencer_pb2.EnduranceSpec | None:
+    answer = bus.query(bus.keys.recording_steps(id), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+    first = _decoded(id, answer.steps[0]) if answer.steps else None
+    return first if isinstance(first, sequencer_pb2.EnduranceSpec) else None
+
+
+def _read_volume(bus: Bus, id: str, number: int) -> RecordedVolume:
+    volume = RecordedVolume(number)
+    for message in _messages(bus, volume_name(id, number)):
+        volume.take(message)
+    numbers = [repeat.repeat for repeat in volume.repeats]
+    first = volume.volume.first_repeat if volume.volume is not None else 0
+    if numbers != list(range(first, first + len(numbers))):
+        raise _damaged(id, f"the repeats of {volume_name(id, number)} are not numbered from {first} on")
+    return volume
+
+
+def _messages(bus: Bus, recording: str) -> Iterator[Message]:
+    first, total = 0, 1
+    while first < total:
+        request = recorder_pb2.ReadStepsRequest(first=first)
+        answer = bus.query(bus.keys.recording_steps(recording), request, recorder_pb2.RecordedSteps)
+        total = answer.total
+        if first < total and not answer.steps:
+            raise _damaged(recording, f"the recorder answered {first} of {total} steps and then nothing")
+        for step in answer.steps:
+            if step.step != first:
+                raise _damaged(recording, f"the recorder answered step {step.step} in place of step {first}")
+            first += 1
+            yield _decoded(recording, step)
+
+
+def _decoded(recording: str, step: recorder_pb2.RecordedStep) -> Message:
+    kind = _KINDS.get(step.message_type)
+    if kind is None:
+        raise _damaged(recording, f"its step {step.step} is a {step.message_type!r}, which no endurance test commits")
+    try:
+        return kind.FromString(step.payload)
+    except DecodeError as error:
+        raise _damaged(recording, f"its step {step.step} is not a {step.message_type}: {error}") from error
+
+
+def _damaged(id: str, why: str) -> FaultError:
+    return FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Endurance test {id!r} cannot be read back: {why}.", field="id")

@@ -1,0 +1,331 @@
+"""The sequencer on the bus: starts endurance tests, tells about them, holds, resumes and stops them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Annotated, Final, Self
+
+import structlog
+from pydantic import Field
+
+from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError, SpoolSpace, described_rig
+from duralab_proto.keys import ANY, id_of
+from duralab_proto.v1 import query_pb2, sequencer_pb2
+from sequencer.channel_figures import CHANNEL_FIGURES
+from sequencer.endurance import (
+    EndurancePlan,
+    EnduranceTest,
+    Progress,
+    StatusBoard,
+    column_names,
+    fresh_progress,
+    go_on_recording,
+    is_final,
+    last_volume,
+    plan_endurance,
+    read_endurance,
+    recorded_progress,
+    require_names,
+    require_open,
+    require_same_rig,
+)
+
+SERVICE: Final = "sequencer"
+"""Name of the service, as in its liveliness key."""
+
+# A stop waits so long for the test to end before it answers how far it got.
+_STOP_SECONDS: Final = 8.0
+# Ended tests whose status can still be asked for; the recorder knows the older ones.
+_KEPT_STATUSES: Final = 20
+# The process ends within 3 s of being told to, with or without its tests.
+_CLOSE_SECONDS: Final = 1.5
+# Events of all tests that are kept for who missed one, an eighth of it for each test: those of the last minute. Nothing
+# is lost with an older one, the next holds all that it did.
+_EVENT_BYTES: Final = 16 * 1024 * 1024
+
+
+class SequencerConfig(ServiceConfig):
+    """Configuration of the sequencer."""
+
+    # A test goes on in another recording after so many: what a service holds of a recording is bounded by it.
+    repeats_per_recording: Annotated[int, Field(ge=1, le=100_000)] = 1000
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A test of this process; one that has ended keeps its status only."""
+
+    test: EnduranceTest | None
+    board: StatusBoard
+
+
+class SequencerService:
+    """Keeps the endurance tests of this process; one at a time on each rig. A context manager: leaving breaks them off.
+
+    `bus`: Its keys are served from the start.
+    """
+
+    def __init__(self, bus: Bus, config: SequencerConfig) -> None:
+        self._bus = bus
+        self._config = config
+        self._lock = threading.Lock()
+        self._entries: dict[str, _Entry] = {}
+        # Rig to the test that has it, from the checks to the end.
+        self._taken_rigs: dict[str, str] = {}
+        self._spools = SpoolSpace(_EVENT_BYTES)
+        self._register_metrics()
+        keys = bus.keys
+        bus.serve(keys.endurance_start(ANY), sequencer_pb2.EnduranceSpec, self.start)
+        bus.serve(keys.endurance(ANY), sequencer_pb2.EnduranceRequest, self.status)
+        # Workers of their own: a stop must get through whatever else is asked.
+        bus.serve(keys.endurance_stop(ANY), sequencer_pb2.StopEnduranceRequest, self.stop, workers=4)
+        bus.serve(keys.endurance_hold(ANY), sequencer_pb2.HoldEnduranceRequest, self.hold, workers=4)
+        bus.serve(keys.endurance_resume(ANY, ANY), sequencer_pb2.ResumeEnduranceRequest, self.resume)
+        bus.serve(keys.endurance_decide(ANY, ANY), sequencer_pb2.EnduranceDecision, self.decide)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._lock:
+            running = [entry for entry in self._entries.values() if entry.test is not None]
+        for entry in running:
+            if entry.test is not None:
+                entry.test.leave()
+        until = time.monotonic() + _CLOSE_SECONDS
+        for entry in running:
+            entry.board.wait_ended(max(0.0, until - time.monotonic()))
+
+    def start(self, spec: sequencer_pb2.EnduranceSpec, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """Check an endurance test and start it; answer at once."""
+        require_names(spec)
+        call.require_rig(spec.rig, field="rig")
+        with self._admitting(spec.id, spec.rig):
+            call.progress("checking", 0.0, detail=f"endurance test {spec.id}")
+            if last_volume(self._bus, spec.id):
+                raise _already_exists(spec.id)
+            plan = plan_endurance(spec, described_rig(self._bus, spec.rig))
+            return self._begin(plan, fresh_progress(plan))
+
+    def resume(self, request: sequencer_pb2.ResumeEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """Go on after a hold of a person or a fault, or after a crash of the sequencer; answer at once."""
+        del request
+        id = id_of(call.key)
+        with self._lock:
+            entry = self._entries.get(id)
+        if entry is not None and entry.test is not None:
+            call.require_rig(entry.test.rig, field="rig")
+            entry.test.resume(call)
+            return entry.board.snapshot()
+        call.progress("reading back", 0.0, detail=f"endurance test {id}")
+        recorded = read_endurance(self._bus, id)
+        call.require_rig(recorded.spec.rig, field="rig")
+        require_open(recorded)
+        with self._admitting(id, recorded.spec.rig, again=True):
+            description = described_rig(self._bus, recorded.spec.rig)
+            require_same_rig(recorded, description)
+            # Only now nobody else can go on with it.
+            recorded = read_endurance(self._bus, id)
+            require_open(recorded)
+            go_on_recording(self._bus, recorded)
+            plan = plan_endurance(recorded.spec, description)
+            return self._begin(plan, recorded_progress(recorded, plan))
+
+    def _begin(self, plan: EndurancePlan, before: Progress) -> sequencer_pb2.EnduranceStatus:
+        spec = plan.spec
+        board = StatusBoard(
+            sequencer_pb2.EnduranceStatus(
+                id=spec.id,
+                rig=spec.rig,
+                phase=sequencer_pb2.ENDURANCE_PHASE_CHECKING,
+                activity="starting",
+                repeats=len(plan.sequence),
+                played=before.next_repeat,
+                remaining_seconds=-1.0,
+                responses=plan.responses,
+                columns=column_names(plan.schedule.monitoring),
+                alarms=before.alarms,
+                kept=before.kept,
+            ),
+            publish=self._publishing(spec.id),
+        )
+        test = EnduranceTest(
+            plan,
+            before,
+            bus=self._bus,
+            board=board,
+            repeats_per_volume=self._config.repeats_per_recording,
+            on_end=lambda: self._ended(spec.id, spec.rig),
+        )
+        with self._lock:
+            self._entries[spec.id] = _Entry(test=test, board=board)
+        structlog.get_logger(SERVICE).info(
+            "endurance test accepted", endurance_test=spec.id, rig=spec.rig, next_repeat=before.next_repeat
+        )
+        test.start()
+        return board.snapshot()
+
+    def status(self, request: sequencer_pb2.EnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """Tell how an endurance test stands."""
+        del request
+        return self._entry(id_of(call.key)).board.snapshot()
+
+    def stop(self, request: sequencer_pb2.StopEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """End a test, and stop and latch its rig whatever that does; one that has ended stays as it is."""
+        entry = self._entry(id_of(call.key))
+        if entry.test is not None:
+            entry.test.stop(request.reason or "no reason was given")
+            call.progress("stopping", 0.0)
+            entry.board.wait_ended(_STOP_SECONDS)
+        return entry.board.snapshot()
+
+    def hold(self, request: sequencer_pb2.HoldEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """Have a test wait after the repeat that plays now."""
+        entry = self._entry(id_of(call.key))
+        self._running_test(entry, call).hold(request.reason or "no reason was given")
+        return entry.board.snapshot()
+
+    def decide(self, request: sequencer_pb2.EnduranceDecision, call: Call) -> sequencer_pb2.EnduranceStatus:
+        """Take a person's decision on a hold; answer when it is stored."""
+        entry = self._entry(id_of(call.key))
+        test = self._running_test(entry, call)
+        call.require_rig(test.rig, field="rig")
+        test.decide(request, call)
+        return entry.board.snapshot()
+
+    @staticmethod
+    def _running_test(entry: _Entry, call: Call) -> EnduranceTest:
+        if entry.test is None:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Endurance test {id_of(call.key)!r} has ended.", field="id"
+            )
+        return entry.test
+
+    @contextmanager
+    def _admitting(self, id: str, rig: str, *, again: bool = False) -> Iterator[None]:
+        """Keep id and rig for a test that is being checked; let go of them where it is refused."""
+        with self._lock:
+            if (id in self._entries and not again) or id in self._taken_rigs.values():
+                raise _already_exists(id)
+            if (holder := self._taken_rigs.get(rig)) is not None:
+                raise FaultError(
+                    query_pb2.FAULT_CODE_BUSY,
+                    f"Rig {rig!r} is in use by endurance test {holder!r}; wait for its end or stop it.",
+                    field="rig",
+                )
+            self._taken_rigs[rig] = id
+        try:
+            yield
+        except BaseException:
+            with self._lock:
+                del self._taken_rigs[rig]
+            raise
+
+    def _entry(self, id: str) -> _Entry:
+        with self._lock:
+            entry = self._entries.get(id)
+        if entry is None:
+            raise FaultError(
+                query_pb2.FAULT_CODE_NOT_FOUND,
+                f"No endurance test {id!r} was started or resumed since the sequencer began; resume it if it has not "
+                "ended.",
+                field="id",
+            )
+        return entry
+
+    def _ended(self, id: str, rig: str) -> None:
+        """Free the rig, and let go of everything about a test but its status."""
+        with self._lock:
+            self._entries[id] = _Entry(test=None, board=self._entries[id].board)
+            ended = [each for each, entry in self._entries.items() if entry.test is None]
+            for each in ended[:-_KEPT_STATUSES]:
+                del self._entries[each]
+            del self._taken_rigs[rig]
+
+    def _publishing(self, id: str) -> Callable[[sequencer_pb2.EnduranceStatus], None]:
+        publisher = self._bus.publisher(self._bus.keys.endurance_event(id), spools=self._spools)
+
+        def publish(status: sequencer_pb2.EnduranceStatus) -> None:
+            try:
+                publisher.put(sequencer_pb2.EnduranceEvent(status=status))
+            except (BusError, SpoolFullError) as error:
+                # Who watches may ask; the test goes on.
+                structlog.get_logger(SERVICE).warning("An event was not published.", test=id, why=str(error))
+            if is_final(status):
+                publisher.close()
+
+        return publish
+
+    def _register_metrics(self) -> None:
+        """Register the figures of the running tests."""
+        readings: tuple[tuple[str, str, Callable[[sequencer_pb2.EnduranceStatus], float]], ...] = (
+            ("repeats", "Repeats of the schedule", lambda status: status.repeats),
+            ("played", "Repeats counted as played", lambda status: status.played),
+            ("unknown", "Repeats counted as played whose end is not known", lambda status: status.unknown),
+            ("alarms", "Alarms so far", lambda status: status.alarms),
+            ("kept", "Repeats recorded with all samples", lambda status: status.kept),
+            (
+                "holding",
+                "Whether it waits for a person",
+                lambda status: status.phase == sequencer_pb2.ENDURANCE_PHASE_HOLDING,
+            ),
+            ("remaining_seconds", "Expected time to the end; negative where unknown", lambda s: s.remaining_seconds),
+        )
+        for name, what, read in readings:
+            self._bus.metrics.follow(
+                f"duralab_endurance_{name}",
+                what,
+                lambda read=read: self._by_test(read),
+                labels=("test",),
+            )
+        for name, (what, of_channels) in CHANNEL_FIGURES.items():
+            self._bus.metrics.follow(
+                f"duralab_endurance_{name}",
+                what,
+                lambda read=of_channels: self._by_channel(read),
+                labels=("test", "channel"),
+            )
+
+    def _by_test(self, read: Callable[[sequencer_pb2.EnduranceStatus], float]) -> Mapping[tuple[str, ...], float]:
+        return {(status.id,): float(read(status)) for status in self._running()}
+
+    def _by_channel(
+        self, read: Callable[[sequencer_pb2.EnduranceStatus], Mapping[str, float]]
+    ) -> Mapping[tuple[str, ...], float]:
+        return {(status.id, name): value for status in self._running() for name, value in read(status).items()}
+
+    def _running(self) -> list[sequencer_pb2.EnduranceStatus]:
+        with self._lock:
+            boards = [entry.board for entry in self._entries.values() if entry.test is not None]
+        return [board.snapshot() for board in boards]
+
+
+def _already_exists(id: str) -> FaultError:
+    return FaultError(
+        query_pb2.FAULT_CODE_ALREADY_EXISTS,
+        f"A recording {id!r} exists already and is never overwritten; choose another id.",
+        field="id",
+    )
+
+
+def build(config: SequencerConfig) -> Callable[[Bus], AbstractContextManager[object]]:
+    """Return what sets the sequencer up on a bus.
+
+    Parameters
+    ----------
+    config : SequencerConfig
+        Checked.
+
+    Returns
+    -------
+    callable
+        Takes the bus; its context is the service at work.
+    """
+    return lambda bus: SequencerService(bus, config)

@@ -1,0 +1,75 @@
+"""What was played so far: repeats and damage of each event, measured, or as planned where the end is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass
+class EventTally:
+    """Repeats and damage of one event.
+
+    `planned`: Repeats of the schedule. `planned_damage`, shape (responses,): Of one repeat; None where the schedule
+    names no target. `played`, `unknown`: Repeats counted, and those of them whose end is not known. `damage`,
+    `measured_damage`, shape (responses,): Of all repeats counted, and of those that were measured. `drive`: Index of
+    the drive in use.
+    """
+
+    planned: int
+    planned_damage: NDArray[np.float64] | None
+    damage: NDArray[np.float64]
+    measured_damage: NDArray[np.float64]
+    played: int = 0
+    unknown: int = 0
+    measured: int = 0
+    drive: int = 0
+
+    @classmethod
+    def begun(cls, planned: int, planned_damage: NDArray[np.float64] | None, *, responses: int) -> EventTally:
+        """Return the tally of an event of which nothing was played."""
+        return cls(planned, planned_damage, np.zeros(responses), np.zeros(responses))
+
+    def count_measured(self, damage: NDArray[np.float64]) -> None:
+        """Count a repeat that was played to its end."""
+        self.played += 1
+        self.measured += 1
+        self.damage = self.damage + damage
+        self.measured_damage = self.measured_damage + damage
+
+    def count_unknown(self) -> NDArray[np.float64] | None:
+        """Count a repeat whose end is not known; return its damage, None where nothing tells what it may be."""
+        damage = self.damage_per_repeat
+        self.played += 1
+        self.unknown += 1
+        if damage is not None:
+            self.damage = self.damage + damage
+        return damage
+
+    @property
+    def damage_per_repeat(self) -> NDArray[np.float64] | None:
+        """Damage of one repeat as planned, or the mean of those measured; None before the first of these."""
+        if self.planned_damage is not None:
+            return self.planned_damage
+        return self.measured_damage / self.measured if self.measured else None
+
+
+def total_damage(events: Sequence[EventTally]) -> NDArray[np.float64]:
+    """Return the damage counted, shape (responses,)."""
+    return np.sum([event.damage for event in events], axis=0)
+
+
+def planned_damage(events: Sequence[EventTally], *, whole: bool) -> NDArray[np.float64] | None:
+    """Return the damage planned of the whole schedule or of what was played; None where it is not known of an event."""
+    planned = np.zeros(events[0].damage.size)
+    for event in events:
+        per_repeat = event.damage_per_repeat
+        if per_repeat is None:
+            if event.planned if whole else event.played:
+                return None
+            continue
+        planned = planned + per_repeat * (event.planned if whole else event.played)
+    return planned

@@ -1,0 +1,71 @@
+"""An endurance test at full simulation speed with kills: `python -m tests.endurance [--repeats N] [--kill-every N] …`.
+
+Prints what became of it; exit code 1 where a repeat was lost or played twice, or a recording is not whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from .disturbed_test import DisturbedTest, Outcome, specification
+from .killable_services import SERVICES, KillableServices
+
+
+def main() -> int:
+    """Run it as the arguments say."""
+    parser = argparse.ArgumentParser(prog="make endurance", description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=20_000)
+    parser.add_argument("--kill-every", type=int, default=500, help="repeats between two kills; 0: none")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--sample-every", type=int, default=1000, help="repeats between two looks at the memory")
+    arguments = parser.parse_args()
+    begun = time.monotonic()
+
+    def show(played: int) -> None:
+        rate = played / (time.monotonic() - begun)
+        memory = ", ".join(f"{name} {size:.0f}" for name, size in outcome.memory[-1][1].items())
+        sys.stdout.write(f"{played:7d} repeats, {rate:5.1f} a second; MiB: {memory}\n")
+        sys.stdout.flush()
+
+    outcome = Outcome(arguments.repeats)
+    with (
+        tempfile.TemporaryDirectory(prefix="duralab-endurance-") as folder,
+        KillableServices(Path(folder)) as services,
+    ):
+        spec = specification(services, "endurance", repeats=arguments.repeats)
+        DisturbedTest(services, spec, outcome).run(
+            kill_every=arguments.kill_every,
+            seed=arguments.seed,
+            on_progress=show,
+            sample_every=arguments.sample_every,
+        )
+    sys.stdout.write(report(outcome) + "\n")
+    return bool(outcome.lost or outcome.doubled or outcome.findings)
+
+
+def report(outcome: Outcome) -> str:
+    """Return what became of it."""
+    lines = [
+        f"{outcome.repeats} repeats of 1 s in {outcome.seconds:.0f} s: {outcome.repeats / outcome.seconds:.1f}/s",
+        f"killed: {', '.join(f'{name} {count}' for name, count in sorted(outcome.kills.items())) or 'nothing'}",
+        f"lost {len(outcome.lost)}, doubled {len(outcome.doubled)}; end not known of {outcome.unknown}",
+        f"{outcome.kept} kept with all samples, {outcome.alarms} alarms",
+        f"{outcome.recordings} recordings, {outcome.bytes / 1e6:.1f} MB: {outcome.bytes // outcome.repeats} B each",
+        f"forecast {outcome.forecast_bytes / 1e6:.1f} MB, used {outcome.bytes / outcome.forecast_bytes:.0%} of it",
+    ]
+    if len(outcome.memory) >= 4:
+        quarter = len(outcome.memory) // 4
+        for name in SERVICES:
+            sizes = [memory[name] for _, memory in outcome.memory]
+            second, last = statistics.median(sizes[quarter : 2 * quarter]), statistics.median(sizes[-quarter:])
+            lines.append(f"memory of {name}: {second:.1f} MiB in the second quarter, {last:.1f} in the last")
+    return "\n".join([*lines, *outcome.findings])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,150 @@
+"""A project of events in a real lab: killed at any moment it ends with the same bytes, on one rig or two.
+
+DURALAB_KILLS=10 kills as often as the acceptance of the feature does; 3 by default.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import yaml
+
+import duralab
+from duralab.campaign import load_project
+from duralab.formats import read_signals
+
+KILLS = int(os.environ.get("DURALAB_KILLS", "3"))
+SECONDS = 600.0
+EVENTS = ("rough_road", "rough_road_worn", "cobblestones")
+
+
+def project(folder: Path, **changes: object) -> Path:
+    """Write a project of three of the shipped events."""
+    shipped = Path(duralab.__file__).parent / "campaign" / "shipped_projects" / "front_axle_events.yaml"
+    content = yaml.safe_load(shipped.read_text())
+    content["events"] = {name: content["events"][name] for name in EVENTS}
+    path = folder / "project.yaml"
+    path.write_text(yaml.safe_dump(content | changes, sort_keys=False))
+    return path
+
+
+def samples_of(folder: Path) -> dict[str, list[tuple[bytes, bytes]]]:
+    found = {}
+    for name in EVENTS:
+        recording = duralab.open_recording(folder / name / "recording.mcap")
+        playbacks = [recording.playback(number) for number in recording.iterations.numbers]
+        found[name] = [(one.drive.samples.tobytes(), one.response.samples.tobytes()) for one in playbacks]
+    return found
+
+
+def bytes_of(folder: Path) -> int:
+    """Size of the recordings in a folder, as far as they are written."""
+    return sum(path.stat().st_size for path in folder.glob("*.mcap"))
+
+
+def command(path: Path, out: Path) -> subprocess.Popen[str]:
+    arguments = [sys.executable, "-m", "duralab", "run", str(path), "--out", str(out)]
+    return subprocess.Popen(
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=path.parent, start_new_session=True
+    )
+
+
+def kill_all(process: subprocess.Popen[str]) -> None:
+    """Kill the command and every service that it started, at once, as a power cut does."""
+    family = [psutil.Process(process.pid)]
+    family += family[0].children(recursive=True)
+    for one in family:
+        one.send_signal(signal.SIGKILL)
+    process.communicate()
+    psutil.wait_procs(family, timeout=30.0)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("undisturbed")
+    running = command(project(folder), folder / "out")
+    said, _ = running.communicate(timeout=SECONDS)
+    assert running.returncode == 0, said
+    assert "3 of 3 events reached their targets" in said
+    return folder / "out"
+
+
+def test_one_identification_serves_all_and_everything_is_exported(undisturbed: Path) -> None:
+    out = undisturbed
+    models, order = set(), (out / "drives" / "front_axle" / "front_axle_events.seq").read_text().splitlines()
+    for name in EVENTS:
+        recording = duralab.open_recording(out / name / "recording.mcap")
+        models.add(recording.model.id)
+        assert recording.specification.known.HasField("model") == (name != "rough_road")
+        drive = read_signals(out / "drives" / "front_axle" / f"{name}.drv")
+        best = recording.playback(recording.status.best_iteration).drive
+        # 16 bits of the largest value.
+        assert (
+            np.abs(drive.samples[:, : best.samples.shape[1]] - best.samples).max() < 1e-4 * np.abs(best.samples).max()
+        )
+    assert len(models) == 1
+    assert order[1:] == ["200 10 rough_road.drv", "100 10 rough_road_worn.drv", "150 10 cobblestones.drv"]
+    page = (out / "report.html").read_text()
+    assert all(f">{name}</h2>" in page for name in EVENTS)
+
+
+@pytest.mark.timeout(2 * SECONDS)
+def test_killed_at_seeded_moments_it_ends_with_the_same_bytes(tmp_path: Path, undisturbed: Path) -> None:
+    expected, whole = samples_of(undisturbed), sum(bytes_of(undisturbed / name) for name in EVENTS)
+    # Moments of the work, not of the clock: a busy machine is killed in the same places.
+    path, moments = project(tmp_path), np.random.default_rng(20261125).uniform(0.02, 0.95, KILLS)
+    for number, moment in enumerate(moments):
+        out = tmp_path / f"out-{number}"
+        running = command(path, out)
+        until = time.monotonic() + SECONDS
+        while bytes_of(out / "recordings") < moment * whole:
+            assert running.poll() is None, "the project ended before it was killed"
+            assert time.monotonic() < until, "nothing is recorded"
+            time.sleep(0.01)
+        kill_all(running)
+        again = command(path, out)
+        said, _ = again.communicate(timeout=SECONDS)
+        assert again.returncode == 0, (moment, said)
+        assert samples_of(out) == expected, moment
+
+
+def test_what_is_there_is_read_and_other_settings_are_refused(undisturbed: Path, tmp_path: Path) -> None:
+    out = undisturbed
+    before = {name: (out / name / "recording.mcap").stat().st_mtime_ns for name in EVENTS}
+    with duralab.start(rigs=("front_axle", "predecessor"), out=tmp_path / "lab") as lab:
+        result = lab.run_project(project(tmp_path), out=out)
+        assert result.reached
+        assert {name: (out / name / "recording.mcap").stat().st_mtime_ns for name in EVENTS} == before
+        other = project(tmp_path, update={"kind": "basic_twr", "iteration_gain": 0.5})
+        with pytest.raises(duralab.InputError, match=r"made with other settings than the project has for event"):
+            lab.run_project(other, out=out)
+
+
+@pytest.mark.timeout(SECONDS)
+def test_two_rigs_share_the_events_and_a_missed_one_is_told(tmp_path: Path) -> None:
+    plan = yaml.safe_load(project(tmp_path).read_text())
+    compliant = {"rig": "front_axle_compliant"}
+    plan["excitation"]["rms"] = {name: 0.4 * level for name, level in plan["excitation"]["rms"].items()}
+    plan["events"]["cobblestones"] |= compliant | {"stop": {"iterations": 1}}
+    path = tmp_path / "two.yaml"
+    path.write_text(yaml.safe_dump(plan))
+    found = load_project(path)
+    with duralab.start(rigs=found.rigs, out=tmp_path / "out") as lab:
+        result = lab.run_project(found)
+    rows = {event.event.name: event for event in result.events}
+    assert rows["cobblestones"].started_from == ""
+    assert not rows["cobblestones"].reached
+    assert not result.reached
+    assert "not cobblestones" in result.sentence
+    order = (
+        tmp_path / "out" / "front_axle_events" / "drives" / "front_axle_compliant" / "front_axle_events.seq"
+    ).read_text()
+    assert "# cobblestones is left out: not reached" in order
