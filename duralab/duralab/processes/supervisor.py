@@ -36,7 +36,8 @@ LOG_LINES: Final = 3
 # sums in another order differ in their last bits. Who sets it otherwise is obeyed.
 _ONE_THREAD: Final = MappingProxyType({"OMP_NUM_THREADS": "1"})
 _POLL_SECONDS: Final = 0.05
-_TAIL_BYTES: Final = 16_384
+# A stack trace of each of Zenoh's threads may follow the line that counts: 17 kB were seen.
+_TAIL_BYTES: Final = 1_048_576
 _TRACE_LINES: Final = (
     "Traceback (most recent",
     "During handling of the",

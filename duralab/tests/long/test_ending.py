@@ -138,7 +138,10 @@ def test_a_limit_of_processes_is_one_sentence(tmp_path, threads, said):
     assert code == 1
     assert f"{said}the limit of processes and threads of this user or container is reached; end other" in stderr
     assert "File" not in stderr
-    assert stderr.count("\n") == 1
+    # The command's own Zenoh may meet the limit as well: its thread then writes a Rust trace before the sentence.
+    *before, sentence = stderr.splitlines()
+    assert sentence.startswith("Error: The ")
+    assert not before or "can't spawn worker thread" in stderr
 
 
 def test_of_a_stack_trace_in_a_log_only_the_message_is_told(tmp_path):
