@@ -45,13 +45,13 @@ def page(document: dict[str, Any]) -> str:
 
 
 def missed(document: dict[str, Any]) -> list[str]:
-    """Return the goals that were measured and missed, in words."""
-    return [
-        f"{goal.what}: {number(value)} (goal {number(goal.bound)})"
-        for goals in GOALS.values()
-        for goal in goals
-        if (value := goal.measured(document)) is not None and not goal.met(value)
-    ]
+    """Return the goals that were measured and missed, and what is no measurement, a line each."""
+    found = []
+    for goal in (goal for goals in GOALS.values() for goal in goals):
+        value = goal.measured(document)
+        if value is not None and (verdict := goal.verdict(value)) in ("missed", "no measurement"):
+            found.append(f"{goal.what}: {number(value)} (goal {number(goal.bound)}, {verdict})")
+    return found
 
 
 def number(value: float | None) -> str:
@@ -70,8 +70,10 @@ def _goal_tables(document: dict[str, Any]) -> list[str]:
         lines = [f"## {title}\n", "| what | measured | goal | |", "|---|---|---|---|"]
         for goal, value in rows:
             sign = "≥" if goal.at_least else "≤"
-            verdict = "met" if goal.met(value) else "**missed**"
-            lines.append(f"| {goal.what} | {number(value)} | {sign} {number(goal.bound)} | {verdict} |")
+            verdict = goal.verdict(value)
+            emphasis = "**" if verdict in ("missed", "no measurement") else ""
+            bound = f"{sign} {number(goal.bound)}" if goal.bound is not None else "–"
+            lines.append(f"| {goal.what} | {number(value)} | {bound} | {emphasis}{verdict}{emphasis} |")
         lines += ["", *textwrap.wrap(_note(title, document), 120)]
         tables.append("\n".join(lines).rstrip() + "\n")
     return tables

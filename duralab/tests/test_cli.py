@@ -103,6 +103,7 @@ def running_lab(tmp_path_factory):
         (["rigs", "--connect", "nowhere"], "'nowhere' is not of the form 'tcp/<host>:<port>'"),
         (["up", "--listen", "nowhere"], "'nowhere' is not of the form 'tcp/<host>:<port>'"),
         (["run", "front_axle_demo", "--connect", "tcp/127.0.0.1:1", "--view"], "--view belongs to the lab"),
+        (["run", "front_axle_demo", "--connect", "tcp/127.0.0.1:1", "--profile"], "--profile belongs to a private lab"),
     ],
 )
 def test_wrong_argument_is_one_sentence_and_exit_code_2(arguments, part, tmp_path, monkeypatch):

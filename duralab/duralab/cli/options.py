@@ -38,6 +38,9 @@ RealTime = Annotated[
 ]
 View = Annotated[bool, typer.Option("--view", help="Open the live viewer.")]
 Page = Annotated[bool, typer.Option("--page", help="Open the operator page on loopback, and say where.")]
+Profile = Annotated[
+    bool, typer.Option("--profile", help="Write profile.json, a trace of where the time goes, for ui.perfetto.dev.")
+]
 InputFormat = Annotated[
     str | None, typer.Option("--from-format", metavar="FORMAT", help="Format of the file read; by suffix if left out.")
 ]
@@ -120,6 +123,7 @@ def open_lab(
     out: Path | None = None,
     viewer: str | None = None,
     recordings: Path | None = None,
+    trace_folder: Path | None = None,
 ) -> Iterator[Lab]:
     """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named)."""
     from duralab.lab import DEFAULT_RIGS, connect, start
@@ -132,6 +136,12 @@ def open_lab(
             lab = stack.enter_context(
                 connect(endpoint, out=out)
                 if endpoint is not None
-                else start(out, rigs=tuple(rigs) or DEFAULT_RIGS, viewer=viewer, recordings=recordings)
+                else start(
+                    out,
+                    rigs=tuple(rigs) or DEFAULT_RIGS,
+                    viewer=viewer,
+                    recordings=recordings,
+                    trace_folder=trace_folder,
+                )
             )
         yield lab

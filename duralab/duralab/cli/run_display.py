@@ -21,6 +21,7 @@ from duralab.cli.ending import ExitCode
 from duralab.cli.output import Output, open_hint, own_command
 from duralab.data import DAMAGE_SLOPES, counted_slope, damage_note, passes
 from duralab.lab import CampaignResult, RunProgress, Stage
+from duralab_bus import SpanKind, span
 
 CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
 """What a run of a campaign works on, one after the other."""
@@ -151,7 +152,8 @@ def follow(
     with RunDisplay(output.console, iterations=iterations, endpoint=endpoint) as display:
         result = run(display.show)
         display.write_report()
-        report = result.report()
+        with span("write the report", SpanKind.REPORT):
+            report = result.report()
     print_result(output, result, report)
     return result, report
 

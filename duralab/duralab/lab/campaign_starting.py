@@ -19,7 +19,7 @@ from duralab.lab.playing import play_drive
 from duralab.lab.progress import OnProgress, RunProgress, Stage
 from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.target import EditedTarget, describe_target, make_target
-from duralab_bus import FaultError
+from duralab_bus import FaultError, SpanKind, span
 from duralab_proto.v1 import iterator_pb2
 
 
@@ -169,5 +169,6 @@ def made_target(
         )
         return played.response
 
-    edited = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
+    with span("make the target", SpanKind.MATHEMATICS):
+        edited = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
     return MadeTarget(edited, driven[0] if driven else None)

@@ -20,7 +20,7 @@ from duralab.lab.client import LabClient
 from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.output_files import OUTPUTS, replace_when_complete
 from duralab.recording import parts_beside
-from duralab_bus import Bus, BusError, FaultError
+from duralab_bus import Bus, BusError, FaultError, SpanKind, span
 from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from duralab_recordings import part_path
@@ -101,7 +101,8 @@ def fetch_result(
             f"The recording {specification.id!r} lacks {information.missing_blocks} signal blocks that the bus "
             "lost; it stays with the recorder, run the campaign again."
         )
-    recording_path, live_path = fetch_files(bus, information, folder=folder)
+    with span("fetch the recording", SpanKind.DISK):
+        recording_path, live_path = fetch_files(bus, information, folder=folder)
     return CampaignResult(
         specification=specification, status=status, recording_path=recording_path, live_path=live_path
     )

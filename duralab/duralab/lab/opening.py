@@ -47,6 +47,7 @@ def start(
     viewer: str | None = None,
     real_time: bool = False,
     endurance: bool = False,
+    trace_folder: str | Path | None = None,
 ) -> Iterator[Lab]:
     """Start a private lab on this machine: four service processes, ended with the `with` statement.
 
@@ -68,6 +69,8 @@ def start(
         Play every drive in real time, whatever is asked: a rehearsal of a real rig. The responses are the same.
     endurance : bool
         Start a sequencer as well, for `Lab.endure`.
+    trace_folder : str or Path, optional
+        Existing folder in which each service writes what its time is spent on, for `duralab.profile.Profile`.
 
     Yields
     ------
@@ -93,6 +96,9 @@ def start(
         require_text(rig, field="rigs")
     require_switch(real_time, field="real_time")
     require_switch(endurance, field="endurance")
+    require_path(trace_folder, of="a folder", field="trace_folder")
+    if trace_folder is not None and not Path(trace_folder).is_dir():
+        raise InputError(f"trace_folder is {str(trace_folder)!r}, which is no folder; make it.", field="trace_folder")
     with ExitStack() as stack:
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
         if recordings is None:
@@ -107,7 +113,8 @@ def start(
             real_time=bool(real_time),
             endurance=bool(endurance),
         )
-        supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
+        traces = Path(trace_folder) if trace_folder is not None else None
+        supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs", trace_folder=traces))
         supervisor.start()
         yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)
 

@@ -19,11 +19,14 @@ from duralab_bus.security import DEFAULT_PORT, router_configuration, run_router
 from duralab_bus.session import BusConfig, BusMode, TlsConfig, check_identity, member_of
 from duralab_bus.spool import SpoolFolder, SpoolFullError, SpoolSpace
 from duralab_bus.streams import Continuity, StreamItem, StreamProof, StreamPublisher, Subscription
+from duralab_bus.tracing import SUFFIX as TRACE_SUFFIX
+from duralab_bus.tracing import SpanKind, record_trace, span, spans, write_span
 from duralab_bus.yaml_config import ConfigError, load_config
 
 __all__ = [
     "DEFAULT_PORT",
     "SAMPLES_LACK",
+    "TRACE_SUFFIX",
     "Bus",
     "BusConfig",
     "BusError",
@@ -37,6 +40,7 @@ __all__ = [
     "Metrics",
     "RecordingLog",
     "ServiceConfig",
+    "SpanKind",
     "SpoolFolder",
     "SpoolFullError",
     "SpoolSpace",
@@ -57,7 +61,11 @@ __all__ = [
     "log_stacks_on_signal",
     "member_of",
     "open_bus",
+    "record_trace",
     "router_configuration",
     "run_router",
     "service_main",
+    "span",
+    "spans",
+    "write_span",
 ]

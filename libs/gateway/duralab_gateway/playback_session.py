@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 import structlog
 
-from duralab_bus import Bus, Call, FaultError, SpoolSpace, StreamPublisher
+from duralab_bus import Bus, Call, FaultError, SpanKind, SpoolSpace, StreamPublisher, spans
 from duralab_gateway.interlock import Interlock
 from duralab_gateway.motion import Block, DrivePlayback, Level, RigFaultError, WatchdogMonitor
 from duralab_gateway.publishing import BlockPublisher, Clock, PoseStream
@@ -148,7 +148,7 @@ class PlaybackSession:
 
     def _settle(self, run: Run, playback: DrivePlayback, clock: Clock, call: Call) -> None:
         """Bring the rig to the drive's first sample; its way there is watched, and no part of the stream."""
-        for block in playback.approach():
+        for block in spans(playback.approach(), "approach the first sample", SpanKind.PLAYBACK):
             ends = run.wait_for_stop(clock.ahead(block))
             trip = self._watch(block)
             if trip or ends:
@@ -161,7 +161,7 @@ class PlaybackSession:
         self._report_state()
         samples = playback.response.shape[1]
         began = told = time.monotonic()
-        for block in playback.blocks():
+        for block in spans(playback.blocks(), "play a block", SpanKind.PLAYBACK):
             done = playback.samples_done
             ends = run.wait_for_stop(clock.ahead(block))
             trip = self._watch(block)

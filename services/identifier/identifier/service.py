@@ -10,10 +10,10 @@ import structlog
 from numpy.typing import NDArray
 from pydantic import Field
 
-from duralab_bus import Bus, Call, FaultError, ServiceConfig
+from duralab_bus import Bus, Call, FaultError, ServiceConfig, SpanKind, span
 from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.keys import ANY, id_of
-from duralab_proto.v1 import identifier_pb2, query_pb2
+from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
 from duralab_settings import SettingsError
 from identifier.bus import (
     advise,
@@ -163,7 +163,7 @@ class IdentifierService:
             return advise(model, request, room=room)
 
     def _prepare(self, request: identifier_pb2.IdentifyRequest, call: Call) -> _Prepared:
-        with _invalid():
+        with _invalid(), span("make the drives", SpanKind.MATHEMATICS):
             settings = settings_of(request)
             call.progress("asking the rig what it is", 0.0)
             rig = describe_rig(self._bus, request.rig)
@@ -187,13 +187,28 @@ class IdentifierService:
         log = self._log.bind(run=request.run, rig=request.rig)
         log.info("playing", seconds=drive.shape[1] / layout.sample_rate, drives=len(rig.drives))
         played, response = play_experiment(self._bus, request, rig=rig, drive=drive, call=call, progress=progress)
-        call.progress("estimating the FRF", progress[1])
+        with span("estimate", SpanKind.MATHEMATICS):
+            return self._modelled(request, prepared, played, response, call, at=progress[1])
+
+    def _modelled(
+        self,
+        request: identifier_pb2.IdentifyRequest,
+        prepared: _Prepared,
+        played: rig_pb2.PlayResult,
+        response: NDArray[np.float64],
+        call: Call,
+        *,
+        at: float,
+    ) -> identifier_pb2.Model:
+        """Return the model of what was played, and keep it."""
+        rig, layout, drive = prepared.rig, prepared.experiment.layout, prepared.experiment.drive
+        call.progress("estimating the FRF", at)
         excitation = prepared.settings.excitation
         static = measured_static_gain(drive, response, excitation, sample_rate=layout.sample_rate)
         # The holds lie behind the record of the FRF.
         drive, response = drive[:, : layout.samples], response[:, : layout.samples]
         try:
-            estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=progress[1])
+            estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=at)
             levels = distortion_of(mapped, response, layout)
         except ValueError as error:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, with_names(str(error), rig)) from error
@@ -212,7 +227,14 @@ class IdentifierService:
         message = to_message(model)
         self._cache.put(message)
         self._identified_rigs.add(request.rig)
-        log.info("identified", model=message.id, blocks=message.blocks, warnings=len(message.warnings))
+        self._log.info(
+            "identified",
+            run=request.run,
+            rig=request.rig,
+            model=message.id,
+            blocks=message.blocks,
+            warnings=len(message.warnings),
+        )
         return message
 
     def _estimated(

@@ -11,6 +11,8 @@ from typing import TypeVar
 
 import structlog
 
+from duralab_bus import SpanKind, span
+
 ResultT = TypeVar("ResultT")
 
 
@@ -86,7 +88,8 @@ class WorkThread:
 
     def _do(self, job: Callable[[], object]) -> None:
         try:
-            job()
+            with span(self._name, SpanKind.DISK):
+                job()
         except Exception:  # noqa: BLE001 - one bad job must not end the thread that all others wait for
             structlog.get_logger("recorder").exception("A job failed by a defect.", thread=self._name)
 

@@ -17,6 +17,7 @@ from duralab.cli.options import (
     Json,
     OutFolder,
     Page,
+    Profile,
     RealTime,
     Replace,
     View,
@@ -49,6 +50,7 @@ def run(
     real_time: RealTime = False,
     view: View = False,
     page: Page = False,
+    profile: Profile = False,
     replace: Replace = False,
     as_json: Json = False,
 ) -> None:
@@ -59,13 +61,16 @@ def run(
     from duralab.lab import DEFAULT_RIGS
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
+    from duralab.profile import PROFILE, profiled
 
     output = Output(as_json)
+    if profile and endpoint is not None:
+        raise InputError("--profile belongs to a private lab; leave out --connect, or --profile.", field="profile")
     if (view or page) and endpoint is not None:
         option = "--view" if view else "--page"
         raise InputError(f"{option} belongs to the lab: start the lab at --connect with `duralab up {option}`.")
     if is_project(campaign):
-        alone = {"--view": view, "--page": page, "--replace": replace, "--real-time": real_time}
+        alone = {"--view": view, "--page": page, "--profile": profile, "--replace": replace, "--real-time": real_time}
         _run_project(campaign, output, out=out, endpoint=endpoint, alone=alone)
         return
     plan = load_campaign(campaign)
@@ -75,13 +80,21 @@ def run(
     folder = out or Path("out") / plan.name
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out is {str(folder)!r}, which is a file; give a folder.")
-    require_outputs([folder / name for name in OUTPUTS], replace=replace)
+    outputs = (*OUTPUTS, PROFILE) if profile else OUTPUTS
+    require_outputs([folder / name for name in outputs], replace=replace)
     if endpoint is None:
         require_shipped(plan.rigs, usual=DEFAULT_RIGS)
     with ExitStack() as stack:
+        traces = (
+            stack.enter_context(profiled(folder / PROFILE, show=lambda found: output.say(str(found))))
+            if profile
+            else None
+        )
         viewer = open_viewer(stack, output) if view else None
         address = viewer.address if viewer is not None else None
-        lab = stack.enter_context(open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address))
+        lab = stack.enter_context(
+            open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address, trace_folder=traces)
+        )
         if page:
             open_page(stack, output, lab, folder=folder, viewer=viewer)
         where = f"the lab at {endpoint}" if endpoint is not None else f"a private lab at {lab.endpoints[0]}"

@@ -18,13 +18,14 @@ from types import FrameType
 from typing import Final, NoReturn, TypeVar
 
 import structlog
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, DirectoryPath, Field
 
 from duralab_bus.bus import Bus, open_bus
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.metrics import MetricsConfig, serve_metrics
 from duralab_bus.process.logs import configure_logs
 from duralab_bus.session import BusConfig
+from duralab_bus.tracing import SpanKind, record_trace, span
 from duralab_bus.yaml_config import ConfigError, configured
 from duralab_proto.keys import MAIN_INSTANCE
 
@@ -79,6 +80,8 @@ class ServiceConfig(BaseModel):
     metrics: MetricsConfig | None = None
     # Queries of one key answered at once.
     workers: int = Field(default=4, ge=1, le=64)
+    # Existing folder for a trace of what its time is spent on; none is made where not given.
+    trace_folder: DirectoryPath | None = None
 
 
 ServiceConfigT = TypeVar("ServiceConfigT", bound=ServiceConfig)
@@ -101,10 +104,13 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
     stop.listen(standard_input=config.exit_with_parent)
     with ExitStack() as stack:
         try:
-            bus = stack.enter_context(open_bus(config.bus, service=name, workers=config.workers))
-            context = build(bus)
-            if context is not None:
-                stack.enter_context(context)
+            if config.trace_folder is not None:
+                stack.enter_context(record_trace(config.trace_folder, name))
+            with span(f"set up {name}", SpanKind.START):
+                bus = stack.enter_context(open_bus(config.bus, service=name, workers=config.workers))
+                context = build(bus)
+                if context is not None:
+                    stack.enter_context(context)
             metrics = stack.enter_context(serve_metrics(config.metrics, bus.metrics)) if config.metrics else None
         except (BusError, ConfigError, FaultError) as error:
             _refuse(error)

@@ -14,6 +14,7 @@ from google.protobuf.message import Message
 
 from duralab_bus.encoding import MessageT, decode, encode, encoding_of
 from duralab_bus.faults import FaultError
+from duralab_bus.tracing import SpanKind, span
 from duralab_proto.arrays import ArrayError
 from duralab_proto.keys import LONGEST_NAME, KeyNameError, rig_of
 from duralab_proto.v1 import query_pb2
@@ -168,7 +169,8 @@ class QueryJob(Generic[MessageT]):
             query = self._query
             request = decode(query.payload, query.encoding, self._request_type, largest_bytes=self._largest_bytes)
             call = Call(self.key, send=self._report, cancelled=self._cancelled)
-            response = self._handler(request, call)
+            with span(self.key, SpanKind.SERVICE):
+                response = self._handler(request, call)
             payload = encode(response, largest_bytes=self._largest_bytes, code=query_pb2.FAULT_CODE_INTERNAL)
         except FaultError as fault:
             self.refuse(fault)

@@ -19,6 +19,7 @@ from google.protobuf.message import Message
 from duralab_bus.encoding import MessageT, decode, encode, encoding_of
 from duralab_bus.faults import FaultError
 from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Instance, LivelinessTracker
+from duralab_bus.tracing import SpanKind, span
 from duralab_proto.access import Effect, effect_of
 from duralab_proto.keys import Keys, parse_live, serving
 from duralab_proto.v1 import query_pb2
@@ -199,7 +200,8 @@ class QueryClient:
             self._expect_live(question)
             if question.effect is Effect.CHANGE:
                 self._expect_way(question)
-            answer = self._ask(question)
+            with span(f"ask {key}", SpanKind.WAITING):
+                answer = self._ask(question)
             if not isinstance(answer, _Gone | _Ended):
                 if question.asks > 1:
                     self._log.warning(

@@ -11,7 +11,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, RecordingLog, bring_to_rest, latch_rig
+from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, RecordingLog, SpanKind, bring_to_rest, latch_rig, span
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.assessment import Forecast, IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
@@ -378,7 +378,9 @@ class Campaign:
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
         self._step = activity
         self._board.show(activity, self._estimate.at(share), phase=phase)
-        yield
+        # What it asks of others is a span inside: what is left is the work of the iterator.
+        with span(activity, SpanKind.MATHEMATICS):
+            yield
 
     def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
         def follow(progress: query_pb2.Progress) -> None:

@@ -1,0 +1,161 @@
+"""Where the time of a campaign goes: the traces of all processes as one Chrome trace, and its shares."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, Self
+
+import psutil
+
+from duralab.errors import InputError
+from duralab.output_files import replace_when_complete
+from duralab_bus import TRACE_SUFFIX, SpanKind, record_trace, write_span
+
+PROFILE: Final = "profile.json"
+"""The trace that a campaign leaves in its folder where one is asked for."""
+
+_SHOWN: Final = {
+    SpanKind.PLAYBACK: "playback by the rig",
+    SpanKind.MATHEMATICS: "mathematics",
+    SpanKind.REPORT: "writing the report",
+    SpanKind.START: "starting programs and services",
+    SpanKind.DISK: "writing and reading recordings",
+    SpanKind.SERVICE: "other work of the services",
+    SpanKind.WAITING: "waiting for one another",
+}
+"""What counts where several processes work at once: the first of these. Last, time in which none of them works."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of time of one thread, in s since 1970."""
+
+    kind: SpanKind
+    began: float
+    ended: float
+
+
+class Profile:
+    """The spans of all processes of a lab.
+
+    `events`: As Chrome's trace format has them, times in µs.
+    """
+
+    def __init__(self, events: Sequence[dict[str, Any]]) -> None:
+        self._events = tuple(events)
+        self._spans = tuple(span for track in _tracks(events) for span in _own_time(track))
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read what every process wrote to a folder; a line that a killed process left unfinished is passed over."""
+        events = []
+        for file in sorted(folder.glob(f"*{TRACE_SUFFIX}")):
+            for line in file.read_text().splitlines():
+                try:
+                    events.append(json.loads(line))
+                except ValueError:
+                    continue
+        return cls(events)
+
+    def shares(self, began: float, ended: float) -> dict[SpanKind, float]:
+        """Return the seconds of each kind between two moments, in s since 1970; they add up to the time between them.
+
+        Every moment counts once: in a thread for its innermost span, and of several threads for the first kind of work
+        in the order of `_SHOWN`.
+        """
+        changes = [(began, None, 0), (ended, None, 0)]
+        for span in self._spans:
+            first, last = max(span.began, began), min(span.ended, ended)
+            if last > first:
+                changes += [(first, span.kind, 1), (last, span.kind, -1)]
+        changes.sort(key=lambda change: change[0])
+        active, seconds = dict.fromkeys(SpanKind, 0), dict.fromkeys(_SHOWN, 0.0)
+        for (at, kind, step), (until, _, _) in pairwise(changes):
+            if kind is not None:
+                active[kind] += step
+            counted = next((kind for kind in _SHOWN if active[kind]), SpanKind.WAITING)
+            seconds[counted] += until - at
+        return seconds
+
+    @property
+    def period(self) -> tuple[float, float]:
+        """The first and the last moment of all spans, in s since 1970."""
+        return min(span.began for span in self._spans), max(span.ended for span in self._spans)
+
+    def write(self, path: Path) -> None:
+        """Write it for Perfetto, Chrome's tracing page, and other tools that read Chrome's trace format."""
+        start = min((event["ts"] for event in self._events if "ts" in event), default=0.0)
+        shifted = [event | {"ts": event["ts"] - start} if "ts" in event else event for event in self._events]
+        document = {"traceEvents": shifted, "displayTimeUnit": "ms", "otherData": {"began": start / 1e6}}
+        with replace_when_complete(path) as temporary:
+            temporary.write_text(json.dumps(document))
+
+    def __str__(self) -> str:
+        """Return a line for each kind, the longest first."""
+        began, ended = self.period
+        wall = ended - began
+        shares = sorted(self.shares(began, ended).items(), key=lambda share: -share[1])
+        rows = [f"{_SHOWN[kind]:<32} {seconds:7.2f} s  {seconds / wall:6.1%}" for kind, seconds in shares]
+        return "\n".join([f"{'from first to last':<32} {wall:7.2f} s", *rows])
+
+
+@contextmanager
+def profiled(path: Path, *, show: Callable[[Profile], None]) -> Iterator[Path]:
+    """Trace what happens in the block into a file, also where it fails; yields the folder for the services' traces.
+
+    `show`: Called with the profile once it is written.
+    """
+    with tempfile.TemporaryDirectory(prefix="duralab-trace-") as name:
+        folder = Path(name)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"The folder {path.parent} cannot be made: {error.strerror}; give another.") from error
+        try:
+            with record_trace(folder, "duralab"):
+                started = psutil.Process().create_time()
+                write_span("start duralab", SpanKind.START, started, time.time() - started)
+                yield folder
+        finally:
+            profile = Profile.read(folder)
+            profile.write(path)
+            show(profile)
+
+
+def _tracks(events: Sequence[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+    """Give the spans of each thread, the outer one of two that begin together first."""
+    tracks: dict[tuple[int, int], list[dict[str, Any]]] = {}
+    for event in events:
+        if event["ph"] == "X":
+            tracks.setdefault((event["pid"], event["tid"]), []).append(event)
+    for track in tracks.values():
+        track.sort(key=lambda event: (event["ts"], -event["dur"]))
+        yield track
+
+
+def _own_time(track: Sequence[dict[str, Any]]) -> Iterator[Span]:
+    """Give the stretches of a thread in which a span is the innermost one."""
+    open_spans: list[tuple[SpanKind, float]] = []
+    at = 0.0
+    for event in [*track, None]:
+        begins = event["ts"] / 1e6 if event is not None else float("inf")
+        while open_spans and open_spans[-1][1] <= begins:
+            kind, end = open_spans.pop()
+            if end > at:
+                yield Span(kind, at, end)
+                at = end
+        if event is None:
+            return
+        if open_spans and begins > at:
+            yield Span(open_spans[-1][0], at, begins)
+        at = max(at, begins) if open_spans else begins
+        end = begins + event["dur"] / 1e6
+        # Clocks differ by some µs: an inner span ends with its outer one.
+        open_spans.append((SpanKind(event["cat"]), min(end, open_spans[-1][1]) if open_spans else end))

@@ -1,0 +1,166 @@
+"""Spans of time of one process, as events of Chrome's trace format, one JSON line each: where the time goes."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from enum import StrEnum
+from pathlib import Path
+from typing import Final, TypeVar
+
+ItemT = TypeVar("ItemT")
+
+SUFFIX: Final = ".jsonl"
+_NOTHING: Final = nullcontext()
+
+
+class SpanKind(StrEnum):
+    """What the time of a span is spent on."""
+
+    PLAYBACK = "playback"
+    MATHEMATICS = "mathematics"
+    DISK = "disk"
+    REPORT = "report"
+    START = "start"
+    SERVICE = "service"
+    WAITING = "waiting"
+
+
+class _Trace:
+    """The file of this process; each event is appended by one write, so that a killed process loses none."""
+
+    def __init__(self) -> None:
+        self._file: int | None = None
+
+    @property
+    def is_on(self) -> bool:
+        return self._file is not None
+
+    def open(self, path: Path) -> None:
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+
+    def close(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def write(self, event: dict[str, object]) -> None:
+        if (file := self._file) is not None:
+            os.write(file, (json.dumps(event) + "\n").encode())
+
+
+_trace: Final = _Trace()
+
+
+@contextmanager
+def record_trace(folder: Path, process: str) -> Iterator[None]:
+    """Write the spans of this process to a file until the block ends; a process has one trace at a time.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the file `<process>.jsonl` is made; it exists.
+    process : str
+        Name of the process in the trace.
+
+    Returns
+    -------
+    context manager
+        Gives nothing.
+
+    Raises
+    ------
+    OSError
+        The file cannot be made.
+    """
+    _trace.open(folder / f"{process}{SUFFIX}")
+    _trace.write({"ph": "M", "name": "process_name", "pid": os.getpid(), "args": {"name": process}})
+    try:
+        yield
+    finally:
+        _trace.close()
+
+
+def span(name: str, kind: SpanKind, **arguments: str | float) -> AbstractContextManager[None]:
+    """Measure a stretch of time for the trace of this process; without a trace nothing is done.
+
+    Parameters
+    ----------
+    name : str
+        What is done.
+    kind : SpanKind
+        What the time is spent on.
+    arguments : str or float
+        More to know about it, by name.
+
+    Returns
+    -------
+    context manager
+        The stretch; written at its end, also where it fails.
+    """
+    return _written(name, kind, arguments) if _trace.is_on else _NOTHING
+
+
+def spans(items: Iterable[ItemT], name: str, kind: SpanKind) -> Iterator[ItemT]:
+    """Measure what it takes to make each item of an iterator, not what is done with it.
+
+    Parameters
+    ----------
+    items : iterable
+        Gives the items.
+    name, kind
+        As for `span`.
+
+    Returns
+    -------
+    iterator
+        The same items.
+    """
+    source = iter(items)
+    while True:
+        with span(name, kind):
+            try:
+                item = next(source)
+            except StopIteration:
+                return
+        yield item
+
+
+@contextmanager
+def _written(name: str, kind: SpanKind, arguments: dict[str, str | float]) -> Iterator[None]:
+    # The start on the clock that all processes of a machine share, the length on one that is never set.
+    began, counted = time.time_ns(), time.perf_counter_ns()
+    try:
+        yield
+    finally:
+        write_span(name, kind, began / 1e9, (time.perf_counter_ns() - counted) / 1e9, **arguments)
+
+
+def write_span(name: str, kind: SpanKind, began: float, seconds: float, **arguments: str | float) -> None:
+    """Write a stretch of time that is over to the trace of this process, if there is one.
+
+    Parameters
+    ----------
+    name, kind, arguments
+        As for `span`.
+    began : float
+        In s since 1970.
+    seconds : float
+        Its length.
+    """
+    _trace.write(
+        {
+            "ph": "X",
+            "name": name,
+            "cat": kind.value,
+            "ts": began * 1e6,
+            "dur": seconds * 1e6,
+            "pid": os.getpid(),
+            "tid": threading.get_native_id(),
+            "args": {"thread": threading.current_thread().name, **arguments},
+        }
+    )
