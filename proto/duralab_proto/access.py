@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import partial
+from functools import lru_cache, partial
 from itertools import product
 from typing import Final
 
@@ -63,6 +63,15 @@ class Effect(StrEnum):
     """Brings a rig to rest: never asked again, and open to every operator, also to one that is bound to other rigs."""
 
 
+READ_SECONDS: Final = 60.0
+"""Longest time, in seconds, to the answer of a read of what its service has in memory."""
+
+LONG_READ_SECONDS: Final = 6 * 3600.0
+"""Longest time, in seconds, to the answer of a read for which its service computes or goes through recordings."""
+
+WORK_SECONDS: Final = 30 * 24 * 3600.0
+"""Longest time, in seconds, to the answer of any query: a playback may wait for a person, and an experiment is many."""
+
 _OPERATIONS: Final = {
     KeyKind.QUERY: (Operation.SERVE, Operation.ASK),
     KeyKind.STREAM: (Operation.PUBLISH, Operation.RECEIVE),
@@ -106,6 +115,8 @@ class KeyAccess:
         What a query on it does; None for what is not a query.
     any_project : bool
         Whether it reads from every project: not for a member that is bound to one.
+    longest_seconds : float
+        Longest time to the answer of a query on it, where its client states none: see `longest_seconds_of`.
     """
 
     method: str
@@ -117,6 +128,7 @@ class KeyAccess:
     bulk: bool = False
     effect: Effect | None = None
     any_project: bool = False
+    longest_seconds: float = WORK_SECONDS
 
     def expression(self, keys: Keys) -> str:
         """Return the expression of all keys of the row."""
@@ -170,11 +182,23 @@ def _asked(
     effect: Effect,
     bulk: bool = False,
     any_project: bool = False,
+    longest_seconds: float = WORK_SECONDS,
 ) -> KeyAccess:
-    return KeyAccess(method, KeyKind.QUERY, names, (served_by,), by, bulk=bulk, effect=effect, any_project=any_project)
+    return KeyAccess(
+        method,
+        KeyKind.QUERY,
+        names,
+        (served_by,),
+        by,
+        bulk=bulk,
+        effect=effect,
+        any_project=any_project,
+        longest_seconds=longest_seconds,
+    )
 
 
-_reads = partial(_asked, effect=Effect.READ)
+_reads = partial(_asked, effect=Effect.READ, longest_seconds=READ_SECONDS)
+_reads_long = partial(_asked, effect=Effect.READ, longest_seconds=LONG_READ_SECONDS)
 _changes = partial(_asked, effect=Effect.CHANGE)
 _stops = partial(_asked, effect=Effect.STOP)
 
@@ -213,7 +237,7 @@ _CAMPAIGNERS: Final = (Role.SEQUENCER, Role.OPERATOR)
 ACCESS: Final[tuple[KeyAccess, ...]] = (
     # Rigs. Whoever commands one may stop it; to clear a latch is a person's decision.
     _reads("rig_description", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
-    _reads("rig_frf", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
+    _reads_long("rig_frf", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
     _changes("rig_play", Slot.RIG, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
     _stops("rig_stop", Slot.RIG, served_by=Role.RIG, by=_COMMANDERS),
     _changes("rig_reset", Slot.RIG, served_by=Role.RIG, by=(Role.OPERATOR,)),
@@ -223,12 +247,12 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     *_streamed("rig_pose", Slot.RIG, by=Role.RIG, to=(Role.RECORDER, *_PEOPLE)),
     # The identifier. An experiment moves a rig: not for who only watches.
     _changes("identify", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _reads("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads_long("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _changes("identify_levels", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _reads("level_advice", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads_long("level_advice", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _reads("model", Slot.MODEL, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE), any_project=True),
-    _reads("prediction", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    _reads("convergence", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads_long("prediction", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
+    _reads_long("convergence", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     # The iterator. The sequencer has it correct the drive of an event.
     _changes("campaign_start", Slot.RIG, served_by=Role.ITERATOR, by=_CAMPAIGNERS, bulk=True),
     _reads("campaign", Slot.CAMPAIGN, served_by=Role.ITERATOR, by=(Role.SEQUENCER, *_PEOPLE)),
@@ -247,13 +271,13 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     *_streamed("endurance_event", Slot.CAMPAIGN, by=Role.SEQUENCER, to=(Role.RECORDER, *_PEOPLE)),
     # The recorder. Only iterator and sequencer write; to verify reads whole files, which costs.
     _changes("commit", served_by=Role.RECORDER, by=_WRITERS, bulk=True),
-    _reads("recordings", served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE), any_project=True),
-    _reads("project_recordings", Slot.PROJECT, served_by=Role.RECORDER, by=_PEOPLE),
-    _reads("recording", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
-    _reads("recording_read", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
-    _reads("recording_steps", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
-    _reads("recording_signals", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
-    _reads("recording_verify", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
+    _reads_long("recordings", served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE), any_project=True),
+    _reads_long("project_recordings", Slot.PROJECT, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads_long("recording", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
+    _reads_long("recording_read", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads_long("recording_steps", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
+    _reads_long("recording_signals", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
+    _reads_long("recording_verify", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
     # Who is there: each holds its own, everyone sees all of them.
     *_present("rig_sim", Slot.RIG, Role.RIG),
     *_present("identifier", MAIN_INSTANCE, Role.IDENTIFIER),
@@ -296,8 +320,29 @@ def effect_of(key: str, keys: Keys) -> Effect:
     keys : Keys
         Of the lab.
     """
-    rows = [row for row in ACCESS if row.kind is KeyKind.QUERY and covers(row.expression(keys), key)]
-    return next((row.effect for row in rows if row.effect is not None), Effect.CHANGE)
+    return next((row.effect for row in _query_rows(key, keys.lab) if row.effect is not None), Effect.CHANGE)
+
+
+def longest_seconds_of(key: str, keys: Keys) -> float:
+    """Return the longest time to the answer of a query, in seconds, however often its service reports progress.
+
+    A bus holds memory of a query until then, also when it is answered: so what is asked often has a short one.
+
+    Parameters
+    ----------
+    key : str
+        A key without wildcards.
+    keys : Keys
+        Of the lab.
+    """
+    return max((row.longest_seconds for row in _query_rows(key, keys.lab)), default=WORK_SECONDS)
+
+
+# A client asks the same few keys all the time, and twice for each query.
+@lru_cache(maxsize=256)
+def _query_rows(key: str, lab: str) -> tuple[KeyAccess, ...]:
+    keys = Keys(lab)
+    return tuple(row for row in ACCESS if row.kind is KeyKind.QUERY and covers(row.expression(keys), key))
 
 
 def covers(expression: str, key: str) -> bool:

@@ -6,12 +6,16 @@ import pytest
 
 from duralab_proto.access import (
     ACCESS,
+    LONG_READ_SECONDS,
+    READ_SECONDS,
+    WORK_SECONDS,
     Effect,
     KeyKind,
     Operation,
     Slot,
     covers,
     effect_of,
+    longest_seconds_of,
     permits,
 )
 from duralab_proto.keys import Keys
@@ -55,6 +59,18 @@ def test_every_query_is_a_read_a_change_or_a_stop_and_only_these_are_no_reads():
     for row in queries:
         key = row.expression(KEYS).replace("*", "a")
         assert effect_of(key, KEYS) is row.effect
+
+
+def test_what_is_polled_has_a_short_time_and_what_may_wait_for_a_person_a_long_one():
+    polled = (KEYS.rig_state("a"), KEYS.campaign("a"), KEYS.endurance("a"), KEYS.health("iterator", "main"))
+    assert {longest_seconds_of(key, KEYS) for key in polled} == {READ_SECONDS}
+    # They go through whole recordings, or compute.
+    long = (KEYS.recording("a"), KEYS.recordings(), KEYS.recording_verify("a"), KEYS.experiment_plan())
+    assert {longest_seconds_of(key, KEYS) for key in long} == {LONG_READ_SECONDS}
+    for row in ACCESS:
+        if row.kind is KeyKind.QUERY and row.effect is not Effect.READ:
+            assert longest_seconds_of(row.expression(KEYS).replace("*", "a"), KEYS) == WORK_SECONDS
+    assert longest_seconds_of("duralab/v1/lab/rig/a/state/more", KEYS) == WORK_SECONDS
 
 
 def test_what_is_outside_the_contract_is_taken_for_a_change():

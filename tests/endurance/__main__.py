@@ -63,8 +63,16 @@ def report(outcome: Outcome) -> str:
         for name in SERVICES:
             sizes = [memory[name] for _, memory in outcome.memory]
             second, last = statistics.median(sizes[quarter : 2 * quarter]), statistics.median(sizes[-quarter:])
-            lines.append(f"memory of {name}: {second:.1f} MiB in the second quarter, {last:.1f} in the last")
+            grown = "" if outcome.kills else f"; {_slope(outcome, name):.0f} B a repeat in the second half"
+            lines.append(f"memory of {name}: {second:.1f} MiB in the second quarter, {last:.1f} in the last{grown}")
     return "\n".join([*lines, *outcome.findings])
+
+
+def _slope(outcome: Outcome, name: str) -> float:
+    """Return by how many bytes a repeat the memory of a service grows in the second half; a kill would reset it."""
+    half = outcome.memory[len(outcome.memory) // 2 :]
+    played, sizes = [played for played, _ in half], [memory[name] for _, memory in half]
+    return statistics.linear_regression(played, sizes).slope * 2**20
 
 
 if __name__ == "__main__":

@@ -158,21 +158,26 @@ class Bus:
         response_type: type[MessageT],
         *,
         silence_seconds: float = 10.0,
+        longest_seconds: float | None = None,
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
         cancel: Cancel | None = None,
     ) -> MessageT:
-        """Ask a service and wait for its one answer, however long it works; progress is told on this thread.
+        """Ask a service and wait for its one answer; progress is told on this thread.
 
-        A service gives a sign of life every second; the wait ends after `silence_seconds` without one, or once `cancel`
-        is set, such as a `threading.Event`: the service is told but may finish all the same.
+        A service gives a sign of life every second; the wait ends after `silence_seconds` without one, once `cancel`
+        is set, such as a `threading.Event`, or after `longest_seconds`, whatever signs it gives: the service is told
+        but may finish all the same. Where no longest time is given, it is a minute for a read from memory, 6 h for
+        another read, 30 days for a change or a stop (`duralab_proto.access.longest_seconds_of`). Zenoh holds 0.8 kB of
+        a query until that time is over: give a short one to a change that is asked often.
 
         Raises `FaultError` PERMISSION_DENIED when this member may not ask it, UNAVAILABLE when the service is not there
-        or vanishes, DEADLINE_EXCEEDED when it is silent, CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve
-        the key, DATA_LOSS when it ends without a result or with something else, and what it answers. UNAVAILABLE also
-        where the connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names
-        the router, and says whether the request may have arrived. A read (`duralab_proto.access.Effect`) is asked again
-        there, for at most 3 s and not beyond its silence; what moves or changes something never is. Raises `BusError`
-        where this bus is closed.
+        or vanishes, DEADLINE_EXCEEDED when it is silent or works beyond the longest time (then with that as its field),
+        CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS when it ends without a result or
+        with something else, and what it answers. UNAVAILABLE also where the connection was lost or is younger than
+        1.5 s and the query ended without a result: the sentence names the router, and says whether the request may have
+        arrived. A read (`duralab_proto.access.Effect`) is asked again there, for at most 3 s and not beyond its
+        silence; what moves or changes something never is. Raises `BusError` where this bus is closed, `ValueError`
+        where the longest time is not from 0 to 30 days.
         """
         self._permission.expect(Operation.ASK, key)
         session = self._session.current
@@ -182,6 +187,7 @@ class Bus:
                 request,
                 response_type,
                 silence_seconds=silence_seconds,
+                longest_seconds=longest_seconds,
                 on_progress=on_progress,
                 cancel=cancel,
             )

@@ -1,7 +1,9 @@
 """Queries: every one ends, with its result or with a fault that says why."""
 
+import math
 import queue
 import signal
+import subprocess
 import threading
 import time
 from functools import partial
@@ -218,6 +220,40 @@ def test_frozen_service_is_given_up_after_the_silence_allowed(hub, bench):
     fault = fault_of(lambda: play(hub, "freeze.1", silence_seconds=1.0))
     assert fault.code == query_pb2.FAULT_CODE_DEADLINE_EXCEEDED
     assert "silent for 1 s" in fault.message
+
+
+@pytest.mark.parametrize("mode", ["peer", "client"])
+def test_a_query_ends_after_its_longest_time_though_its_service_lives_and_its_handler_learns_it(
+    hub, processes, mode, until
+):
+    endpoint = hub.listening[0]
+    if mode == "client":
+        router = processes.run(
+            "routing_process.py", "tcp/127.0.0.1:0", text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        endpoint = router.stdout.readline().strip()
+    processes.start({"bus": {"mode": mode, "connect": [endpoint]}})
+    modes, told = [], []
+    with duralab_bus.open_bus(duralab_bus.BusConfig(mode=mode, connect=(endpoint,)), service="asking") as bus:
+        bus.wait_for_live({("rig_sim", "bench")}, WAIT)
+        bus.subscribe(bus.keys.rig_state("bench"), rig_pb2.RigState, lambda item: modes.append(item.message.mode))
+        began = time.monotonic()
+        fault = fault_of(lambda: play(bus, "wait.1", longest_seconds=2.5, silence_seconds=2.0, on_progress=told.append))
+        assert 2.5 <= time.monotonic() - began < 10.0
+        assert (fault.code, fault.field) == (query_pb2.FAULT_CODE_DEADLINE_EXCEEDED, "longest_seconds")
+        assert "has not answered" in fault.message
+        assert "within 2.5 s" in fault.message
+        assert "see the state of the rig 'bench' before you ask again" in fault.message
+        # It was alive all the time, and ends its work now that nobody waits.
+        assert len(told) >= 2
+        until(lambda: rig_pb2.RIG_MODE_IDLE in modes)
+        assert play(bus, "steps.1", longest_seconds=60.0).blocks == 5
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan, math.inf])
+def test_a_longest_time_that_is_none_is_refused(hub, seconds):
+    with pytest.raises(ValueError, match=r"longest_seconds is .*; it must be greater than 0 and at most 2592000"):
+        play(hub, "steps.1", longest_seconds=seconds)
 
 
 def test_busy_when_all_workers_are_taken_yet_stop_gets_through(hub, bench):

@@ -265,7 +265,12 @@ class RecorderService:
                 fewest, deadline = missing, now + BLOCKS_WAIT_SECONDS
             if wanted == self._given_up.get(name):
                 return False
-            if now >= deadline or call.cancelled:
+            if call.cancelled:
+                # Neither given up nor stored: a step that is sent again waits for its blocks again.
+                raise RefusedError(
+                    query_pb2.FAULT_CODE_CANCELLED, f"The client gave up while {missing} signal blocks were missing."
+                )
+            if now >= deadline:
                 self._given_up[name] = wanted
                 self._log.warning(
                     "signal blocks are missing",

@@ -8,6 +8,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 from unittest import mock
 
@@ -74,7 +75,7 @@ class Lab:
         meanwhile()
         self.process = self._started()
 
-    def commit(self, message, recording="demo", step=None):
+    def commit(self, message, recording="demo", step=None, longest_seconds=None):
         number = self.steps.get(recording, 0) if step is None else step
         request = recorder_pb2.CommitRequest(
             recording=recording,
@@ -82,7 +83,9 @@ class Lab:
             message_type=message.DESCRIPTOR.full_name,
             payload=message.SerializeToString(),
         )
-        answer = self.bus.query(self.bus.keys.commit(), request, recorder_pb2.CommitAck)
+        answer = self.bus.query(
+            self.bus.keys.commit(), request, recorder_pb2.CommitAck, longest_seconds=longest_seconds
+        )
         self.steps[recording] = max(self.steps.get(recording, 0), number + 1)
         assert answer.payload_hash == hashlib.sha256(request.payload).hexdigest()
         return answer
@@ -224,6 +227,27 @@ def test_missing_blocks_delay_the_answer_for_a_bounded_time_and_are_told(lab, ca
     assert lab.information().missing_blocks == 1
     log = [json.loads(line) for line in lab.end().splitlines() if line.startswith("{")]
     assert any(entry["event"] == "signal blocks are missing" and entry["missing"] == 1 for entry in log)
+
+
+def test_a_step_whose_client_gave_up_waits_for_its_blocks_again_when_it_is_sent_again(lab, campaign):
+    lab.commit(campaign.specification())
+    lab.commit(campaign.planned("demo.i01"))
+    publisher = lab.bus.publisher(lab.bus.keys.rig_signal(campaign.rig, "demo.i01"))
+    *first, last = campaign.blocks("demo.i01")
+    for block in first:
+        publisher.put(block)
+    played = campaign.played("demo.i01", epoch=publisher.epoch, blocks=4)
+    with pytest.raises(FaultError, match=r"has not answered .* within 0.5 s"):
+        lab.commit(played, longest_seconds=0.5)
+    # Well after the recorder knows, 0.3 s later, that nobody waits for the first one.
+    late = threading.Timer(2.0, lambda: publisher.put(last))
+    late.start()
+    lab.commit(played)
+    late.join()
+    publisher.close()
+    assert (lab.information().steps, lab.information().missing_blocks) == (3, 0)
+    log = [json.loads(line) for line in lab.end().splitlines() if line.startswith("{")]
+    assert not any(entry["event"] == "signal blocks are missing" for entry in log)
 
 
 def test_acknowledged_steps_survive_a_kill(lab, campaign):

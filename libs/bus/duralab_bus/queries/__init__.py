@@ -1,10 +1,11 @@
 """Queries: the client that asks, the server that answers, and the log of refused ones."""
 
 from duralab_bus.queries.call import Call, Handler
-from duralab_bus.queries.client import Cancel, QueryClient
+from duralab_bus.queries.client import OVERDUE, Cancel, QueryClient
 from duralab_bus.queries.server import QueryServer, Served
 
 __all__ = [
+    "OVERDUE",
     "Call",
     "Cancel",
     "Handler",

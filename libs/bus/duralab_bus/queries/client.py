@@ -20,7 +20,7 @@ from duralab_bus.encoding import MessageT, decode, encode, encoding_of
 from duralab_bus.faults import FaultError
 from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Instance, LivelinessTracker
 from duralab_bus.tracing import SpanKind, span
-from duralab_proto.access import Effect, effect_of
+from duralab_proto.access import WORK_SECONDS, Effect, effect_of, longest_seconds_of
 from duralab_proto.keys import Keys, parse_live, serving
 from duralab_proto.v1 import query_pb2
 
@@ -96,10 +96,11 @@ _PAUSES_SECONDS: Final = (0.05, 0.1, 0.2, 0.4)
 # A router that is back for longer is not why a service is not.
 _RETURN_SECONDS: Final = 10.0
 
-# Zenoh ends a query by itself after 10 s otherwise. A durability test in real time takes days; the silence timeout and
-# the liveliness token end a query that leads nowhere long before.
-# Zenoh holds 0.8 kB of each query until then, answered or not (decision 34).
-_ZENOH_TIMEOUT_SECONDS: Final = 30 * 24 * 3600.0
+OVERDUE: Final = (query_pb2.FAULT_CODE_DEADLINE_EXCEEDED, "longest_seconds")
+"""Code and field of the fault for a query whose service works on it for longer than `longest_seconds`."""
+
+# What Zenoh answers in the place of a service when the timeout of a query is over.
+_ZENOH_TIMEOUT: Final = b"Timeout"
 _POLL_SECONDS: Final = 0.05
 # Of a key that is served a router told within 8 ms; without that wait every end was taken for an unserved key.
 _MATCHING_SECONDS: Final = 0.5
@@ -136,6 +137,7 @@ class _Question(Generic[MessageT]):
     response_type: type[MessageT]
     effect: Effect
     silence_seconds: float
+    longest_seconds: float
     on_progress: Callable[[query_pb2.Progress], None] | None
     cancel: Cancel | None
     asks: int = 0
@@ -176,12 +178,18 @@ class QueryClient:
         response_type: type[MessageT],
         *,
         silence_seconds: float,
+        longest_seconds: float | None,
         on_progress: Callable[[query_pb2.Progress], None] | None,
         cancel: Cancel | None,
     ) -> MessageT:
         """Ask and wait for the answer; see `Bus.query`."""
         if "*" in key:
             raise ValueError(f"The key {key!r} has wildcards; a query goes to one key.")
+        if longest_seconds is not None and not 0.0 < longest_seconds <= WORK_SECONDS:
+            raise ValueError(
+                f"longest_seconds is {longest_seconds}; it must be greater than 0 and at most {WORK_SECONDS:.0f}; "
+                "leave it out for the time of the key."
+            )
         question = _Question(
             key=key,
             instance=parse_live(serving(key)),
@@ -190,6 +198,7 @@ class QueryClient:
             response_type=response_type,
             effect=effect_of(key, self._keys),
             silence_seconds=silence_seconds,
+            longest_seconds=longest_seconds or longest_seconds_of(key, self._keys),
             on_progress=on_progress,
             cancel=cancel,
         )
@@ -240,7 +249,8 @@ class QueryClient:
                     consolidation=zenoh.ConsolidationMode.NONE,
                     # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
                     congestion_control=zenoh.CongestionControl.BLOCK,
-                    timeout=_ZENOH_TIMEOUT_SECONDS,
+                    # Zenoh holds 0.8 kB of each query until this time is over, answered or not (decision 34).
+                    timeout=question.longest_seconds,
                     cancellation_token=stop,
                 )
                 question.asks += 1
@@ -277,6 +287,8 @@ class QueryClient:
                 ) from None
             if isinstance(event, _Gone | _Ended):
                 return event
+            if _is_timeout(event):
+                raise self._overdue(question)
             token.answered = not _is_progress(event)
             result = self._read(event, question.response_type, question.on_progress)
             if result is not None:
@@ -377,6 +389,20 @@ class QueryClient:
         if question.effect is Effect.CHANGE or time.monotonic() + question.pause >= question.again_until:
             raise self._interrupted(question)
 
+    def _overdue(self, question: _Question[Any]) -> FaultError:
+        """Return that the service lives and works on a query for longer than it may."""
+        code, field = OVERDUE
+        if question.effect is Effect.READ:
+            remedy = "see its log for what it waits for, or ask with a longer time"
+        else:
+            remedy = f"see the state of {_within(question.instance)} before you ask again"
+        return FaultError(
+            code,
+            f"{_named(question.instance)} has not answered {question.key} within {question.longest_seconds:g} s, the "
+            f"longest time for this query; {remedy}.",
+            field=field,
+        )
+
     def _interrupted(self, question: _Question[Any]) -> FaultError:
         """Return that a query was cut off by a connection: the router's, or else that of the service."""
         if question.effect is Effect.READ:
@@ -427,6 +453,16 @@ class QueryClient:
 def _is_progress(reply: zenoh.Reply) -> bool:
     sample = reply.ok
     return sample is not None and str(sample.encoding) == encoding_of(query_pb2.Progress)
+
+
+def _is_timeout(reply: zenoh.Reply) -> bool:
+    error = reply.err
+    # Told from a service's error by its encoding as well: that is always a Fault.
+    return (
+        error is not None
+        and error.payload.to_bytes() == _ZENOH_TIMEOUT
+        and str(error.encoding) != encoding_of(query_pb2.Fault)
+    )
 
 
 def _named(instance: Instance) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,12 @@ REFUSALS: Final = frozenset(
 )
 """Codes of a fault of `play` after which the rig did not move: it checks a request before."""
 
+# A real rig may wait for a person, as a file rig does for a response: over a long weekend as well.
+_WEEK_SECONDS: Final = 7 * 24 * 3600.0
+# A simulated one waits for nothing but its processor.
+_SIMULATION_SECONDS: Final = 30.0
+_SIMULATION_RATIO: Final = 20.0
+
 
 class RigPlayback:
     """The rig of one endurance test; used by its thread. `cancel`: Breaks a repeat off."""
@@ -32,6 +39,7 @@ class RigPlayback:
         self._bus = bus
         self._plan = plan
         self._cancel = cancel
+        self._slowest = 0.0
 
     def refusal(self) -> str:
         """Return why the rig cannot play now; empty where it can. Nothing is announced before."""
@@ -51,6 +59,8 @@ class RigPlayback:
     ) -> tuple[rig_pb2.PlayResult, NDArray[np.float64]]:
         """Play a drive once; return the answer and the response, shape (responses, samples)."""
         description, spec = self._plan.description, self._plan.spec
+        seconds = drive.shape[1] / description.sample_rate
+        begun = time.monotonic()
         played = self._bus.query(
             self._bus.keys.rig_play(spec.rig),
             rig_pb2.PlayRequest(
@@ -60,9 +70,20 @@ class RigPlayback:
                 real_time=spec.real_time,
             ),
             rig_pb2.PlayResult,
+            longest_seconds=self._longest_seconds(seconds),
             cancel=self._cancel,
         )
+        self._slowest = max(self._slowest, (time.monotonic() - begun) / seconds)
         return played, _checked_response(played, run, drive.shape[1], description)
+
+    def _longest_seconds(self, seconds: float) -> float:
+        """Return the longest time to the end of a repeat: the bus holds memory of each repeat until then.
+
+        How slow a simulated rig is, its first repeat says: in seconds of playing for a second of the drive.
+        """
+        if self._plan.description.simulated and self._slowest:
+            return _SIMULATION_SECONDS + _SIMULATION_RATIO * max(1.0, self._slowest) * seconds
+        return _WEEK_SECONDS + 2.0 * seconds
 
 
 def repeat_seed(seed: int, repeat: int) -> int:
