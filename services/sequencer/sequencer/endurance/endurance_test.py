@@ -13,7 +13,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, latch_rig
+from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, early_end, halt_rig
 from duralab_monitoring import AlarmLevel, Monitor, RepeatVerdict, Statistic
 from duralab_proto.arrays import from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
@@ -566,31 +566,24 @@ class EnduranceTest:
         return final
 
     def _halt(self, final: sequencer_pb2.EnduranceStatus) -> None:
-        """Bring the rig to rest, and latch it where the test was stopped; add to the status where that failed."""
-        run, reason = self._moving_run, final.fault.message or self._stop_reason
-        if self._latching:
-            self._latched = True
-            trouble = latch_rig(self._bus, self.rig, run=run, reason=reason)
-        else:
-            trouble = bring_to_rest(self._bus, self.rig, run=run, reason=reason) if run else ""
-        if trouble:
-            final.activity += f"; {trouble}"
-            if final.HasField("fault"):
-                final.fault.message += f" {trouble[0].upper()}{trouble[1:]}."
+        """Bring the rig to rest, and latch it where the test was stopped."""
+        self._latched = self._latching
+        halt_rig(self._bus, self.rig, final, run=self._moving_run, reason=self._stop_reason, latch=self._latching)
 
     def _final_fault(self, fault: FaultError) -> sequencer_pb2.EnduranceStatus:
         """Return the final status of a test that was stopped or failed."""
-        if self._stop.is_set():
-            phase, code = sequencer_pb2.ENDURANCE_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
-            activity = f"stopped while {self._step}"
-            sentence = f"The endurance test was stopped while {self._step}: {self._stop_reason.rstrip('.')}."
-        else:
-            phase, code = sequencer_pb2.ENDURANCE_PHASE_FAULTED, fault.code
-            activity = f"failed while {self._step}"
-            sentence = f"The endurance test failed while {self._step}: {fault.message} Resume it: it goes on."
-        service = fault.service or self._bus.service
-        final_fault = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
-        return self._board.final_status(phase, activity, fault=final_fault)
+        stopped = self._stop_reason if self._stop.is_set() else None
+        end = early_end(
+            fault,
+            what="endurance test",
+            step=self._step,
+            service=self._bus.service,
+            stopped=stopped,
+            remedy="Resume it: it goes on.",
+        )
+        failed, was_stopped = sequencer_pb2.ENDURANCE_PHASE_FAULTED, sequencer_pb2.ENDURANCE_PHASE_STOPPED
+        phase = failed if stopped is None else was_stopped
+        return self._board.final_status(phase, end.activity, fault=end.fault)
 
 
 def _samples(drive: sequencer_pb2.EnduranceDrive) -> NDArray[np.float64]:
