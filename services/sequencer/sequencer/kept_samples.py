@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import zipfile
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import structlog
 from numpy.typing import NDArray
 
 from duralab_schedules import KeepRule
@@ -29,12 +29,13 @@ class HeldRepeat:
 class HeldFiles:
     """Held repeats of one endurance test on disk, one file each, so that a crash of the sequencer does not lose them.
 
-    `folder`: Of this test alone. A file is whole or absent after a crash of the process; it is not synchronised, so a
-    loss of power may lose the last ones.
+    `folder`: Of this test alone. `warn`: Called with a sentence where the disk fails. A file is whole or absent after a
+    crash of the process; it is not synchronised, so a loss of power may lose the last ones.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, warn: Callable[[str], object]) -> None:
         self._folder = folder
+        self._warn = warn
 
     def read(self) -> list[HeldRepeat]:
         """Return the repeats in order; one that cannot be read is logged and left out."""
@@ -45,7 +46,7 @@ class HeldFiles:
                     repeat, event, drive = (int(number) for number in stored["numbers"])
                     found.append(HeldRepeat(repeat, event, drive, str(stored["run"]), stored["response"]))
             except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-                _journal().warning("A held repeat cannot be read.", file=path.name, why=str(error))
+                self._warn(f"The held repeat {path.name} cannot be read, its samples are lost: {error}.")
         return found
 
     def write(self, held: HeldRepeat) -> None:
@@ -58,7 +59,7 @@ class HeldFiles:
                 np.savez(stream, numbers=numbers, run=np.array(held.run), response=held.response)
             path.with_suffix(".part").replace(path)
         except OSError as error:
-            _journal().warning("A repeat is held in memory only.", repeat=held.repeat, why=str(error))
+            self._warn(f"Repeat {held.repeat} is held in memory only: {error.strerror or error}.")
 
     def remove(self, held: HeldRepeat) -> None:
         """Remove the file of a repeat."""
@@ -74,10 +75,6 @@ class HeldFiles:
 
     def _path(self, held: HeldRepeat) -> Path:
         return self._folder / f"{held.repeat:09d}.npz"
-
-
-def _journal() -> structlog.stdlib.BoundLogger:
-    return structlog.get_logger("sequencer")
 
 
 class KeptSamples:

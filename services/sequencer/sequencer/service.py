@@ -166,7 +166,7 @@ class SequencerService:
             bus=self._bus,
             board=board,
             repeats_per_volume=self._config.repeats_per_recording,
-            held_files=HeldFiles(folder / spec.id) if (folder := self._config.held_folder) else None,
+            held_files=self._held_files(spec.id),
             on_end=lambda: self._ended(spec.id, spec.rig),
         )
         with self._lock:
@@ -176,6 +176,10 @@ class SequencerService:
         )
         test.start()
         return board.snapshot()
+
+    def _held_files(self, id: str) -> HeldFiles | None:
+        folder, journal = self._config.held_folder, structlog.get_logger(SERVICE)
+        return None if folder is None else HeldFiles(folder / id, warn=journal.warning)
 
     def status(self, request: sequencer_pb2.EnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
         """Tell how an endurance test stands."""
