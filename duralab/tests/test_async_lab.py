@@ -2,6 +2,8 @@
 
 import asyncio
 import inspect
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
@@ -32,3 +34,42 @@ def test_what_is_given_to_join_a_lab_arrives():
     options = {"out": "mine", "timeout_seconds": 2.0, "identity": "certificates/operator.anna"}
     asyncio.run(script(options))
     assert given == {"endpoint": "tls/lab:7447", **options}
+
+
+def run_in_a_lab(method, **given):
+    """Await a method of a lab as `AsyncLab` does; return the result and the thread of the event loop."""
+
+    async def script():
+        with ThreadPoolExecutor(1) as threads:
+            lab = async_lab.AsyncLab(None, threads)
+            return await async_lab._stoppable(method)(lab, **given), threading.get_ident()
+
+    return asyncio.run(script())
+
+
+def test_every_event_of_a_project_is_announced_in_the_event_loop():
+    called = []
+
+    def run_project(lab, project, *, on_progress, on_event, cancel):
+        on_progress("half")
+        on_event(project)
+        return threading.get_ident()
+
+    worker, loop = run_in_a_lab(
+        run_project,
+        project="tracks",
+        on_progress=lambda what: called.append((what, threading.get_ident())),
+        on_event=lambda what: called.append((what, threading.get_ident())),
+    )
+    assert worker != loop
+    assert called == [("half", loop), ("tracks", loop)]
+
+
+def test_what_moves_a_rig_in_a_lab_is_in_the_lab_for_async_code():
+    moving = {
+        name
+        for name, method in inspect.getmembers(duralab.Lab, inspect.isfunction)
+        if "cancel" in inspect.signature(method).parameters and not name.startswith("_")
+    }
+    assert "run_project" in moving
+    assert not moving - set(dir(async_lab.AsyncLab))

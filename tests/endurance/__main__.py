@@ -14,6 +14,7 @@ from pathlib import Path
 
 from .disturbed_test import DisturbedTest, Outcome, specification
 from .killable_services import SERVICES, KillableServices
+from .late_reads import EARLY, EARLY_REPEATS, read_seconds
 
 
 def main() -> int:
@@ -37,6 +38,10 @@ def main() -> int:
         tempfile.TemporaryDirectory(prefix="duralab-endurance-") as folder,
         KillableServices(Path(folder)) as services,
     ):
+        short = specification(services, EARLY, repeats=EARLY_REPEATS)
+        DisturbedTest(services, short, Outcome(EARLY_REPEATS)).run(kill_every=0, seed=arguments.seed)
+        early = read_seconds(services, EARLY)
+        begun = time.monotonic()
         spec = specification(services, "endurance", repeats=arguments.repeats)
         DisturbedTest(services, spec, outcome).run(
             kill_every=arguments.kill_every,
@@ -44,7 +49,13 @@ def main() -> int:
             on_progress=show,
             sample_every=arguments.sample_every,
         )
+        late, again = read_seconds(services, "endurance"), read_seconds(services, EARLY)
     sys.stdout.write(report(outcome) + "\n")
+    for what, seconds in late.items():
+        sys.stdout.write(
+            f"{what} after {arguments.repeats} repeats {1e3 * seconds:.2f} ms, {seconds / early[what]:.2f} times that "
+            f"after {EARLY_REPEATS}; that of the short test then {again[what] / early[what]:.2f} times\n"
+        )
     return bool(outcome.lost or outcome.doubled or outcome.findings)
 
 

@@ -193,7 +193,8 @@ class DisturbedTest:
         ]
         counted = Counter(repeat.repeat for repeat in repeats)
         outcome.lost = [repeat for repeat in range(outcome.repeats) if not counted[repeat]]
-        begun = Counter(repeat_of(run) for run in self._services.ledger.read_text().split())
+        runs = self._services.ledger.read_text().split()
+        begun = Counter(repeat_of(run) for run in runs if run.startswith(f"{self._spec.id}.r"))
         outcome.doubled = sorted(
             {repeat for repeat, count in counted.items() if count > 1}
             | {repeat for repeat, count in begun.items() if count > 1}

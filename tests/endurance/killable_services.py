@@ -90,7 +90,7 @@ class KillableServices:
         """Return the resident memory of each service."""
         return {name: psutil.Process(each.pid).memory_info().rss / 2**20 for name, each in self._processes.items()}
 
-    def wait_until_whole(self, timeout_seconds: float = 60.0) -> None:
+    def wait_until_whole(self, timeout_seconds: float = 180.0) -> None:
         """Wait until every service answers."""
         deadline = time.monotonic() + timeout_seconds
         for name in SERVICES:

@@ -77,3 +77,35 @@ def test_a_test_that_was_resumed_gives_the_same_bytes(tmp_path):
     assert results[0] == results[1]
     assert len(results[0]) == 70 + 4
     assert any(figure[-1] for figure in results[0] if len(figure) == 5), "the crack was to be found"
+
+
+@pytest.mark.timeout(300)
+def test_samples_that_a_killed_sequencer_held_are_kept_if_an_alarm_follows(tmp_path):
+    settings = {
+        "sequencer": {"held_folder": str(tmp_path / "held")},
+        "rig_sim": {"crack_repeat": 40, "crack": 0.5, "run_seconds": 0.1},
+    }
+    with KillableServices(tmp_path, settings=settings) as services:
+        bus = services.bus
+        extra = "keep: {first: 0, every: null, around_alarm: 30}\nactions: {warning: log, abort: log}"
+        spec = specification(services, "same", repeats=60, extra=extra)
+        bus.query(bus.keys.endurance_start(RIG), spec, sequencer_pb2.EnduranceStatus)
+        while status_of(services).played < 15:
+            time.sleep(0.02)
+        request = sequencer_pb2.HoldEnduranceRequest(reason="to be killed")
+        bus.query(bus.keys.endurance_hold("same"), request, sequencer_pb2.EnduranceStatus)
+        wait_for(services, sequencer_pb2.ENDURANCE_PHASE_HOLDING)
+        played = status_of(services).played
+        services.kill("sequencer")
+        assert len(list((tmp_path / "held" / "same").glob("*.npz"))) == played
+        services.start("sequencer")
+        services.wait_until_whole()
+        resume = sequencer_pb2.ResumeEnduranceRequest()
+        bus.query(bus.keys.endurance_resume("same", RIG), resume, sequencer_pb2.EnduranceStatus)
+        wait_for(services, sequencer_pb2.ENDURANCE_PHASE_FINISHED)
+        steps = list(recorded_steps(services, "same"))
+        alarm = next(step.repeat for step in steps if isinstance(step, sequencer_pb2.EnduranceRepeat) and step.alarms)
+        kept = [step.repeat for step in steps if isinstance(step, sequencer_pb2.RepeatSamples)]
+        assert alarm - 30 < played < alarm
+        assert kept[:31] == list(range(alarm - 30, alarm + 1))
+        assert not (tmp_path / "held" / "same").exists()

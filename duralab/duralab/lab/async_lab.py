@@ -50,8 +50,9 @@ def _stoppable(
             raise InputError("cancel is given; leave it out, and cancel the task that awaits.", field="cancel")
         cancel, context = threading.Event(), contextvars.copy_context()
         given: dict[str, Any] = {**kwargs, "cancel": cancel}
-        if (on_progress := given.get("on_progress")) is not None:
-            given["on_progress"] = partial(asyncio.get_running_loop().call_soon_threadsafe, on_progress)
+        for name in ("on_progress", "on_event"):
+            if (callback := given.get(name)) is not None:
+                given[name] = partial(asyncio.get_running_loop().call_soon_threadsafe, callback)
         done = asyncio.get_running_loop().run_in_executor(
             self._threads, lambda: context.run(partial(method, self.lab, *args, **given))
         )
@@ -73,8 +74,9 @@ class AsyncLab:
     """A lab on the bus for `async` code; made by `async_start` and `async_connect`.
 
     Every method is that of `Lab`, awaited and without `cancel`: cancelling the task that awaits a playback, an
-    identification or a campaign stops it. The rig ramps down and is latched, and only then the cancellation continues.
-    `on_progress` is called in the event loop.
+    identification, a campaign or a project stops it. The rig ramps down and is latched, and only then the cancellation
+    continues.
+    `on_progress` and `on_event` are called in the event loop.
     """
 
     def __init__(self, lab: Lab, threads: ThreadPoolExecutor) -> None:
@@ -117,6 +119,8 @@ class AsyncLab:
     """Run a campaign to its end; see `Lab.run`."""
     begin = _stoppable(Lab.begin)
     """Begin a campaign and return; see `Lab.begin`. Cancelled, it ends before the campaign begins."""
+    run_project = _stoppable(Lab.run_project)
+    """Run the events of a project; see `Lab.run_project`."""
     resume = _stoppable(Lab.resume)
     """Continue a campaign; see `Lab.resume`."""
     proposal = _awaited(Lab.proposal)

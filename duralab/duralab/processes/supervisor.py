@@ -86,7 +86,7 @@ def lab_services(
         ),
         ServicePlan("identifier"),
         ServicePlan("iterator"),
-        *((ServicePlan("sequencer"),) if endurance else ()),
+        *((ServicePlan("sequencer", settings={"held_folder": str(recordings.resolve() / "held")}),) * endurance),
         ServicePlan(
             "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
         ),

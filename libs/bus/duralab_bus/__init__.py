@@ -1,7 +1,7 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
 from duralab_bus.bus import Bus, open_bus
-from duralab_bus.commanding import SAMPLES_LACK, RecordingLog, bring_to_rest, described_rig, latch_rig
+from duralab_bus.commanding import SAMPLES_LACK, RecordingLog, bring_to_rest, described_rig, early_end, halt_rig
 from duralab_bus.encoding import encoding_of
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.metrics import FigureKind, Metrics
@@ -53,10 +53,11 @@ __all__ = [
     "check_identity",
     "configure_logs",
     "described_rig",
+    "early_end",
     "encoding_of",
+    "halt_rig",
     "host_services",
     "keep_few_arenas",
-    "latch_rig",
     "load_config",
     "log_stacks_on_signal",
     "member_of",

@@ -316,14 +316,16 @@ class TargetStep(_message.Message):
     def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ...) -> None: ...
 
 class FirstDrive(_message.Message):
-    __slots__ = ("drive", "response", "source")
+    __slots__ = ("drive", "response", "source", "of_this_target")
     DRIVE_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_FIELD_NUMBER: _ClassVar[int]
     SOURCE_FIELD_NUMBER: _ClassVar[int]
+    OF_THIS_TARGET_FIELD_NUMBER: _ClassVar[int]
     drive: _array_pb2.Record
     response: _array_pb2.Record
     source: str
-    def __init__(self, drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., source: _Optional[str] = ...) -> None: ...
+    of_this_target: bool
+    def __init__(self, drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., response: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., source: _Optional[str] = ..., of_this_target: _Optional[bool] = ...) -> None: ...
 
 class KnownBefore(_message.Message):
     __slots__ = ("model", "model_source", "model_time", "largest_model_age", "learn_from", "first_drive")

@@ -76,6 +76,33 @@ def test_a_drive_without_its_response_is_played_as_it_is():
     np.testing.assert_allclose(drives[0], given, atol=1e-9)
 
 
+def worn(target):
+    """Playbacks of the campaign on the new rig, and one of its best drive on a rig that lost a quarter of its gain."""
+    _, before = errors(UpdateKind.SECANT, target, iterations=3)
+    drive = before[-1].drive
+    return before, RecordedPlayback(drive, play(0.75 * H, drive))
+
+
+@pytest.mark.parametrize("kind", list(UpdateKind))
+def test_the_response_of_a_first_drive_to_this_target_counts_as_a_playback(kind):
+    target, drives = noise_target(8000, seed=4), []
+    before, noticed = worn(target)
+    first = FirstDrive(noticed.drive, noticed.response, of_this_target=True)
+    errors(kind, target, rig=0.75 * H, known=KnownBefore((before,), first), drive_of=drives)
+    settings = CampaignSettings(
+        update=UpdateSettings(band=BAND, iteration_gain=np.ones(2), kind=kind), stop=StopCriteria(iterations=2)
+    )
+    _, second = iterate(
+        lambda drive: play(0.75 * H, drive),
+        BAND.limit_target(target),
+        model=wrong_model(),
+        settings=settings,
+        recorded=[noticed],
+        known=KnownBefore((before,)),
+    )
+    np.testing.assert_allclose(drives[0], second.drive, atol=1e-4 * np.abs(second.drive).max())
+
+
 def test_a_drive_that_resembles_nothing_changes_little():
     target = noise_target(8000, seed=4)
     (alone,), _ = errors(UpdateKind.BASIC_TWR, target)

@@ -124,6 +124,14 @@ def long_drive(spec):
     record.samples.CopyFrom(to_array(np.zeros((2, from_array(spec.target.samples).shape[1] + 1))))
 
 
+def no_response(spec):
+    spec.known.first_drive.of_this_target = True
+    record = spec.known.first_drive.drive
+    record.channels.extend(spec.known.model.drives)
+    record.sample_rate = spec.target.sample_rate
+    record.samples.CopyFrom(to_array(np.zeros((2, from_array(spec.target.samples).shape[1]))))
+
+
 @pytest.mark.parametrize(
     ("spoil", "field", "sentence"),
     [
@@ -144,6 +152,7 @@ def long_drive(spec):
         (other_estimator, "estimator", r"was estimated with other settings"),
         (short_drive, "known.first_drive.drive", r"must have left, right"),
         (long_drive, "known.first_drive.drive", r"has 6001 samples; the target has 6000"),
+        (no_response, "known.first_drive.of_this_target", r"needs a response and no levels"),
     ],
 )
 def test_what_does_not_fit_is_refused_before_anything_is_stored(lab, spoil, field, sentence):

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Final, Self
 
@@ -34,6 +35,7 @@ from sequencer.endurance import (
     require_open,
     require_same_rig,
 )
+from sequencer.kept_samples import HeldFiles
 
 SERVICE: Final = "sequencer"
 """Name of the service, as in its liveliness key."""
@@ -54,6 +56,8 @@ class SequencerConfig(ServiceConfig):
 
     # A test goes on in another recording after so many: what a service holds of a recording is bounded by it.
     repeats_per_recording: Annotated[int, Field(ge=1, le=100_000)] = 1000
+    # Folder of the last repeats, which an alarm may ask for; without it, a crash of the sequencer loses their samples.
+    held_folder: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,7 @@ class SequencerService:
             bus=self._bus,
             board=board,
             repeats_per_volume=self._config.repeats_per_recording,
+            held_files=self._held_files(spec.id),
             on_end=lambda: self._ended(spec.id, spec.rig),
         )
         with self._lock:
@@ -171,6 +176,10 @@ class SequencerService:
         )
         test.start()
         return board.snapshot()
+
+    def _held_files(self, id: str) -> HeldFiles | None:
+        folder, journal = self._config.held_folder, structlog.get_logger(SERVICE)
+        return None if folder is None else HeldFiles(folder / id, warn=journal.warning)
 
     def status(self, request: sequencer_pb2.EnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
         """Tell how an endurance test stands."""

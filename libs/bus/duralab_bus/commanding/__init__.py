@@ -1,7 +1,8 @@
 """What a service needs that plays drives on a rig and commits what it did: its steps stored, the rig at rest."""
 
+from duralab_bus.commanding.ending import early_end, halt_rig
 from duralab_bus.commanding.recording_log import SAMPLES_LACK, RecordingLog
 from duralab_bus.commanding.rig_admission import described_rig
-from duralab_bus.commanding.rig_halt import bring_to_rest, latch_rig
+from duralab_bus.commanding.rig_halt import bring_to_rest
 
-__all__ = ["SAMPLES_LACK", "RecordingLog", "bring_to_rest", "described_rig", "latch_rig"]
+__all__ = ["SAMPLES_LACK", "RecordingLog", "bring_to_rest", "described_rig", "early_end", "halt_rig"]

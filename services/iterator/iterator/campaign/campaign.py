@@ -11,7 +11,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, RecordingLog, SpanKind, bring_to_rest, latch_rig, span
+from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, RecordingLog, SpanKind, early_end, halt_rig, span
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.assessment import Forecast, IterationMetrics, Outcome, PlaybackBoundError, best_at_full_level
@@ -435,28 +435,14 @@ class Campaign:
         return final
 
     def _halt(self, final: iterator_pb2.CampaignStatus) -> None:
-        """Bring the rig to rest, and latch it where the campaign was stopped; add to the status where that failed."""
-        run, reason = self._playback.moving_run, final.fault.message or self._stop_reason
-        if self._latching:
-            self._latched = True
-            trouble = latch_rig(self._bus, self.rig, run=run, reason=reason)
-        else:
-            trouble = bring_to_rest(self._bus, self.rig, run=run, reason=reason) if run else ""
-        if trouble:
-            final.activity += f"; {trouble}"
-            if final.HasField("fault"):
-                final.fault.message += f" {trouble[0].upper()}{trouble[1:]}."
+        """Bring the rig to rest, and latch it where the campaign was stopped."""
+        run, self._latched = self._playback.moving_run, self._latching
+        halt_rig(self._bus, self.rig, final, run=run, reason=self._stop_reason, latch=self._latching)
 
     def _final_fault(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
         """Return the final status of a campaign that was stopped or failed."""
-        if self._stop.is_set():
-            phase, code = iterator_pb2.CAMPAIGN_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
-            activity = f"stopped while {self._step}"
-            sentence = f"The campaign was stopped while {self._step}: {self._stop_reason.rstrip('.')}."
-        else:
-            phase, code = iterator_pb2.CAMPAIGN_PHASE_FAULTED, fault.code
-            activity = f"failed while {self._step}"
-            sentence = f"The campaign failed while {self._step}: {fault.message}"
-        service = fault.service or self._bus.service
-        final_fault = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
-        return self._board.final_status(phase, activity, fault=final_fault)
+        stopped = self._stop_reason if self._stop.is_set() else None
+        end = early_end(fault, what="campaign", step=self._step, service=self._bus.service, stopped=stopped)
+        failed, was_stopped = iterator_pb2.CAMPAIGN_PHASE_FAULTED, iterator_pb2.CAMPAIGN_PHASE_STOPPED
+        phase = failed if stopped is None else was_stopped
+        return self._board.final_status(phase, end.activity, fault=end.fault)

@@ -108,9 +108,16 @@ def _playbacks(bus: Bus, id: str, plan: CampaignPlan) -> tuple[RecordedPlayback,
 def _first_drive(given: iterator_pb2.FirstDrive, plan: CampaignPlan) -> FirstDrive:
     description = plan.description
     drive = _record(given.drive, description.drives, plan, field="known.first_drive.drive")
+    if given.of_this_target and (plan.spec.levels or not given.HasField("response")):
+        raise invalid(
+            "known.first_drive.of_this_target is set, which needs a response and no levels; give its response, without "
+            "levels, or leave it out.",
+            field="known.first_drive.of_this_target",
+        )
     if not given.HasField("response"):
         return FirstDrive(drive)
-    return FirstDrive(drive, _record(given.response, description.responses, plan, field="known.first_drive.response"))
+    response = _record(given.response, description.responses, plan, field="known.first_drive.response")
+    return FirstDrive(drive, response, of_this_target=given.of_this_target)
 
 
 def _record(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -69,7 +69,7 @@ class Lineage:
         self.basis = basis
         self.drive_map = drive_map
         self._known = known
-        self.history = IterationHistory(target=basis.controlled_target, start=self._start())
+        self.history = IterationHistory(basis.controlled_target, self._before(), start=self._start())
         self.model = self._informed(basis.model)
         """What the last drive was made with, as far as the basis is the same."""
         self.forecast: Forecast | None = None
@@ -107,10 +107,14 @@ class Lineage:
         measured. `judged`: Rows of the controlled ones in the band, divided by the level. `model`: What it was made
         with. `forecast`: Compared with it. `made_with`: The drive map, if any.
         """
+        self.model = model
+        if self._informed_with is not self.drive_map:
+            # A drive map that was learned from this playback maps the drives of earlier ones, too.
+            before = self._before()
+            self.history = replace(self.history, playbacks=(*before, *self.history.playbacks[len(before) :]))
+            informed = self._informed(self.basis.model)
+            self.model = informed if self._known.campaigns else model
         self.history = self.history.after(Playback(drive=mapped / level, response=judged))
-        # A drive map that was learned from this playback maps the drives of earlier campaigns, too.
-        remapped = self._known.campaigns and self._informed_with is not self.drive_map
-        self.model = self._informed(self.basis.model) if remapped else model
         self.forecast, self.last_drive = forecast, drive
         self.numbers = (*self.numbers, number)
         if self._keep:
@@ -124,7 +128,7 @@ class Lineage:
             self.numbers = self._made[revision.from_iteration - 1].numbers
         self.basis = basis = revision.basis or self.basis
         line = [self._made[number - 1] for number in self.numbers]
-        playbacks = tuple(self._seen(made) for made in line)
+        playbacks = (*self._before(), *(self._seen(made) for made in line))
         self.history = IterationHistory(basis.controlled_target, playbacks, start=self._start())
         last = line[-1] if line else None
         self.last_drive = None if last is None else last.drive
@@ -137,10 +141,17 @@ class Lineage:
         first = self._known.first_drive
         return None if first is None or first.response is not None else self._in_band(first.drive)
 
+    def _before(self) -> tuple[Playback, ...]:
+        """Return the playback of the first drive that was made for this target already, if any."""
+        first = self._known.first_drive
+        if first is None or first.response is None or not first.of_this_target:
+            return ()
+        return (Playback(self._in_band(first.drive), self._response(first.response)),)
+
     def _start(self) -> Playback | None:
         """Return the first drive with the response it gave, both scaled to the target."""
         first = self._known.first_drive
-        if first is None or first.response is None:
+        if first is None or first.response is None or first.of_this_target:
             return None
         target, response = self.basis.controlled_target, self._response(first.response)
         weight = 1.0 / np.square(rms(target))

@@ -44,10 +44,14 @@ class FirstDrive:
     response : ndarray, shape (n_y, samples), optional
         What it gave for another target, as measured. Both are then scaled by the factor with which the response comes
         nearest to the target, and the model makes what is missing. Without, the drive is played as it is.
+    of_this_target : bool
+        The response is what the rig gives now, for the target of this campaign: nothing is scaled, and both count as a
+        playback before the first one.
     """
 
     drive: NDArray[np.float64]
     response: NDArray[np.float64] | None = None
+    of_this_target: bool = False
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,7 +12,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, latch_rig
+from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, early_end, halt_rig
 from duralab_monitoring import AlarmLevel, Monitor, RepeatVerdict, Statistic
 from duralab_proto.arrays import from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
@@ -25,15 +24,9 @@ from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
 from sequencer.endurance.status_board import StatusBoard
 from sequencer.endurance.test_log import EnduranceLog, run_name
-from sequencer.kept_samples import HeldRepeat, KeptSamples
+from sequencer.kept_samples import HeldFiles, HeldRepeat, KeptSamples
 from sequencer.tally import EventTally, planned_damage, total_damage
 
-_ACTIONS: Final = {
-    AlarmAction.LOG: sequencer_pb2.ALARM_ACTION_LOG,
-    AlarmAction.HOLD: sequencer_pb2.ALARM_ACTION_HOLD,
-    AlarmAction.STOP: sequencer_pb2.ALARM_ACTION_STOP,
-    AlarmAction.ITERATE_AGAIN: sequencer_pb2.ALARM_ACTION_ITERATE_AGAIN,
-}
 _DAMAGE: Final = list(Statistic).index(Statistic.DAMAGE)
 _PACE_SHARE: Final = 0.05
 _PAUSED: Final = "paused"
@@ -46,7 +39,7 @@ class Progress:
     `first_repeat`: Of the recording that is written, `volume`. `announced`: A run of the next repeat that was announced
     before a crash, its end not known. `hold`: A hold that was not decided. `iterating`: One on which iterating again
     was decided and is not done. `volume_ended`: Whether that recording is
-    closed. `kept`: Repeats whose whole samples are kept.
+    closed. `samples`: Repeats of it whose samples are stored in a step. `kept`: Repeats whose whole samples are kept.
     """
 
     tallies: list[EventTally]
@@ -62,6 +55,7 @@ class Progress:
     hold: sequencer_pb2.EnduranceHold | None = None
     iterating: sequencer_pb2.EnduranceHold | None = None
     volume_ended: bool = False
+    samples: set[int] = field(default_factory=set)
     kept: int = 0
 
     @property
@@ -78,7 +72,8 @@ class EnduranceTest:
     """Plays one schedule on a thread of its own. A motion is asked for once and never again.
 
     `plan`: Checked. `before`: What was done before. `board`: Shows the others how it goes. `repeats_per_volume`:
-    Repeats in one recording. `on_end`: Called on the test's thread when the rig is free again, before the final status.
+    Repeats in one recording. `held_files`: Where repeats are held that an alarm may ask for, beside memory. `on_end`:
+    Called on the test's thread when the rig is free again, before the final status.
     """
 
     def __init__(
@@ -89,6 +84,7 @@ class EnduranceTest:
         bus: Bus,
         board: StatusBoard,
         repeats_per_volume: int,
+        held_files: HeldFiles | None,
         on_end: Callable[[], None],
     ) -> None:
         self._plan = plan
@@ -103,8 +99,10 @@ class EnduranceTest:
         self._drives = list(plan.drives)
         for drive in before.drives:
             self._drives[drive.event] = _samples(drive)
-        self._kept = KeptSamples(plan.schedule.keep, kept_before=before.kept_before)
+        self._kept = KeptSamples(plan.schedule.keep, kept_before=before.kept_before, files=held_files)
         self._alarms = before.alarms
+        # The last repeat, unless a person may have changed the specimen since.
+        self._last: HeldRepeat | None = None
         # Asked for by this process: a name that a campaign has is never free again.
         self._campaigns: list[str] = []
         self._first_repeat, self._attempt = before.first_repeat, 1
@@ -201,6 +199,7 @@ class EnduranceTest:
             sequencer_pb2.ENDURANCE_PHASE_FINISHED, f"finished after {len(self._plan.sequence)} repeats{told}"
         )
         self._log.close(final, reason=final.activity)
+        self._kept.close()
         return final
 
     def _sequence(self) -> None:
@@ -226,19 +225,23 @@ class EnduranceTest:
     def _begin(self) -> None:
         """Bring the recording to the step before the next repeat."""
         before = self._before
-        with self._doing("storing what the test is", phase=sequencer_pb2.ENDURANCE_PHASE_PLAYING):
-            if before.volume_ended:
-                self._begin_volume(before.next_repeat, ended=True)
-            else:
-                spec = (self._plan.spec,) if before.volume == 1 else ()
-                beginning = (*spec, self._volume(self._first_repeat), self._plan.description)
-                for message in beginning[self._log.next_step :]:
-                    self._log.commit(message)
-            if before.announced:
-                self._count_unknown(
-                    before.next_repeat, before.announced, "the sequencer or its connection ended while it played"
-                )
-                before.announced = ""
+        self._require_running()
+        self._step = "storing what the test is"
+        self._board.change(self._show_begun)
+        owed = self._kept.restore(next_repeat=before.next_repeat, stored=before.samples)
+        if before.volume_ended:
+            self._begin_volume(before.next_repeat, ended=True)
+        else:
+            spec = (self._plan.spec,) if before.volume == 1 else ()
+            beginning = (*spec, self._volume(self._first_repeat), self._plan.description)
+            for message in beginning[self._log.next_step :]:
+                self._log.commit(message)
+        if before.announced:
+            self._count_unknown(
+                before.next_repeat, before.announced, "the sequencer or its connection ended while it played"
+            )
+            before.announced = ""
+        self._commit_held(owed, "around an alarm before the sequencer ended")
         self._show_progress(before.next_repeat)
 
     def _begin_volume(self, repeat: int, *, ended: bool = False) -> None:
@@ -313,18 +316,15 @@ class EnduranceTest:
             run=played.run,
             end=sequencer_pb2.REPEAT_END_PLAYED,
             damage=to_array(damage),
-            alarms=[
-                alarm_message(alarm, event=event, action=_ACTIONS[self._action(alarm.level)])
-                for alarm in verdict.alarms
-            ],
+            alarms=[alarm_message(alarm, event=event, action=self._action(alarm.level)) for alarm in verdict.alarms],
             baseline=self._monitor.baseline(name) if verdict.baseline_changed else b"",
             warnings=played.warnings,
         )
         put_statistics(verdict.statistics, step)
-        held = HeldRepeat(repeat, event, tally.drive, played.run, response)
+        held = self._last = HeldRepeat(repeat, event, tally.drive, played.run, response)
         if not kept:
-            self._log.commit(step)
             self._kept.hold(held)
+            self._log.commit(step)
         else:
             self._commit_kept(step, held, played)
         self._board.change(lambda status: _show_repeat(status, step, kept=kept), alarms=step.alarms)
@@ -347,6 +347,13 @@ class EnduranceTest:
             return
         self._log.commit(recorder_pb2.RunPlayed(run=played.run, rig=self.rig, epoch=played.epoch, blocks=played.blocks))
 
+    def _commit_held(self, held: Sequence[HeldRepeat], reason: str) -> None:
+        for each in held:
+            self._log.commit(self._samples(each, reason))
+            self._kept.forget(each)
+        if held:
+            self._board.change(lambda status: setattr(status, "kept", status.kept + len(held)))
+
     def _samples(self, held: HeldRepeat, reason: str) -> sequencer_pb2.RepeatSamples:
         description = self._plan.description
         return sequencer_pb2.RepeatSamples(
@@ -366,11 +373,7 @@ class EnduranceTest:
         """Keep the samples around an alarm, and do the most cautious of the actions."""
         for alarm in step.alarms:
             self._journal.warning("alarm", repeat=step.repeat, what=alarm.sentence)
-        held = self._kept.after_alarm(step.repeat)
-        for each in held:
-            self._log.commit(self._samples(each, f"around the alarm of repeat {step.repeat}"))
-        if held:
-            self._board.change(lambda status: setattr(status, "kept", status.kept + len(held)))
+        self._commit_held(self._kept.after_alarm(step.repeat), f"around the alarm of repeat {step.repeat}")
         actions = {self._action(alarm.level) for alarm in verdict.alarms}
         sentence = step.alarms[0].sentence
         if AlarmAction.STOP in actions:
@@ -422,6 +425,7 @@ class EnduranceTest:
         """Wait before the next repeat, and do what is decided."""
         next_repeat = sum(tally.played for tally in self._tallies)
         hold = sequencer_pb2.EnduranceHold(next_repeat=next_repeat, reason=reason, alarms=alarms)
+        self._last = None
         self._apply(hold, self._holds.wait(hold))
 
     def _apply(self, hold: sequencer_pb2.EnduranceHold, decision: sequencer_pb2.EnduranceDecision) -> None:
@@ -467,10 +471,13 @@ class EnduranceTest:
         attempt = 1 + sum(1 for _ in self._campaigns if _.startswith(f"{self.id}-{name}-{number}"))
         campaign = f"{self.id}-{name}-{number}" + (f"-{attempt}" if attempt > 1 else "")
         self._campaigns.append(campaign)
+        last = self._last
         drive = corrected_drive(
             self._bus,
             self._drives[event],
+            response=last.response if last is not None and last.event == event else None,
             parent=parent,
+            corrected_by=next((known.campaign for known in reversed(self._before.drives) if known.event == event), ""),
             id=campaign,
             description=self._plan.description,
             playbacks=self._plan.schedule.actions.playbacks,
@@ -518,17 +525,8 @@ class EnduranceTest:
         if self._stop.is_set():
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
 
-    @contextmanager
-    def _doing(self, activity: str, *, phase: sequencer_pb2.EndurancePhase) -> Iterator[None]:
-        """Show a step, and name it in the fault it may end with."""
-        self._require_running()
-        self._step = activity
-
-        def change(status: sequencer_pb2.EnduranceStatus) -> None:
-            status.phase, status.activity = phase, activity
-
-        self._board.change(change)
-        yield
+    def _show_begun(self, status: sequencer_pb2.EnduranceStatus) -> None:
+        status.phase, status.activity = sequencer_pb2.ENDURANCE_PHASE_PLAYING, self._step
 
     def _show_hold(self, hold: sequencer_pb2.EnduranceHold | None) -> None:
         """Show what the test waits with, or that it goes on."""
@@ -561,36 +559,30 @@ class EnduranceTest:
         if ended and self._log.next_step:
             try:
                 self._log.close(final, reason=final.fault.message)
+                self._kept.close()
             except FaultError as error:
                 self._journal.warning("The recording stays open.", why=error.message)
         return final
 
     def _halt(self, final: sequencer_pb2.EnduranceStatus) -> None:
-        """Bring the rig to rest, and latch it where the test was stopped; add to the status where that failed."""
-        run, reason = self._moving_run, final.fault.message or self._stop_reason
-        if self._latching:
-            self._latched = True
-            trouble = latch_rig(self._bus, self.rig, run=run, reason=reason)
-        else:
-            trouble = bring_to_rest(self._bus, self.rig, run=run, reason=reason) if run else ""
-        if trouble:
-            final.activity += f"; {trouble}"
-            if final.HasField("fault"):
-                final.fault.message += f" {trouble[0].upper()}{trouble[1:]}."
+        """Bring the rig to rest, and latch it where the test was stopped."""
+        self._latched = self._latching
+        halt_rig(self._bus, self.rig, final, run=self._moving_run, reason=self._stop_reason, latch=self._latching)
 
     def _final_fault(self, fault: FaultError) -> sequencer_pb2.EnduranceStatus:
         """Return the final status of a test that was stopped or failed."""
-        if self._stop.is_set():
-            phase, code = sequencer_pb2.ENDURANCE_PHASE_STOPPED, query_pb2.FAULT_CODE_CANCELLED
-            activity = f"stopped while {self._step}"
-            sentence = f"The endurance test was stopped while {self._step}: {self._stop_reason.rstrip('.')}."
-        else:
-            phase, code = sequencer_pb2.ENDURANCE_PHASE_FAULTED, fault.code
-            activity = f"failed while {self._step}"
-            sentence = f"The endurance test failed while {self._step}: {fault.message} Resume it: it goes on."
-        service = fault.service or self._bus.service
-        final_fault = query_pb2.Fault(code=code, message=sentence, field=fault.field, service=service)
-        return self._board.final_status(phase, activity, fault=final_fault)
+        stopped = self._stop_reason if self._stop.is_set() else None
+        end = early_end(
+            fault,
+            what="endurance test",
+            step=self._step,
+            service=self._bus.service,
+            stopped=stopped,
+            remedy="Resume it: it goes on.",
+        )
+        failed, was_stopped = sequencer_pb2.ENDURANCE_PHASE_FAULTED, sequencer_pb2.ENDURANCE_PHASE_STOPPED
+        phase = failed if stopped is None else was_stopped
+        return self._board.final_status(phase, end.activity, fault=end.fault)
 
 
 def _samples(drive: sequencer_pb2.EnduranceDrive) -> NDArray[np.float64]:

@@ -30,7 +30,9 @@ def corrected_drive(
     bus: Bus,
     drive: NDArray[np.float64],
     *,
+    response: NDArray[np.float64] | None,
     parent: str,
+    corrected_by: str,
     id: str,
     description: rig_pb2.RigDescription,
     playbacks: int,
@@ -39,11 +41,25 @@ def corrected_drive(
 ) -> NDArray[np.float64]:
     """Have the iterator correct a drive; return that of its best playback, shape (drives, samples).
 
-    `parent`: Campaign that the first drive of the event is from: its target, settings and model are used. `id`: Of the
-    new campaign.
+    `response`: Of the last repeat, if nobody may have touched the rig since; otherwise `drive` is played once more.
+    `parent`: Campaign that the first drive of the event is from: its target, settings and model are used.
+    `corrected_by`: Campaign of the present drive; empty for the first one. `id`: Of the new campaign. `playbacks`: Most
+    corrections.
     Raises FaultError: Why there is none; CANCELLED where `stop` was set, the campaign is stopped then.
     """
-    spec = _specification(bus, drive, parent=parent, id=id, description=description, playbacks=playbacks)
+    spec = _specification(bus, parent)
+    spec.id = id
+    # The rig is the same but for what it has lost: steps of the campaigns before say most about its friction and arcs.
+    spec.known.learn_from.extend(filter(None, (parent, corrected_by)))
+    first, rate = spec.known.first_drive, description.sample_rate
+    first.source = "the endurance test"
+    first.drive.CopyFrom(to_record(description.drives, rate, drive))
+    spec.stop.iterations = playbacks
+    if response is not None:
+        first.response.CopyFrom(to_record(description.responses, rate, response))
+        first.of_this_target = True
+    else:
+        spec.stop.iterations += 1
     status = bus.query(bus.keys.campaign_start(spec.rig), spec, iterator_pb2.CampaignStatus)
     while status.phase not in _ENDED:
         on_activity(status.activity)
@@ -64,16 +80,8 @@ def corrected_drive(
     raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
 
 
-def _specification(
-    bus: Bus,
-    drive: NDArray[np.float64],
-    *,
-    parent: str,
-    id: str,
-    description: rig_pb2.RigDescription,
-    playbacks: int,
-) -> iterator_pb2.CampaignSpec:
-    """Return the campaign of the parent, with the present drive as its first and the known model."""
+def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
+    """Return the campaign of the parent, with its model as the known one."""
     spec, model = iterator_pb2.CampaignSpec(), None
     for message, _ in _steps(bus, parent):
         match message:
@@ -88,19 +96,15 @@ def _specification(
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {parent!r} holds no model of its rig."
         )
-    spec.id = id
     for name in ("parent", "parent_iteration", "levels", "confirmations", "pre_test", "known"):
         spec.ClearField(name)
     # The person who decided, or wrote the schedule, has let it play.
     spec.hold.CopyFrom(iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_NEVER))
-    spec.stop.iterations = playbacks
     spec.known.model.CopyFrom(model)
     spec.known.model_source = parent
     spec.excitation.CopyFrom(model.excitation)
     spec.excitation.seed = 0
     spec.estimator.CopyFrom(model.estimator)
-    spec.known.first_drive.drive.CopyFrom(to_record(description.drives, description.sample_rate, drive))
-    spec.known.first_drive.source = "the endurance test"
     return spec
 
 

@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from duralab_monitoring import Alarm, AlarmKind, AlarmLevel, MonitoringSettings, RepeatStatistics, Statistic
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import sequencer_pb2
+from duralab_schedules import AlarmAction
 from sequencer.tally import EventTally
 
+_ACTIONS: Final = {
+    AlarmAction.LOG: sequencer_pb2.ALARM_ACTION_LOG,
+    AlarmAction.HOLD: sequencer_pb2.ALARM_ACTION_HOLD,
+    AlarmAction.STOP: sequencer_pb2.ALARM_ACTION_STOP,
+    AlarmAction.ITERATE_AGAIN: sequencer_pb2.ALARM_ACTION_ITERATE_AGAIN,
+}
 _LEVELS: Final = {
     AlarmLevel.WARNING: sequencer_pb2.ALARM_LEVEL_WARNING,
     AlarmLevel.ABORT: sequencer_pb2.ALARM_LEVEL_ABORT,
@@ -48,7 +55,7 @@ def stored_statistics(repeat: sequencer_pb2.EnduranceRepeat, *, responses: int) 
     return RepeatStatistics(table=table[:, : len(Statistic)], measures=measures, lag=lag)
 
 
-def alarm_message(alarm: Alarm, *, event: int, action: sequencer_pb2.AlarmAction) -> sequencer_pb2.EnduranceAlarm:
+def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction) -> sequencer_pb2.EnduranceAlarm:
     """Return an alarm with what follows from it."""
     lowest, highest = alarm.band or (0.0, 0.0)
     return sequencer_pb2.EnduranceAlarm(
@@ -61,7 +68,7 @@ def alarm_message(alarm: Alarm, *, event: int, action: sequencer_pb2.AlarmAction
         highest_frequency=highest,
         since_repeat=alarm.since,
         sentence=alarm.sentence,
-        action=action,
+        action=_ACTIONS[action],
         measure=alarm.measure.value,
         size=alarm.size,
     )

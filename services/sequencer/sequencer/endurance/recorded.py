@@ -55,7 +55,7 @@ class RecordedVolume:
     hold: sequencer_pb2.EnduranceHold | None = None
     iterating: sequencer_pb2.EnduranceHold | None = None
     holds: int = 0
-    samples: int = 0
+    samples: set[int] = field(default_factory=set)
     played: set[str] = field(default_factory=set)
     final: sequencer_pb2.EnduranceStatus | None = None
     closed: bool = False
@@ -82,7 +82,7 @@ class RecordedVolume:
                 self.changes.append(message)
                 self.announced = None
             case sequencer_pb2.RepeatSamples():
-                self.samples += 1
+                self.samples.add(message.repeat)
             case sequencer_pb2.EnduranceDrive():
                 self.drives.append(message)
                 self.iterating = None

@@ -95,7 +95,8 @@ def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
         hold=last.hold if last.hold is not None and last.hold.alarms else None,
         iterating=last.iterating,
         volume_ended=last.closed,
-        kept=last.volume.kept + last.samples + sum(bool(repeat.samples_hash) for repeat in last.repeats),
+        samples=last.samples,
+        kept=last.volume.kept + len(last.samples) + sum(bool(repeat.samples_hash) for repeat in last.repeats),
     )
 
 
