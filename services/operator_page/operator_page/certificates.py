@@ -13,7 +13,11 @@ import structlog
 from starlette.requests import Request
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from operator_page.sessions import RateLimit
+
 _STATE: Final = "certificate"
+# Whoever reaches the port can fail: so many lines at once, and one a second after that.
+_LOGGED: Final = RateLimit(20, 1)
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,9 @@ class LoggedHandshake(ssl.SSLObject):
         try:
             super().do_handshake()
         except ssl.SSLCertVerificationError as error:
-            log = structlog.get_logger("operator_page")
-            log.warning("a browser's certificate is refused", reason=error.verify_message)
+            if _LOGGED.allows("handshake"):
+                log = structlog.get_logger("operator_page")
+                log.warning("a browser's certificate is refused", reason=error.verify_message)
             raise
 
 
