@@ -58,6 +58,12 @@ def test_a_playback_past_its_time_stops_the_rig_and_leaves_it_latched(lab):
     assert lab.play(RIG, MINUTE[:, :100], timeout_seconds=60.0).response.samples.shape == (6, 100)
 
 
+@pytest.mark.parametrize("ask", ["state", "reset", "stop_rig", "proposal"])
+def test_a_name_that_stands_for_all_asks_nothing(lab, ask):
+    with pytest.raises(duralab.InputError, match="stands for all, which can only be watched; give the name of one"):
+        getattr(lab, ask)("*")
+
+
 def test_who_reset_a_rig_and_why_stands_in_its_state_also_from_the_command_line(lab):
     lab.stop_rig(RIG, reason="oil on the floor")
     with pytest.raises(duralab.InputError, match=r"reason has 301 characters; give at most 300\.") as caught:
