@@ -23,6 +23,7 @@ IMAGES = {
     "iterator": ("duralab-iterator",),
     "sequencer": ("duralab-sequencer",),
     "recorder": ("duralab-recorder",),
+    "operator_page": ("duralab-operator-page",),
     "sweep": (
         "duralab[sweeps]",
         "duralab-rig-sim",

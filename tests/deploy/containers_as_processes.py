@@ -48,7 +48,7 @@ class ContainersAsProcesses:
     def __init__(self, folder: Path, *, certificates: Path, network: str) -> None:
         self._folder = folder
         self._network = network
-        self.containers = containers({"DURALAB_CERTIFICATES": str(certificates)})
+        self.containers = containers({"DURALAB_CERTIFICATES": str(certificates), "DURALAB_PAGE": str(certificates)})
         self._stages = stages()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self.hosts = folder / "hosts"
@@ -140,7 +140,7 @@ class ContainersAsProcesses:
         return list(command)
 
     def _environment(self, container: Container) -> dict[str, str]:
-        image = {"rig": "rig_sim", "file-rig": "file_rig"}.get(container.name, container.name)
+        image = {"rig": "rig_sim", "file-rig": "file_rig", "page": "operator_page"}.get(container.name, container.name)
         own = image_environment(self._stages[image if image in self._stages else "run"], self._stages)
         # What stands in the image at /opt/duralab stands here in the environment that runs the tests.
         programs = Path(sys.prefix) / "bin"

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
-from duralab.security import init_authority, issue_missing, read_members
+from duralab.security import MemberEntry, init_authority, issue, issue_missing, read_members
 
 from .compose_file import ROOT
 from .containers_as_processes import ContainersAsProcesses, why_not
@@ -22,7 +23,7 @@ pytestmark = [
 ]
 USER = 10001
 HEALTHY_SECONDS = 120.0
-SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder")
+SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder", "page")
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +31,15 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
     init_authority(folder)
     issue_missing(folder, read_members(ROOT / "deploy" / "router" / "members.yaml"))
+    # What browsers see, of an authority of its own, and who may sign in.
+    init_authority(folder / "browsers")
+    shown = issue(folder / "browsers", MemberEntry(role="router", name="page", hosts=("localhost",)))
+    shutil.copy(shown.path, folder / "page.crt")
+    shutil.copy(shown.key, folder / "page.key")
+    accounts = {"Ada": {"role": "operator", "certificate": "operator.main"}}
+    (folder / "accounts.yaml").write_text(yaml.safe_dump({"accounts": accounts}))
     # As the guide says: keys are readable by their owner alone, who is the user of the containers.
-    for path in folder.iterdir():
+    for path in folder.glob("*.*"):
         os.chown(path, USER, USER)
     return folder
 
@@ -75,7 +83,28 @@ def test_container_is_nobody_and_may_do_nothing(lab: ContainersAsProcesses, name
     assert fields["NoNewPrivs"].strip() == "1"
 
 
-@pytest.mark.parametrize("name", ["rig", "file-rig", "recorder"])
+_SIGN_IN = """
+import http.client, json, ssl, sys
+tls = ssl.create_default_context(cafile=sys.argv[1])
+tls.load_cert_chain(sys.argv[2] + ".crt", sys.argv[2] + ".key")
+page = http.client.HTTPSConnection("localhost", 7480, context=tls)
+page.request("GET", "/api/session")
+version = json.load(page.getresponse())["version"]
+headers = {"Content-Type": "application/json", "X-Duralab-Page": version}
+page.request("POST", "/api/sign_in_by_certificate", "{}", headers)
+sys.stdout.write(json.dumps(json.load(page.getresponse())))
+"""
+
+
+def test_a_person_signs_in_at_the_page_of_containers(lab: ContainersAsProcesses, certificates: Path) -> None:
+    authority, person = certificates / "browsers" / "ca.crt", certificates / "operator.main"
+    done = lab.run_beside([sys.executable, "-c", _SIGN_IN, str(authority), str(person)])
+    assert done.returncode == 0, done.stderr
+    signed_in = json.loads(done.stdout)
+    assert (signed_in["name"], signed_in["role"]) == ("Ada", "operator")
+
+
+@pytest.mark.parametrize("name", ["rig", "file-rig", "recorder", "page"])
 def test_container_writes_to_its_volumes_and_tmp_and_nowhere_else(lab: ContainersAsProcesses, name: str) -> None:
     volumes = [mount.target for mount in lab.containers[name].mounts if not mount.read_only]
     script = "for place; do touch $place/probe 2>/dev/null && rm $place/probe && echo $place; done; true"

@@ -18,8 +18,10 @@ KUBERNETES = ROOT / "deploy/kubernetes"
 SYSTEMD = ROOT / "deploy/systemd"
 # Of a version that is served by every provider; strict: a field that the schema does not know is an error.
 KUBERNETES_VERSION = "1.34"
-SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder")
-MEMBERS = {"file-rig": "rig.controller"}
+SERVICES = ("rig", "file-rig", "identifier", "iterator", "sequencer", "recorder", "page")
+MEMBERS = {"file-rig": "rig.controller", "page": "operator.page"}
+# What a service has besides its certificate of the lab.
+OWN_FILES = {"page": {"page.crt", "page.key", "accounts.yaml"}}
 VARIABLES = {"DURALAB_CERTIFICATES": "/certificates"}
 
 
@@ -83,9 +85,9 @@ def test_container_may_do_nothing_but_its_work(name):
 def test_nothing_but_the_router_is_open_to_others():
     services = compose_document(VARIABLES)["services"]
     ports = {name: service["ports"] for name, service in services.items() if "ports" in service}
-    assert set(ports) == {"router", "viewer"}
+    assert set(ports) == {"router", "page", "viewer"}
     assert ports["router"] == ["0.0.0.0:7447:7447"]
-    assert all(port.startswith("127.0.0.1:") for port in ports["viewer"])
+    assert all(port.startswith("127.0.0.1:") for port in (*ports["page"], *ports["viewer"]))
 
 
 def test_only_its_own_certificate_is_given_to_each():
@@ -93,7 +95,7 @@ def test_only_its_own_certificate_is_given_to_each():
         files = {mount.target.rpartition("/")[2] for mount in container.mounts if mount.read_only}
         member = MEMBERS.get(name, f"{name}.main")
         expected = {"ca.crt", f"{member}.crt", f"{member}.key"} if name != "viewer" else set()
-        assert files - {"zenohd.json5", "map.yaml"} == expected
+        assert files - {"zenohd.json5", "map.yaml"} == expected | OWN_FILES.get(name, set())
 
 
 @pytest.mark.parametrize("document", list(kubernetes_objects()))
@@ -187,7 +189,7 @@ def analyze(folder, *arguments):
 
 def test_systemd_finds_nothing_wrong_with_the_units(units):
     names = sorted(f"./{path.name}" for path in [*units.glob("*.service"), *units.glob("*.target")])
-    assert len(names) == 8
+    assert len(names) == 9
     checked = analyze(units, "verify", "--man=no", *names)
     assert checked.stderr == ""
     assert checked.returncode == 0
@@ -206,7 +208,8 @@ def test_units_give_each_service_its_own_certificate_alone():
         handed = [line.rpartition(":")[2] for line in text.splitlines() if line.startswith("LoadCredential=")]
         folder = "/etc/duralab/certificates"
         member = MEMBERS.get(name, f"{name}.main")
-        assert handed == [f"{folder}/{member}.crt", f"{folder}/{member}.key"]
+        assert handed[:2] == [f"{folder}/{member}.crt", f"{folder}/{member}.key"]
+        assert {path.removeprefix("/etc/duralab/page/") for path in handed[2:]} == OWN_FILES.get(name, set())
         assert f"-m {containers(VARIABLES)[name].command[-1]}\n" in text
 
 
@@ -218,13 +221,16 @@ os.execv(sys.executable, [sys.executable, "-m", *sys.argv[1:]])
 """
 
 
-@pytest.mark.parametrize("name", ["identifier", "iterator", "sequencer", "recorder"])
+@pytest.mark.parametrize("name", ["identifier", "iterator", "sequencer", "recorder", "operator_page"])
 def test_service_starts_where_its_unit_forbids_it_to_make_code(name, tmp_path):
-    assert "MemoryDenyWriteExecute=no" not in (SYSTEMD / f"duralab-{name}.service").read_text()
+    unit = f"duralab-{name.removeprefix('operator_')}.service"
+    assert "MemoryDenyWriteExecute=no" not in (SYSTEMD / unit).read_text()
     with duralab_bus.open_bus(service="hub") as hub:
         config = {"bus": {"connect": list(hub.listening)}, "exit_with_parent": True}
         if name == "recorder":
             config["folder"] = str(tmp_path / "recordings")
+        if name == "operator_page":
+            config |= {"folder": str(tmp_path / "page"), "port": 0}
         file = tmp_path / f"{name}.yaml"
         file.write_text(yaml.safe_dump(config))
         command = [sys.executable, "-c", _FORBID_NEW_CODE, name, "--config", str(file)]

@@ -8,8 +8,10 @@ import time
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import duralab
+from duralab.cli.application import app
 
 RIG = "front_axle_compliant"
 MINUTE = np.zeros((6, 60_000))
@@ -54,6 +56,29 @@ def test_a_playback_past_its_time_stops_the_rig_and_leaves_it_latched(lab):
         lab.play(RIG, MINUTE[:, :100])
     assert lab.reset(RIG).mode is duralab.RigMode.IDLE
     assert lab.play(RIG, MINUTE[:, :100], timeout_seconds=60.0).response.samples.shape == (6, 100)
+
+
+@pytest.mark.parametrize("ask", ["state", "reset", "stop_rig", "proposal"])
+def test_a_name_that_stands_for_all_asks_nothing(lab, ask):
+    with pytest.raises(duralab.InputError, match="stands for all, which can only be watched; give the name of one"):
+        getattr(lab, ask)("*")
+
+
+def test_who_reset_a_rig_and_why_stands_in_its_state_also_from_the_command_line(lab):
+    lab.stop_rig(RIG, reason="oil on the floor")
+    with pytest.raises(duralab.InputError, match=r"reason has 301 characters; give at most 300\.") as caught:
+        lab.reset(RIG, name="Ada", reason="x" * 301)
+    assert caught.value.field == "reason"
+    state = lab.reset(RIG, name="Ada", reason="the floor is dry")
+    assert (state.mode, state.reset_name, state.reset_reason) == (duralab.RigMode.IDLE, "Ada", "the floor is dry")
+    lab.stop_rig(RIG, reason="again")
+    command = ["reset", RIG, "--connect", lab.endpoints[0], "--name", "Grace", "--reason"]
+    refused = CliRunner().invoke(app, [*command, "a\nb"])
+    assert (refused.exit_code, "give printable characters on one line" in refused.stderr) == (2, True)
+    assert lab.state(RIG).mode is duralab.RigMode.INTERLOCKED
+    assert CliRunner().invoke(app, [*command, "a hose was loose"]).exit_code == 0
+    state = lab.state(RIG)
+    assert (state.reset_name, state.reset_reason) == ("Grace", "a hose was loose")
 
 
 def test_a_playback_that_another_thread_cancels_is_stopped(lab):

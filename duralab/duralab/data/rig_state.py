@@ -54,6 +54,8 @@ class RigState:
     goes_on : bool
         The rig is latched, but its run cannot be stopped and goes on to its end; told by `Lab.stop_rig` and
         `duralab status`.
+    reset_name, reset_reason : str
+        Who cleared the last latch and why; empty where not given, and while the rig is latched.
     """
 
     rig: str
@@ -62,6 +64,8 @@ class RigState:
     run: str
     fraction: float
     goes_on: bool = False
+    reset_name: str = ""
+    reset_reason: str = ""
 
     @property
     def resting(self) -> bool:
@@ -78,6 +82,8 @@ class RigState:
             run=message.run,
             fraction=message.fraction,
             goes_on=goes_on,
+            reset_name=message.reset_name,
+            reset_reason=message.reset_reason,
         )
 
     @property

@@ -23,6 +23,7 @@ from duralab.errors import (
     UnavailableError,
 )
 from duralab_bus import Bus, FaultError
+from duralab_proto.keys import ANY
 from duralab_proto.v1 import query_pb2
 
 
@@ -119,6 +120,8 @@ class LabClient:
         what: str = "The answer",
     ) -> MessageT:
         """Ask and wait for the answer; raises LabError, where the deadline is over one about `what`."""
+        if ANY in key:
+            raise InputError(f"The name {ANY!r} stands for all, which can only be watched; give the name of one.")
         try:
             cancel = deadline if deadline.limited else None
             return self.bus.query(key, request, kind, on_progress=on_progress, cancel=cancel)

@@ -152,13 +152,17 @@ class Lab:
         key = self._ask.key("rig", self._bus.keys.rig_state, rig)
         return RigState.from_message(self._ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))
 
-    def reset(self, rig: str) -> RigState:
+    def reset(self, rig: str, *, name: str = "", reason: str = "") -> RigState:
         """Clear the latch of a rig, after somebody has looked at it; one that is not latched stays as it is.
 
         Parameters
         ----------
         rig : str
             Its name.
+        name : str
+            Who clears it, at most 80 characters; in the rig's state and log, and in recordings, until the next latch.
+        reason : str
+            Why the rig may move again, at most 300 characters; kept like `name`.
 
         Returns
         -------
@@ -167,11 +171,13 @@ class Lab:
 
         Raises
         ------
+        InputError
+            `name` or `reason` is too long or holds control characters.
         LabError
             It is not there, does not come to rest, or was stopped again while the reset waited.
         """
         key = self._ask.key("rig", self._bus.keys.rig_reset, rig)
-        request = rig_pb2.ResetRequest(command=secrets.token_hex(16))
+        request = rig_pb2.ResetRequest(command=secrets.token_hex(16), name=name, reason=reason)
         return RigState.from_message(self._ask.query(key, request, rig_pb2.RigState))
 
     def play(

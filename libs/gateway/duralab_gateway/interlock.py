@@ -7,8 +7,9 @@ import threading
 from duralab_bus import FaultError
 from duralab_proto.v1 import query_pb2, rig_pb2
 
-#: Longest reason that is kept; it travels with every state.
+#: Longest reason that is kept, and longest name of who resets; they travel with every state.
 LONGEST_REASON = 300
+LONGEST_NAME = 80
 #: A stop takes the rest of a block and a ramp: less than a second on the shipped rigs, several times that where Drake
 #: plays slower than real time, and up to 20 s where a specimen's `approach` says so.
 REST_SECONDS = 60.0
@@ -26,6 +27,7 @@ class Interlock:
         self._latched = False
         self._reason = ""
         self._newest_reason = ""
+        self._reset_name, self._reset_reason = "", ""
         self.trips = 0
         """How often it was tripped so far."""
         self._run = ""
@@ -47,6 +49,8 @@ class Interlock:
                 reason=self._reason if self._latched else self._awaited,
                 run=self._run,
                 fraction=self.fraction,
+                reset_name=self._reset_name,
+                reset_reason=self._reset_reason,
             )
 
     def begin(self, run: str) -> None:
@@ -89,6 +93,7 @@ class Interlock:
             self._newest_reason = reason if len(reason) <= LONGEST_REASON else reason[:LONGEST_REASON] + "…"
             if not self._latched:
                 self._latched, self._reason = True, self._newest_reason
+                self._reset_name, self._reset_reason = "", ""
             self._stop.set()
             return self._newest_reason
 
@@ -118,16 +123,19 @@ class Interlock:
                 )
             _remember(self._resets, command)
 
-    def reset(self, *, seen: int) -> None:
-        """Clear the latch; a rig that is not latched stays as it is."""
+    def reset(self, *, seen: int, name: str = "", reason: str = "") -> None:
+        """Clear the latch and keep who did it and why; a rig that is not latched stays as it is."""
         with self._changed:
-            if self._latched and self.trips != seen:
+            if not self._latched:
+                return
+            if self.trips != seen:
                 raise FaultError(
                     query_pb2.FAULT_CODE_FAILED_PRECONDITION,
                     f"{self._rig} was stopped again while its reset waited ({self._newest_reason}); see to it and "
                     "reset it again.",
                 )
             self._latched, self._reason = False, ""
+            self._reset_name, self._reset_reason = name, reason
             self._stop.clear()
 
 

@@ -14,7 +14,7 @@ from duralab_bus import Bus, Call, FaultError, Metrics, SpoolFullError, SpoolSpa
 from duralab_gateway.channels import ChannelTable
 from duralab_gateway.description import check_drive
 from duralab_gateway.equipped_rig import EquippedRig
-from duralab_gateway.interlock import Interlock
+from duralab_gateway.interlock import LONGEST_NAME, LONGEST_REASON, Interlock
 from duralab_gateway.motion import RigFaultError
 from duralab_gateway.playback_session import PlaybackSession
 from duralab_gateway.rig import KnowsItsFrf, PlaybackRig
@@ -212,6 +212,7 @@ class RigServer:
 
     def _on_reset(self, request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:
         seen = self._interlock.trips
+        _check_said(request)
         if request.command:
             # Whatever it finds: an old command must not clear a latch that is set later.
             try:
@@ -221,19 +222,19 @@ class RigServer:
         if self._interlock.state().mode == rig_pb2.RIG_MODE_INTERLOCKED:
             # A latch is not cleared over a rig that is still on its way down, nor one that is set meanwhile.
             self._interlock.wait_for_rest()
-            self._make_ready(seen)
+            self._make_ready(seen, request)
             self._publish_state()
-            self._log.info("reset")
+            self._log.info("reset", who=request.name, reason=request.reason)
         return self._interlock.state()
 
-    def _make_ready(self, seen: int) -> None:
+    def _make_ready(self, seen: int, request: rig_pb2.ResetRequest) -> None:
         try:
             self._rig.reset()
         except RigFaultError as error:
             sentence = f"{self.name} cannot be reset: {error}"
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, sentence) from error
         try:
-            self._interlock.reset(seen=seen)
+            self._interlock.reset(seen=seen, name=request.name, reason=request.reason)
         except FaultError:
             # It was stopped while it was made ready, and may have forgotten that.
             self._stop_rig(self._interlock.state().reason)
@@ -262,6 +263,19 @@ class RigServer:
             except SpoolFullError as error:
                 # Whoever asks is told; and no stop may fail because nobody stores that it came.
                 self._log.warning("a state is not published", reason=str(error))
+
+
+def _check_said(request: rig_pb2.ResetRequest) -> None:
+    # Unlike a stop, which is carried out whatever its reason is, a reset may be refused.
+    for field, longest in (("name", LONGEST_NAME), ("reason", LONGEST_REASON)):
+        said = getattr(request, field)
+        if len(said) > longest:
+            sentence = f"{field} has {len(said)} characters; give at most {longest}."
+        elif said and (not said.strip() or not said.isprintable()):
+            sentence = f"{field} is {said[:80]!r}; give printable characters on one line, not only blanks."
+        else:
+            continue
+        raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, sentence, field=field)
 
 
 def serve_refusal(bus: Bus, rig: str, reason: str) -> None:

@@ -84,8 +84,8 @@ class Client:
     def stop(self, reason="enough"):
         return self.ask(self.bus.keys.rig_stop, rig_pb2.StopRequest(reason=reason))
 
-    def reset(self):
-        return self.ask(self.bus.keys.rig_reset, rig_pb2.ResetRequest())
+    def reset(self, **said):
+        return self.ask(self.bus.keys.rig_reset, rig_pb2.ResetRequest(**said))
 
     def published(self, run):
         """Wait for the last block of a run; return its drive, its response and the size of each block."""

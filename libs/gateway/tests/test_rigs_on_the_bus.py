@@ -203,6 +203,40 @@ def test_a_rig_that_fails_and_may_not_be_reset_says_why_each_time():
         assert client.reset().mode == rig_pb2.RIG_MODE_IDLE
 
 
+def test_the_name_and_the_reason_of_a_reset_stand_in_the_state_until_the_next_latch():
+    with client_of(Springs()) as client:
+        client.stop("oil on the floor")
+        state = client.reset(name="Ada", reason="the floor is dry")
+        assert (state.mode, state.reset_name, state.reset_reason) == (rig_pb2.RIG_MODE_IDLE, "Ada", "the floor is dry")
+        # Of a rig that is not latched nothing is reset.
+        client.reset(name="Grace", reason="to be sure")
+        client.play("a", hump())
+        assert (client.state().reset_name, client.state().reset_reason) == ("Ada", "the floor is dry")
+        state = client.stop("again")
+        assert (state.reset_name, state.reset_reason) == ("", "")
+        assert client.reset().reset_reason == ""
+
+
+@pytest.mark.parametrize(
+    ("said", "field", "sentence"),
+    [
+        ({"reason": "x" * 301}, "reason", "reason has 301 characters; give at most 300."),
+        ({"name": "x" * 81}, "name", "name has 81 characters; give at most 80."),
+        ({"reason": "a\x07"}, "reason", r"reason is 'a\x07'; give printable characters on one line, not only blanks."),
+        ({"reason": "a\nb"}, "reason", r"reason is 'a\nb'; give printable characters on one line, not only blanks."),
+        ({"name": " "}, "name", "name is ' '; give printable characters on one line, not only blanks."),
+    ],
+)
+def test_a_reset_that_says_what_cannot_be_shown_is_refused_and_clears_nothing(said, field, sentence):
+    with client_of(Springs()) as client:
+        client.stop("oil on the floor")
+        with pytest.raises(FaultError) as caught:
+            client.reset(command="once", **said)
+        assert (caught.value.code_name, caught.value.field, str(caught.value)) == ("INVALID_ARGUMENT", field, sentence)
+        assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED
+        assert client.reset(command="once", name="x" * 80, reason="x" * 300).mode == rig_pb2.RIG_MODE_IDLE
+
+
 def test_a_rig_that_fails_to_stop_is_latched_and_answers_all_the_same():
     rig = Springs()
 

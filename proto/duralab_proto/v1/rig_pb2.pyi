@@ -258,24 +258,32 @@ class StopRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("command",)
+    __slots__ = ("command", "name", "reason")
     COMMAND_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
     command: str
-    def __init__(self, command: _Optional[str] = ...) -> None: ...
+    name: str
+    reason: str
+    def __init__(self, command: _Optional[str] = ..., name: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class RigState(_message.Message):
-    __slots__ = ("rig", "mode", "reason", "run", "fraction")
+    __slots__ = ("rig", "mode", "reason", "run", "fraction", "reset_name", "reset_reason")
     RIG_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     FRACTION_FIELD_NUMBER: _ClassVar[int]
+    RESET_NAME_FIELD_NUMBER: _ClassVar[int]
+    RESET_REASON_FIELD_NUMBER: _ClassVar[int]
     rig: str
     mode: RigMode
     reason: str
     run: str
     fraction: float
-    def __init__(self, rig: _Optional[str] = ..., mode: _Optional[_Union[RigMode, str]] = ..., reason: _Optional[str] = ..., run: _Optional[str] = ..., fraction: _Optional[float] = ...) -> None: ...
+    reset_name: str
+    reset_reason: str
+    def __init__(self, rig: _Optional[str] = ..., mode: _Optional[_Union[RigMode, str]] = ..., reason: _Optional[str] = ..., run: _Optional[str] = ..., fraction: _Optional[float] = ..., reset_name: _Optional[str] = ..., reset_reason: _Optional[str] = ...) -> None: ...
 
 class StateRequest(_message.Message):
     __slots__ = ()

@@ -8,11 +8,22 @@ import os
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import yaml
+from pydantic import ValidationError
 
 from duralab_bus import ConfigError
-from operator_page.accounts import HASHER, LONGEST_PASSWORD, NAME_PATTERN, PageRole, read_accounts
+from duralab_settings import explain_validation
+from operator_page.accounts import (
+    CERTIFICATE_PATTERN,
+    HASHER,
+    LONGEST_PASSWORD,
+    NAME_PATTERN,
+    Accounts,
+    PageRole,
+    read_accounts,
+)
 
 SHORTEST_PASSWORD = 10
 
@@ -23,22 +34,48 @@ def main() -> int:
     parser.add_argument("file", type=Path, metavar="FILE", help="the accounts file; made if it is not there")
     parser.add_argument("name", metavar="NAME", help="who signs in")
     parser.add_argument("role", choices=[role.value for role in PageRole])
+    parser.add_argument(
+        "--certificate", metavar="COMMON_NAME", help="sign in with this certificate of the lab; no password is read"
+    )
     given = parser.parse_args()
     if not re.fullmatch(NAME_PATTERN, given.name):
         parser.error(f"NAME is {given.name!r}; give letters, digits, spaces, '.', '_' and '-', at most 40.")
+    if given.certificate is not None and not re.fullmatch(CERTIFICATE_PATTERN, given.certificate):
+        parser.error(
+            f"--certificate is {given.certificate!r}; give operator.NAME or viewer.NAME, as `certs show` does."
+        )
+    if given.certificate is not None:
+        changes = {"certificate": given.certificate}
+    else:
+        changes = {"password": HASHER.hash(_read_password(parser))}
+    try:
+        known = (
+            read_accounts(given.file).model_dump(mode="json", exclude_none=True)["accounts"]
+            if given.file.exists()
+            else {}
+        )
+        known[given.name] = {**known.get(given.name, {}), "role": given.role, **changes}
+        Accounts.model_validate({"accounts": known})
+    except ConfigError as error:
+        parser.error(str(error))
+    except ValidationError as error:
+        parser.error(explain_validation(error, Accounts).sentence)
+    _write(given.file, known)
+    return 0
+
+
+def _read_password(parser: argparse.ArgumentParser) -> str:
     password = getpass.getpass("Password: ") if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
     if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
         parser.error(f"The password has {len(password)} characters; give {SHORTEST_PASSWORD} to {LONGEST_PASSWORD}.")
-    try:
-        known = read_accounts(given.file).model_dump(mode="json")["accounts"] if given.file.exists() else {}
-    except ConfigError as error:
-        parser.error(str(error))
-    known[given.name] = {"role": given.role, "password": HASHER.hash(password)}
-    part = given.file.with_name(f"{given.file.name}.part")
+    return password
+
+
+def _write(file: Path, accounts: dict[str, Any]) -> None:
+    part = file.with_name(f"{file.name}.part")
     with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as stream:
-        yaml.safe_dump({"accounts": known}, stream, sort_keys=True)
-    part.replace(given.file)
-    return 0
+        yaml.safe_dump({"accounts": accounts}, stream, sort_keys=True)
+    part.replace(file)
 
 
 if __name__ == "__main__":

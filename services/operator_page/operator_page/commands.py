@@ -78,9 +78,10 @@ class Commands:
 
     def reset(self, rig: str, who: str, reason: str) -> dict[str, Any]:
         """Clear the latch of a rig."""
+        self._require_known(rig)
         self._holders.require(rig, who)
         self._did(who, f"Reset of {rig}: {reason}")
-        state = self._lab.reset(rig)
+        state = self._lab.reset(rig, name=who, reason=reason)
         return {"mode": state.mode.value}
 
     def take(self, rig: str, who: str) -> dict[str, Any]:

@@ -20,6 +20,8 @@ class PageTls(BaseModel):
 
     certificate: Path
     key: Path
+    # Authority of the lab, `ca.crt`: whose certificates people may sign in with, where an account names them.
+    client_ca: Path | None = None
 
 
 class PageConfig(ServiceConfig):
@@ -51,6 +53,8 @@ class PageConfig(ServiceConfig):
             raise ValueError(f"host is {self.host!r}; give the number of an address, e.g. 127.0.0.1") from None
         if not loopback and (self.tls is None or self.accounts is None):
             raise ValueError(f"host is {self.host}, which others reach; give `tls` and `accounts`, or host 127.0.0.1")
+        if self.tls is not None and self.tls.client_ca is not None and self.accounts is None:
+            raise ValueError("tls.client_ca is given; give `accounts`, which say whose certificates may sign in")
         if self.bus.tls is not None and self.accounts is None:
             raise ValueError("the lab is secured (`bus.tls`); give `accounts`, so that people sign in")
         return self

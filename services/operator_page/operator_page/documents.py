@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from duralab import CatalogueEntry, IterationTable, Proposal, Rig, RunProgress, Signals
+from duralab import CatalogueEntry, IterationTable, Proposal, Rig, RigState, RunProgress, Signals
 from duralab.lab import ServiceHealth
 from operator_page.envelope import Envelope, rounded
 
@@ -21,6 +21,14 @@ def number(value: float) -> float | None:
 def numbers(values: np.ndarray) -> Any:
     """Return an array as nested lists of numbers."""
     return [numbers(row) for row in values] if values.ndim > 1 else [number(value) for value in values.tolist()]
+
+
+def reset_sentence(state: RigState) -> str:
+    """Return who cleared the last latch of a rig and why; empty where neither was given."""
+    if not (state.reset_name or state.reset_reason):
+        return ""
+    by = f"Reset by {state.reset_name}" if state.reset_name else "Reset"
+    return f"{by}: {state.reset_reason}" if state.reset_reason else f"{by}."
 
 
 def campaign_document(id: str, progress: RunProgress, *, rig: str, ended: bool, age: float) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from duralab import CampaignEvent, LabError, RigEvent, RigMode, RigState, RunPro
 from duralab.lab import Lab, ServiceHealth
 from duralab_bus import BusError
 from operator_page.deliberation import Holders
-from operator_page.documents import campaign_document, service_document
+from operator_page.documents import campaign_document, reset_sentence, service_document
 from operator_page.envelope import Envelope, rounded
 
 POLL_SECONDS = 1.0
@@ -140,9 +140,10 @@ class LabView:
             else:
                 if (state.mode, state.reason) != (before.state.mode, before.state.reason):
                     latched = state.mode is RigMode.INTERLOCKED
-                    self.say(
-                        f"{state.rig}: {state.mode}" + (f": {state.reason}" if state.reason else ""), trouble=latched
-                    )
+                    line = f"{state.rig}: {state.mode}" + (f": {state.reason}" if state.reason else "")
+                    if before.state.mode is RigMode.INTERLOCKED and (reset := reset_sentence(state)):
+                        line += f". {reset}"
+                    self.say(line, trouble=latched)
                 before.state, before.heard = state, time.time()
             self.changes += 1
 
@@ -238,6 +239,7 @@ class LabView:
             "name": name,
             "mode": state.mode.value,
             "reason": state.why,
+            "reset": reset_sentence(state),
             "run": state.run,
             "fraction": state.fraction,
             "age": now - seen.heard,

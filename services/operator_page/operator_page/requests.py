@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from operator_page.accounts import LONGEST_PASSWORD, NAME_PATTERN
 
 CAMPAIGN_NAME = r"^[a-z0-9][a-z0-9_-]{0,59}$"
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError(f"is {text[:80]!r}; give printable characters on one line")
+    return text
+
+
 Said = Annotated[str, StringConstraints(strip_whitespace=True, max_length=500)]
 Reason = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
+# It travels with every state of the rig.
+ResetReason = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300), AfterValidator(_printable)
+]
 
 
 class Values(BaseModel):
@@ -39,7 +51,7 @@ class Stop(Values):
 class Reset(Values):
     """Why a rig may move again."""
 
-    reason: Reason
+    reason: ResetReason
 
 
 class Begin(Values):

@@ -41,6 +41,7 @@ from duralab.lab import Lab, Result
 from duralab_bus import BusError
 from duralab_settings import explain_validation
 from operator_page.accounts import Accounts, PageRole
+from operator_page.certificates import peer_certificate
 from operator_page.child import work
 from operator_page.commands import Commands
 from operator_page.config import PageConfig
@@ -198,6 +199,7 @@ class PageServer:
         return (
             Endpoint("/api/session", None, self._session),
             Endpoint("/api/sign_in", None, self._sign_in, SignIn),
+            Endpoint("/api/sign_in_by_certificate", None, self._sign_in_by_certificate, Nothing),
             Endpoint("/api/sign_out", viewer, self._sign_out, Nothing),
             Endpoint("/api/stream", viewer, self._stream),
             Endpoint("/api/campaign_files", viewer, self._campaign_files),
@@ -256,6 +258,10 @@ class PageServer:
 
     async def _checked(self, endpoint: Endpoint, request: Request) -> Asked:
         session = self.sessions.find(request.cookies.get(COOKIE, ""))
+        if session is not None and session.certificate:
+            shown = peer_certificate(request)
+            if shown is None or shown.name != session.certificate:
+                session = None
         if endpoint.role is not None:
             if session is None:
                 raise RefusedError(401, "You are not signed in, or too long ago; sign in.")
@@ -323,7 +329,9 @@ class PageServer:
         if session is None and self._accounts is None:
             cookie, session = self.sessions.begin(LOCAL_OPERATOR, PageRole.OPERATOR)
             return self._with_cookie(cookie, session)
-        return JSONResponse(self._session_document(session))
+        shown = peer_certificate(asked.request)
+        certificate = {"certificate": shown.name} if session is None and shown is not None else {}
+        return JSONResponse(self._session_document(session) | certificate)
 
     def _session_document(self, session: Session | None) -> dict[str, Any]:
         who = {} if session is None else {"name": session.name, "role": session.role.value, "token": session.token}
@@ -349,10 +357,27 @@ class PageServer:
             self._failures_from.allows(address)
             self._log.warning("sign-in refused", who=values.name, address=address)
             raise RefusedError(401, "Name or password is wrong.")
+        return self._signed_in(asked, values.name, role)
+
+    async def _sign_in_by_certificate(self, asked: Asked) -> Response:
+        shown = peer_certificate(asked.request)
+        if shown is None:
+            raise RefusedError(401, "Your browser showed no certificate of this lab; choose one, or give a password.")
+        name = self._accounts.certificates.get(shown.name) if self._accounts is not None else None
+        if self._accounts is None or name is None or shown.seconds_left <= 0.0:
+            why = "has expired" if shown.seconds_left <= 0.0 else "belongs to no account of this page"
+            self._log.warning("sign-in refused", certificate=shown.name, reason=why)
+            raise RefusedError(401, f"The certificate {shown.name!r} {why}; choose another one, or give a password.")
+        role = self._accounts.accounts[name].role
+        # The session ends with its certificate.
+        return self._signed_in(asked, name, role, certificate=shown.name, seconds=shown.seconds_left)
+
+    def _signed_in(self, asked: Asked, name: str, role: PageRole, **how: Any) -> Response:
         if old := asked.request.cookies.get(COOKIE):
             self.sessions.end(old)
-        cookie, session = self.sessions.begin(values.name, role)
-        self._log.info("signed in", who=values.name, role=role.value, address=address)
+        cookie, session = self.sessions.begin(name, role, **how)
+        address = asked.request.client.host if asked.request.client else ""
+        self._log.info("signed in", who=name, role=role.value, address=address, certificate=session.certificate)
         return self._with_cookie(cookie, session)
 
     async def _sign_out(self, asked: Asked) -> Response:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -14,6 +15,7 @@ import uvicorn
 from duralab.lab import Lab
 from duralab_bus import Bus, ConfigError
 from operator_page.accounts import read_accounts
+from operator_page.certificates import CertificateProtocol, LoggedHandshake
 from operator_page.commands import Commands
 from operator_page.config import PageConfig
 from operator_page.deliberation import Holders
@@ -30,6 +32,8 @@ def build(config: PageConfig) -> Callable[[Bus], AbstractContextManager[object]]
     @contextmanager
     def serve(bus: Bus) -> Iterator[PageServer]:
         accounts = read_accounts(config.accounts) if config.accounts is not None else None
+        if accounts is not None and accounts.certificates and (config.tls is None or config.tls.client_ca is None):
+            raise ConfigError("accounts: some have a certificate; give the authority of those in `tls.client_ca`.")
         try:
             config.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -74,10 +78,11 @@ def _listen(config: PageConfig) -> socket.socket:
 
 def _web_config(page: PageServer, config: PageConfig) -> uvicorn.Config:
     tls = config.tls
+    authority = None if tls is None else tls.client_ca
     try:
         made = uvicorn.Config(
             page.app,
-            http="h11",
+            http=CertificateProtocol,
             ws="none",
             lifespan="off",
             log_config=None,
@@ -88,10 +93,16 @@ def _web_config(page: PageServer, config: PageConfig) -> uvicorn.Config:
             timeout_graceful_shutdown=1,
             ssl_certfile=None if tls is None else str(tls.certificate),
             ssl_keyfile=None if tls is None else str(tls.key),
+            ssl_ca_certs=None if authority is None else str(authority),
+            # Who shows none signs in with a password.
+            ssl_cert_reqs=ssl.CERT_NONE if authority is None else ssl.CERT_OPTIONAL,
         )
         made.load()
     except OSError as error:
-        raise ConfigError(f"tls: the certificate or its key cannot be used ({error}).") from error
+        raise ConfigError(f"tls: the certificate, its key or `client_ca` cannot be used ({error}).") from error
+    if made.ssl is not None:
+        made.ssl.minimum_version = ssl.TLSVersion.TLSv1_3
+        made.ssl.sslobject_class = LoggedHandshake
     return made
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import math
 import secrets
 import threading
 import time
@@ -27,6 +28,8 @@ class Session:
     # A page of another origin cannot read it, so that it cannot send it.
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     used: float = 0.0
+    # Common name of the certificate that it began with: without that one its cookie is of no use.
+    certificate: str = ""
 
     def is_own(self, token: str) -> bool:
         """Return whether a request carries this session's token."""
@@ -41,15 +44,19 @@ class Sessions:
         self._lock = threading.Lock()
         self._known: dict[str, Session] = {}
 
-    def begin(self, name: str, role: PageRole) -> tuple[str, Session]:
-        """Return the cookie of a new session, and the session."""
+    def begin(
+        self, name: str, role: PageRole, *, certificate: str = "", seconds: float = math.inf
+    ) -> tuple[str, Session]:
+        """Return the cookie of a new session, and the session; `seconds`: the longest that it may last."""
         cookie = secrets.token_urlsafe(32)
         with self._lock:
             now = self._clock()
             self._known = {key: one for key, one in self._known.items() if one.ends > now}
             if len(self._known) >= MOST_SESSIONS:
                 del self._known[min(self._known, key=lambda key: self._known[key].used)]
-            session = self._known[_hash(cookie)] = Session(name, role, now + self._seconds, used=now)
+            session = self._known[_hash(cookie)] = Session(
+                name, role, now + min(self._seconds, seconds), used=now, certificate=certificate
+            )
         return cookie, session
 
     def find(self, cookie: str) -> Session | None:

@@ -3,6 +3,7 @@
 import http.client
 import json
 import os
+import ssl
 import subprocess
 import sys
 import time
@@ -130,8 +131,9 @@ class PageProcess:
 class Client:
     """What a browser does, without one."""
 
-    def __init__(self, address: str) -> None:
-        self.host = address.removeprefix("http://").rstrip("/")
+    def __init__(self, address: str, tls: ssl.SSLContext | None = None) -> None:
+        self.host = address.partition("://")[2].rstrip("/")
+        self._tls = tls
         self.cookie = self.token = self.version = ""
         self.open()
 
@@ -145,8 +147,13 @@ class Client:
         self.token = answer[1].get("token", self.token)
         return answer
 
+    def _connection(self):
+        if self._tls is None:
+            return http.client.HTTPConnection(self.host, timeout=30.0)
+        return http.client.HTTPSConnection(self.host, timeout=30.0, context=self._tls)
+
     def request(self, method: str, path: str, body=None, headers=None):
-        connection = http.client.HTTPConnection(self.host, timeout=30.0)
+        connection = self._connection()
         try:
             given = {"Cookie": f"duralab_session={self.cookie}"} if self.cookie else {}
             connection.request(method, path, body, given | (headers or {}))
@@ -176,7 +183,7 @@ class Client:
 
     def lab(self) -> dict:
         """Return the first document of the stream."""
-        connection = http.client.HTTPConnection(self.host, timeout=30.0)
+        connection = self._connection()
         try:
             connection.request("GET", "/api/stream", headers={"Cookie": f"duralab_session={self.cookie}"})
             answer = connection.getresponse()

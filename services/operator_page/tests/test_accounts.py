@@ -31,6 +31,29 @@ def test_an_account_is_added_and_replaced_and_its_password_is_nowhere(tmp_path):
     assert file.stat().st_mode & 0o077 == 0
 
 
+def test_an_account_may_have_a_certificate_and_keeps_its_password(tmp_path):
+    file = tmp_path / "accounts.yaml"
+    assert add(file, "Ada", "operator", "--certificate", "operator.anna").returncode == 0
+    assert read_accounts(file).certificates == {"operator.anna": "Ada"}
+    assert read_accounts(file).role_of("Ada", "of nobody") is None
+    assert add(file, "Ada", "operator").returncode == 0
+    accounts = read_accounts(file)
+    assert accounts.certificates == {"operator.anna": "Ada"}
+    assert accounts.role_of("Ada", "a long password") is PageRole.OPERATOR
+    before = file.read_text()
+    for arguments, said in (
+        (("Eve", "operator", "--certificate", "operator.anna"), "Ada and Eve have the certificate operator.anna"),
+        (("Eve", "operator", "--certificate", "viewer.eve"), "is an operator with the certificate viewer.eve"),
+        (("Eve", "viewer", "--certificate", "rig.front"), "--certificate is 'rig.front'; give operator.NAME or"),
+    ):
+        done = add(file, *arguments)
+        assert (done.returncode, said in done.stderr) == (2, True), done.stderr
+    assert file.read_text() == before
+    file.write_text("accounts: {Ada: {role: operator}}\n")
+    with pytest.raises(ConfigError, match="has neither password nor certificate"):
+        read_accounts(file)
+
+
 @pytest.mark.parametrize(
     ("arguments", "password", "said"),
     [
@@ -62,6 +85,8 @@ def test_the_page_listens_to_others_with_tls_and_accounts_only(tmp_path):
     tls = {"certificate": tmp_path / "c", "key": tmp_path / "k"}
     PageConfig(host="192.0.2.1", accounts=tmp_path / "a", tls=tls)
     PageConfig(host="::1")
+    with pytest.raises(ValidationError, match=r"tls\.client_ca is given; give `accounts`"):
+        PageConfig(tls={**tls, "client_ca": tmp_path / "ca"})
     secured = {"mode": "client", "connect": ["tls/192.0.2.1:7447"], "tls": {**tls, "ca": tmp_path / "ca"}}
     with pytest.raises(ValidationError, match="the lab is secured"):
         PageConfig(bus=secured)

@@ -107,8 +107,25 @@ def test_a_stop_is_answered_in_a_moment_and_names_who_did_it(page_lab, signed_in
     assert state["rigs"][0]["reason"] == "it <b>smokes</b> (Ada, at the operator page)"
     assert page_lab.lab.state(RIG).mode is RigMode.INTERLOCKED
     assert ada.act(f"/api/rigs/{RIG}/reset", {"reason": "looked at it"}) == (200, {"mode": "idle"})
-    lines = [(line["who"], line["text"]) for line in ada.lab()["log"]]
+    document = ada.wait_for(lambda lab: lab["rigs"][0]["mode"] == "idle")
+    lines = [(line["who"], line["text"]) for line in document["log"]]
     assert ("Ada", f"Reset of {RIG}: looked at it") in lines
+    assert ("", f"{RIG}: idle. Reset by Ada: looked at it") in lines
+    assert document["rigs"][0]["reset"] == "Reset by Ada: looked at it"
+    state = page_lab.lab.state(RIG)
+    assert (state.reset_name, state.reset_reason) == ("Ada", "looked at it")
+
+
+def test_a_reset_without_a_reason_or_with_one_that_cannot_be_shown_is_refused(page_lab, signed_in):
+    ada = signed_in["Ada"]
+    path = f"/api/rigs/{RIG}/reset"
+    assert ada.post(f"/api/rigs/{RIG}/stop", {"reason": "a test"})[0] == 200
+    for values in ({}, {"reason": "  "}, {"reason": "x" * 301}, {"reason": "a\x07"}, {"reason": "a\nb"}):
+        status, answer = ada.act(path, values)
+        assert (status, answer["field"]) == (400, "reason"), values
+        assert answer["error"].endswith(".")
+    assert page_lab.lab.state(RIG).mode is RigMode.INTERLOCKED
+    assert ada.act(path, {"reason": "x" * 300})[0] == 200
 
 
 def test_a_motion_needs_two_acts_with_the_same_values_and_fresh_data(signed_in):

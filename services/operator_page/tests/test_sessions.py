@@ -28,6 +28,13 @@ def test_a_session_is_found_by_its_cookie_until_it_ends():
     assert sessions.find(cookie) is session
     sessions.end(other)
     assert sessions.find(other) is None
+    # Of a certificate that expires before: it ends with that.
+    short, _ = sessions.begin("Ada", PageRole.OPERATOR, seconds=0.5)
+    clock.now += 0.4
+    assert sessions.find(short) is not None
+    clock.now += 0.2
+    assert sessions.find(short) is None
+    clock.now -= 0.6
     clock.now += 1.0
     assert sessions.find(cookie) is None
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from duralab.cli.options import Connect, Json, RigName, endpoint_if_any, endpoint_of_lab, open_lab
 from duralab.cli.output import Output
@@ -93,7 +95,16 @@ def _limits(channel: Channel) -> str:
     return f"{channel.minimum:g} … {channel.maximum:g} {channel.unit}"
 
 
-def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
+def reset(
+    rig: RigName,
+    *,
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Who resets it; kept in the rig's log.")] = "",
+    reason: Annotated[
+        str, typer.Option("--reason", metavar="TEXT", help="Why it may move again; kept in the rig's log.")
+    ] = "",
+    endpoint: Connect = None,
+    as_json: Json = False,
+) -> None:
     """Clear the latch of an interlocked rig, after its cause is removed."""
     import secrets
 
@@ -110,8 +121,11 @@ def reset(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None
         try:
             bus.wait_for_live({("rig_sim", rig)}, FIND_SECONDS)
             before = bus.query(state_key, rig_pb2.StateRequest(), rig_pb2.RigState)
-            after = bus.query(key, rig_pb2.ResetRequest(command=secrets.token_hex(16)), rig_pb2.RigState)
+            request = rig_pb2.ResetRequest(command=secrets.token_hex(16), name=name, reason=reason)
+            after = bus.query(key, request, rig_pb2.RigState)
         except FaultError as fault:
+            if fault.field in ("name", "reason"):
+                raise InputError(fault.message, field=fault.field) from fault
             raise LabError(fault.message, service=fault.service) from fault
     was = f"was interlocked ({before.reason})" if before.mode == rig_pb2.RIG_MODE_INTERLOCKED else "was not interlocked"
     now = rig_pb2.RigMode.Name(after.mode).removeprefix("RIG_MODE_").lower()

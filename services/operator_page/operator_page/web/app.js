@@ -1,6 +1,6 @@
 // The frame around every screen: where one is, who one is, whether the stream lives, and the stop.
 "use strict";
-import { changed, html, isOperator, refresh, say, signIn, signOut, state, stop, useEffect, useLab, useState } from "/web/lab.js";
+import { changed, html, isOperator, refresh, say, signIn, signInByCertificate, signOut, state, stop, useEffect, useLab, useState } from "/web/lab.js";
 import { LabScreen, RigScreen, RunScreen } from "/web/screens.js";
 import { NewTestScreen } from "/web/new_test.js";
 import { RecordingsScreen } from "/web/recordings.js";
@@ -27,10 +27,14 @@ function SignIn() {
     try { await signIn(name, password); } catch (error) { setWrong(error.message); }
     setPassword("");
   };
+  const { certificate } = state.session;
+  const show = async () => { try { await signInByCertificate(); } catch (error) { setWrong(error.message); } };
   return html`<main class="sign-in"><h1>Duralab</h1><form onSubmit=${submit}>
     <label>Name <input autocomplete="username" value=${name} onInput=${(event) => setName(event.target.value)} required /></label>
     <label>Password <input type="password" autocomplete="current-password" value=${password} onInput=${(event) => setPassword(event.target.value)} required /></label>
-    <button type="submit">Sign in</button><p role="alert">${wrong}</p></form></main>`;
+    <button type="submit">Sign in</button>
+    ${certificate && html`<button type="button" id="by-certificate" onClick=${show}>Sign in with the certificate ${certificate}</button>`}
+    <p role="alert">${wrong}</p></form></main>`;
 }
 
 function StopButton() {

@@ -195,6 +195,12 @@ export async function signIn(name, password) {
   await refresh();
 }
 
+export async function signInByCertificate() {
+  state.session = await post("/api/sign_in_by_certificate");
+  state.lab = null;
+  await refresh();
+}
+
 export async function signOut() {
   await attempt(() => post("/api/sign_out"));
   signedOut();

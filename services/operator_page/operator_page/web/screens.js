@@ -50,6 +50,7 @@ export function RigScreen() {
     <div class="cards">
       <article class="card"><h2>State</h2><p class="large"><${Mode} rig=${rig} /></p>
         ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
+        ${rig.reset && html`<p>${rig.reset}</p>`}
         <p>${rig.run ? `Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest."} Last sign of life ${span(rig.age)} ago.</p></article>
       <article class="card"><h2>Held by</h2><p>${rig.holder ? html`${rig.holder.name}${mine ? " (you)" : ""} since ${clock(rig.holder.since)}.` : "None: the first who commands it holds it."}</p>
         ${isOperator() && (mine
@@ -57,7 +58,7 @@ export function RigScreen() {
           : html`<${Deliberate} label="Take over" action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
       ${isOperator() && html`<article class="card"><h2>Reset</h2>
         <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
-        <div class="row"><label>Reason <input name="reset-reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
+        <div class="row"><label>Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
         <${Deliberate} label="Reset" action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
       ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
         <${Deliberate} label="Pre-test" action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}

@@ -142,6 +142,12 @@ def state_line(state: rig_pb2.RigState) -> str:
     return f"{line}: {state.reason}" if state.reason else line
 
 
+def reset_line(state: rig_pb2.RigState) -> str:
+    """Return who cleared the last latch of a rig and why; empty where neither was given."""
+    by = f"reset by {state.reset_name}" if state.reset_name else "reset" if state.reset_reason else ""
+    return f"{by}: {state.reset_reason}" if state.reset_reason else by
+
+
 def status_document(
     status: iterator_pb2.CampaignStatus | None,
     iterations: Sequence[iterator_pb2.IterationMetrics],

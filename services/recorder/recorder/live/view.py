@@ -28,7 +28,7 @@ from recorder.live.rig import RigDrawing
 from recorder.live.scene import read_scene
 from recorder.live.series import RUN_TIME, TARGET, Curve, Group, Look, with_unit
 from recorder.live.stream import close_stream, open_stream, send_blueprint
-from recorder.live.tables import state_line, status_document, status_line
+from recorder.live.tables import reset_line, state_line, status_document, status_line
 from recorder.live.thinning import bucket_samples, keep_extremes
 
 DETAIL_SECONDS: Final = 2.0
@@ -101,12 +101,10 @@ class LiveView:
 
     def show_state(self, state: rig_pb2.RigState, *, at: datetime | None = None) -> None:
         """Write what the rig does now, a latched interlock and its reason above all; `at` as for `show_status`."""
-        if self._state is None or (state.mode, state.reason, state.run) != (
-            self._state.mode,
-            self._state.reason,
-            self._state.run,
-        ):
-            self._note(state_line(state), at)
+        before = self._state or rig_pb2.RigState()
+        reset = reset_line(state) if reset_line(state) != reset_line(before) else ""
+        if reset or (state.mode, state.reason, state.run) != (before.mode, before.reason, before.run):
+            self._note(state_line(state) + (f" ({reset})" if reset else ""), at)
         self._state = state
         self._write_status()
 

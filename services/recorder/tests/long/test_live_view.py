@@ -64,6 +64,27 @@ def live_file(tmp_path, campaign):
     return path
 
 
+def test_the_log_says_once_who_reset_the_rig_and_why(tmp_path, campaign, monkeypatch):
+    view = LiveView("demo", file=tmp_path / "demo.rrd", viewer=None)
+    lines = []
+    monkeypatch.setattr(view, "_note", lambda line, _at: lines.append(line))
+    reset = {"reset_name": "Ada", "reset_reason": "oil wiped up"}
+    for mode, also in (
+        (rig_pb2.RIG_MODE_INTERLOCKED, {"reason": "oil on the floor"}),
+        (rig_pb2.RIG_MODE_IDLE, reset),
+        (rig_pb2.RIG_MODE_IDLE, reset | {"fraction": 0.5}),
+        (rig_pb2.RIG_MODE_PLAYING, reset | {"run": "a"}),
+    ):
+        view.show_state(rig_pb2.RigState(rig=campaign.rig, mode=mode, **also))
+    view.close()
+    at = f"Rig {campaign.rig}: "
+    assert lines == [
+        f"{at}INTERLOCKED: oil on the floor",
+        f"{at}at rest (reset by Ada: oil wiped up)",
+        f"{at}playing, run a",
+    ]
+
+
 def test_the_file_is_whole_and_holds_every_curve(live_file, rerun_program, viewer_environment):
     run_rerun(rerun_program, viewer_environment, "rrd", "verify", live_file)
     printed = run_rerun(rerun_program, viewer_environment, "rrd", "print", live_file)
