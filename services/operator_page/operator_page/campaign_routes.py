@@ -8,7 +8,7 @@ from typing import Any
 from duralab.lab import Lab
 from operator_page.accounts import PageRole
 from operator_page.commands import Commands
-from operator_page.documents import proposal_document, signals_document, target_document
+from operator_page.documents import proposal_curves, proposal_document, target_document
 from operator_page.endpoints import Asked, Endpoint, Workers
 from operator_page.requests import Begin, Decide, Resume, Stop
 
@@ -35,11 +35,12 @@ class CampaignRoutes:
         return await self._workers.in_thread(lambda: target_document(self._lab.catalogue.target(asked.named("id"))))
 
     async def _proposal(self, asked: Asked) -> Mapping[str, Any]:
-        found = await self._workers.in_thread(self._lab.proposal, asked.named("id"))
+        id = asked.named("id")
+        found = await self._workers.in_thread(self._lab.proposal, id)
         if found is None:
             return {"proposal": None}
-        drive = None if found.drive is None else await self._workers.in_thread(signals_document, found.drive)
-        return {"proposal": proposal_document(found), "drive": drive}
+        last = await self._workers.in_thread(self._lab.last_drive, id, found.follows)
+        return {"proposal": proposal_document(found), **await self._workers.in_thread(proposal_curves, found, last)}
 
     async def _stop_campaign(self, asked: Asked) -> Mapping[str, Any]:
         return await self._workers.in_thread(

@@ -32,6 +32,7 @@ from operator_page.config import PageConfig
 from operator_page.deliberation import OLDEST_SECONDS, Arming
 from operator_page.documents import rig_document
 from operator_page.endpoints import Asked, Endpoint, RefusedError, Workers, error_answer, json_body
+from operator_page.endurance_routes import EnduranceRoutes
 from operator_page.file_routes import FileRoutes
 from operator_page.files import PageFiles
 from operator_page.lab_view import LabView
@@ -79,6 +80,7 @@ class PageServer:
         self._screens = (
             FileRoutes(lab, view, kept, self._workers),
             CampaignRoutes(lab, commands, self._workers),
+            EnduranceRoutes(lab, view, commands, kept, self._workers),
             RecordingRoutes(lab, self._workers),
         )
         self._passwords = ThreadPoolExecutor(2, thread_name_prefix="page-password")
