@@ -11,7 +11,15 @@ if TYPE_CHECKING:
     from duralab.lab.campaign_result import CampaignResult
     from duralab.lab.campaign_running import expected_id, recording_file
     from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
-    from duralab.lab.endurance import EnduranceChoice, EndurancePhase, EnduranceProgress, EnduranceTest
+    from duralab.lab.endurance import (
+        EnduranceAlarm,
+        EnduranceChoice,
+        EnduranceHistory,
+        EndurancePhase,
+        EnduranceProgress,
+        EnduranceTest,
+        PlayedRepeat,
+    )
     from duralab.lab.identifier import Identifier
     from duralab.lab.lab import Lab
     from duralab.lab.opening import DEFAULT_RIGS, FIND_SECONDS, connect, join_bus, start
@@ -21,7 +29,7 @@ if TYPE_CHECKING:
     from duralab.lab.recorded_result import Result
     from duralab.lab.recordings_folder import RecordingsPlace
     from duralab.lab.status import SERVICES, LabStatus, ServiceHealth, lab_status
-    from duralab.lab.watching import CampaignEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
+    from duralab.lab.watching import CampaignEvent, EnduranceEvent, LabEvent, RigEvent, SignalsEvent, Watch, Watched
 
 __all__ = [
     "DEFAULT_RIGS",
@@ -34,7 +42,10 @@ __all__ = [
     "Catalogue",
     "CatalogueEntries",
     "CatalogueEntry",
+    "EnduranceAlarm",
     "EnduranceChoice",
+    "EnduranceEvent",
+    "EnduranceHistory",
     "EndurancePhase",
     "EnduranceProgress",
     "EnduranceTest",
@@ -43,6 +54,7 @@ __all__ = [
     "Lab",
     "LabEvent",
     "LabStatus",
+    "PlayedRepeat",
     "ProjectResult",
     "RecordingsPlace",
     "Result",

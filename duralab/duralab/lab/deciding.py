@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from duralab.campaign import PartialSettings, completed, decision_settings, update_message
-from duralab.data import Proposal, Rig
+from duralab.data import Proposal, Rig, Signals
 from duralab.errors import InputError
 from duralab.lab.campaign_running import specification_of
 from duralab.lab.client import LabClient
+from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, recorder_pb2
 from duralab_settings import Decision, DecisionKind, SettingsError
 from duralab_settings.messages import fill_message
+
+_LAST_STEPS: Final = 12
 
 
 def proposal_of(ask: LabClient, id: str) -> Proposal | None:
@@ -33,6 +39,41 @@ def proposal_of(ask: LabClient, id: str) -> Proposal | None:
             if found.number == status.hold.number:
                 return Proposal.from_message(found)
     return Proposal.from_message(status.hold)
+
+
+def last_drive_of(ask: LabClient, id: str, playback: int) -> Signals | None:
+    """Return the drive of a playback of a campaign that is still written; None for playback 0, and where it is gone."""
+    keys, kind = ask.bus.keys, iterator_pb2.IterationStep.DESCRIPTOR.full_name
+    total = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
+    # It is nearly always among the last steps; from the beginning on only where somebody went back.
+    for first in (max(0, total - _LAST_STEPS), 0) if playback else ():
+        while first < total:
+            request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)
+            steps = ask.query(keys.recording_steps(id), request, recorder_pb2.RecordedSteps).steps
+            for step in steps:
+                if step.message_type != kind:
+                    continue
+                found = iterator_pb2.IterationStep.FromString(step.payload)
+                if found.iteration == playback:
+                    return _drive(ask, id, found, step)
+            if not steps:
+                break
+            first = steps[-1].step + 1
+    return None
+
+
+def _drive(
+    ask: LabClient, id: str, found: iterator_pb2.IterationStep, step: recorder_pb2.RecordedStep
+) -> Signals | None:
+    if found.HasField("drive"):
+        return Signals.from_message(found.drive, field="drive")
+    if not step.HasField("drive"):
+        return None
+    proposed = proposal_of(ask, id)
+    if proposed is None or proposed.drive is None:
+        return None
+    samples = from_array(step.drive, field="drive", shape=(len(proposed.drive.channels), None), dtype=np.float64)
+    return replace(proposed.drive, samples=samples)
 
 
 def decide(

@@ -6,10 +6,10 @@ import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from google.protobuf.message import Message
@@ -24,9 +24,8 @@ from duralab.schedule import forecast_schedule, schedule_text
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import recorder_pb2, sequencer_pb2
-
-if TYPE_CHECKING:
-    from duralab_schedules import Schedule
+from duralab_schedules import Schedule
+from duralab_settings import parse_yaml
 
 POLL_SECONDS: Final = 0.5
 _PREFIX: Final = "ENDURANCE_PHASE_"
@@ -74,8 +73,9 @@ class EnduranceProgress:
         Expected time to the end; negative where unknown.
     events : dict of str to tuple of int
         Repeats played and planned of each event.
-    damage, planned : dict of str to float
-        Damage by response: counted so far, and planned of what was played; `planned` is empty where it is not known.
+    damage, planned, planned_whole : dict of str to float
+        Damage by response: counted so far, planned of what was played, and planned of the whole schedule; the last two
+        are empty where they are not known.
     alarms : int
         Alarms so far.
     last_alarms : tuple of str
@@ -90,6 +90,8 @@ class EnduranceProgress:
         Id of the recording that is written.
     kept : int
         Repeats recorded with all samples.
+    hold_alarms : int
+        Alarms that made it wait; 0 where a person or a fault did.
     """
 
     id: str
@@ -110,6 +112,8 @@ class EnduranceProgress:
     remarks: tuple[str, ...]
     recording: str
     kept: int
+    planned_whole: dict[str, float] = field(default_factory=dict)
+    hold_alarms: int = 0
 
     @classmethod
     def from_message(cls, status: sequencer_pb2.EnduranceStatus) -> EnduranceProgress:
@@ -142,6 +146,8 @@ class EnduranceProgress:
             remarks=tuple(status.remarks),
             recording=status.recording,
             kept=status.kept,
+            planned_whole=by_response("damage_planned"),
+            hold_alarms=len(status.hold.alarms),
         )
 
     def __str__(self) -> str:
@@ -228,6 +234,16 @@ class EnduranceTest:
                 raise InputError(f"The recording {self.id!r} is not that of an endurance test.", field="id")
             self._rig = sequencer_pb2.EnduranceSpec.FromString(first.payload).rig
         return self._rig
+
+    def history(self) -> EnduranceHistory:
+        """Return a reader of what is recorded of it, from its first repeat on.
+
+        Returns
+        -------
+        EnduranceHistory
+            It has read nothing yet.
+        """
+        return EnduranceHistory(self._ask, self.id)
 
     def wait(
         self,
@@ -351,3 +367,178 @@ class EnduranceTest:
     def _progress(self, key: str, request: Message) -> EnduranceProgress:
         """Ask the sequencer, and return how far the test is."""
         return EnduranceProgress.from_message(self._ask.query(key, request, sequencer_pb2.EnduranceStatus))
+
+
+@dataclass(frozen=True)
+class EnduranceAlarm:
+    """An alarm of an endurance test.
+
+    Parameters
+    ----------
+    repeat, event, since : int, str, int
+        Repeat in which it was found, from 0, its event, and the repeat in which the change began.
+    level, kind, action : str
+        "warning" or "abort"; "limit", "sudden change" or "slow drift"; what follows: "log", "hold", "stop" or
+        "iterate again".
+    channel : str
+        Response that shows it.
+    band : tuple of float or None
+        Lowest and highest frequency in Hz; None where it is not in a band.
+    measure : str
+        What changed, e.g. "gain" or "rms".
+    size : float
+        Change as a share of the baseline, or the value at an absolute limit.
+    sentence : str
+        All of it.
+    """
+
+    repeat: int
+    event: str
+    since: int
+    level: str
+    kind: str
+    action: str
+    channel: str
+    band: tuple[float, float] | None
+    measure: str
+    size: float
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedRepeat:
+    """A repeat of an endurance test as it is recorded.
+
+    Parameters
+    ----------
+    repeat, event : int, str
+        Number from 0, and the event that was played.
+    baseline : tuple of int
+        Repeats of an event with the same value belong to one baseline: number of the drive, and how often all baselines
+        were learnt again.
+    statistics : np.ndarray or None, shape (responses, columns)
+        Columns as in `EnduranceHistory.columns`; None where the end of the repeat is not known.
+    alarms : tuple of EnduranceAlarm
+        Found in it.
+    reason : str
+        Why its end is not known; empty where it is.
+    """
+
+    repeat: int
+    event: str
+    baseline: tuple[int, int]
+    statistics: np.ndarray | None
+    alarms: tuple[EnduranceAlarm, ...]
+    reason: str
+
+
+class EnduranceHistory:
+    """Reads what is recorded of an endurance test, also while it runs; made by `EnduranceTest.history`.
+
+    `id`: The test.
+    """
+
+    def __init__(self, ask: LabClient, id: str) -> None:
+        self._ask, self.id = ask, id
+        self._volume, self._next = 1, 0
+        self._relearnt = 0
+        self.schedule: Schedule | None = None
+        self.sources: dict[str, str] = {}
+        self.columns: tuple[str, ...] = ()
+        self.decisions: list[tuple[int, str, str, str]] = []
+        self.kept: list[int] = []
+
+    def read(self) -> list[PlayedRepeat]:
+        """Return the repeats that were recorded since the last call, a bounded number of them.
+
+        Also brings the attributes up to date: `schedule`, `sources` (where the drive of each event comes from),
+        `columns` (names of the statistics), `decisions` (hold, kind, name, reason) and `kept` (repeats with all
+        samples).
+
+        Returns
+        -------
+        list of PlayedRepeat
+            In order; empty where nothing is new.
+
+        Raises
+        ------
+        LabError
+            There is no such recording, or no recorder.
+        """
+        name = self.id if self._volume == 1 else f"{self.id}-v{self._volume:04d}"
+        key = self._ask.key("id", self._ask.bus.keys.recording_steps, name)
+        request = recorder_pb2.ReadStepsRequest(first=self._next)
+        try:
+            steps = self._ask.query(key, request, recorder_pb2.RecordedSteps).steps
+        except InputError:
+            # The next recording begins with the next repeat, which may be a while, or never.
+            if self._volume == 1:
+                raise
+            return []
+        played = [repeat for step in steps if (repeat := self._take(step)) is not None]
+        if any(step.message_type == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name for step in steps):
+            self._volume, self._next = self._volume + 1, 0
+        elif steps:
+            self._next = steps[-1].step + 1
+        return played
+
+    def _take(self, step: recorder_pb2.RecordedStep) -> PlayedRepeat | None:
+        kinds = (
+            sequencer_pb2.EnduranceSpec,
+            sequencer_pb2.EnduranceVolume,
+            sequencer_pb2.EnduranceRepeat,
+            sequencer_pb2.RepeatSamples,
+            sequencer_pb2.EnduranceDecision,
+        )
+        kind = next((each for each in kinds if each.DESCRIPTOR.full_name == step.message_type), None)
+        match None if kind is None else kind.FromString(step.payload):
+            case sequencer_pb2.EnduranceSpec() as spec:
+                self.schedule = Schedule.model_validate(parse_yaml(spec.schedule))
+                self.sources = {event.name: event.source for event in spec.events}
+            case sequencer_pb2.EnduranceVolume() as volume:
+                self.columns = tuple(volume.columns)
+            case sequencer_pb2.RepeatSamples() as samples:
+                self.kept.append(samples.repeat)
+            case sequencer_pb2.EnduranceDecision() as decision:
+                chosen = sequencer_pb2.EnduranceDecisionKind.Name(decision.kind)
+                words = chosen.removeprefix("ENDURANCE_DECISION_KIND_").lower().replace("_", " ")
+                self.decisions.append((decision.hold, words, decision.name, decision.reason))
+                self._relearnt += decision.kind == sequencer_pb2.ENDURANCE_DECISION_KIND_RELEARN
+            case sequencer_pb2.EnduranceRepeat() as repeat:
+                return self._played(repeat)
+        return None
+
+    def _played(self, step: sequencer_pb2.EnduranceRepeat) -> PlayedRepeat:
+        if step.samples_hash:
+            self.kept.append(step.repeat)
+        names = tuple(self.sources)
+        known = step.HasField("statistics")
+        shape = (None, len(self.columns))
+        return PlayedRepeat(
+            repeat=step.repeat,
+            event=names[step.event],
+            baseline=(step.drive, self._relearnt),
+            statistics=from_array(step.statistics, field="statistics", shape=shape, finite=False) if known else None,
+            alarms=tuple(_alarm(alarm, names) for alarm in step.alarms),
+            reason=step.reason,
+        )
+
+
+def _alarm(message: sequencer_pb2.EnduranceAlarm, events: tuple[str, ...]) -> EnduranceAlarm:
+    def words(name: str) -> str:
+        return name.split("_", 2)[2].lower().replace("_", " ")
+
+    has_band = message.highest_frequency > 0.0
+    return EnduranceAlarm(
+        repeat=message.repeat,
+        event=events[message.event],
+        since=message.since_repeat,
+        level=words(sequencer_pb2.AlarmLevel.Name(message.level)),
+        kind=words(sequencer_pb2.AlarmKind.Name(message.kind)),
+        action=words(sequencer_pb2.AlarmAction.Name(message.action)),
+        channel=message.channel,
+        band=(message.lowest_frequency, message.highest_frequency) if has_band else None,
+        measure=message.measure,
+        size=message.size,
+        sentence=message.sentence,
+    )

@@ -19,7 +19,7 @@ from duralab.lab.campaign_running import free_id, recording_file, resume_campaig
 from duralab.lab.campaign_starting import StartingLab, begin_campaign, run_campaign
 from duralab.lab.catalogue import Catalogue
 from duralab.lab.client import LabClient, deadline_of
-from duralab.lab.deciding import decide, proposal_of
+from duralab.lab.deciding import decide, last_drive_of, proposal_of
 from duralab.lab.endurance import EnduranceTest, start_endurance
 from duralab.lab.identifier import Identifier
 from duralab.lab.playing import play_drive, stop_rig
@@ -369,7 +369,7 @@ class Lab:
         campaign : str
             Of this campaign only; after its end the iterator ends. All, and without end, where not given.
         kinds : sequence of Watched
-            What to listen to: signals, rig states, campaigns.
+            What to listen to: signals, rig states, campaigns, endurance tests.
         timeout_seconds : float, optional
             Longest silence; for ever where not given.
 
@@ -684,6 +684,28 @@ class Lab:
             No such campaign was started or resumed since the iterator began.
         """
         return proposal_of(self._ask, id)
+
+    def last_drive(self, id: str, playback: int) -> Signals | None:
+        """Return the drive of a playback of a campaign that waits at a hold point.
+
+        Parameters
+        ----------
+        id : str
+            The campaign.
+        playback : int
+            From 1, as `Proposal.follows` names it.
+
+        Returns
+        -------
+        Signals or None
+            None where it is 0, or no samples of it are recorded.
+
+        Raises
+        ------
+        LabError
+            There is no such recording.
+        """
+        return last_drive_of(self._ask, id, playback)
 
     def decide(
         self,

@@ -1,4 +1,4 @@
-"""Watching a lab live: what its rigs play, what they do, and how far campaigns are, as one iterator."""
+"""Watching a lab live: what its rigs play, what they do, how far campaigns and endurance tests are, as one iterator."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from typing import Any, Final, Self
 from duralab.data import Rig, RigState, Signals
 from duralab.errors import LabTimeoutError
 from duralab.lab.client import LabClient, deadline_of
+from duralab.lab.endurance import EnduranceProgress
 from duralab.lab.progress import ENDED, POLL_SECONDS, RunProgress, progress_of
 from duralab_bus import StreamItem
 from duralab_proto.arrays import from_array
 from duralab_proto.keys import ANY, rig_of
-from duralab_proto.v1 import iterator_pb2, rig_pb2
+from duralab_proto.v1 import iterator_pb2, rig_pb2, sequencer_pb2
 
 MOST_WAITING: Final = 4096
 """Events that wait for a slow script; of more the oldest are dropped, and counted."""
@@ -31,6 +32,7 @@ class Watched(StrEnum):
     SIGNALS = "signals"
     RIG_STATES = "rig states"
     CAMPAIGNS = "campaigns"
+    ENDURANCE_TESTS = "endurance tests"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,20 @@ class CampaignEvent:
     ended: bool
 
 
-LabEvent = SignalsEvent | RigEvent | CampaignEvent
+@dataclass(frozen=True)
+class EnduranceEvent:
+    """An endurance test came a step further, or says that it lives.
+
+    Parameters
+    ----------
+    progress : EnduranceProgress
+        How far it is, with its name and rig.
+    """
+
+    progress: EnduranceProgress
+
+
+LabEvent = SignalsEvent | RigEvent | CampaignEvent | EnduranceEvent
 
 
 class Watch(Iterator[LabEvent]):
@@ -129,6 +144,9 @@ class Watch(Iterator[LabEvent]):
                 stack.callback(listen(key, iterator_pb2.CampaignEvent, self._put).close)
                 if campaign != ANY:
                     self._put(self._asked())
+            # One campaign is no endurance test.
+            if Watched.ENDURANCE_TESTS in kinds and campaign == ANY:
+                stack.callback(listen(keys.endurance_event(ANY), sequencer_pb2.EnduranceEvent, self._put).close)
             self._subscriptions = stack.pop_all()
         self._polls = Watched.CAMPAIGNS in kinds and campaign != ANY
 
@@ -184,6 +202,8 @@ class Watch(Iterator[LabEvent]):
                 return RigEvent(RigState.from_message(state))
             case rig_pb2.SignalBlock() as block:
                 return self._signals_event(rig_of(item.key), block)
+            case sequencer_pb2.EnduranceEvent() as endurance:
+                return EnduranceEvent(EnduranceProgress.from_message(endurance.status))
             case event:
                 return self._campaign_event(event.status)
 

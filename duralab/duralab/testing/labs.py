@@ -30,6 +30,7 @@ def lab(
     *rigs: Rig,
     out: Path,
     simulated: Sequence[str] = (),
+    endurance: bool = False,
     approach: Approach = Approach(ramp=0.0),  # noqa: B008 - frozen
 ) -> Iterator[Lab]:
     """Start a lab whose rigs are served by this process, until the block ends.
@@ -42,6 +43,8 @@ def lab(
         Folder for results, recordings and logs.
     simulated : sequence of str
         Shipped rigs that the simulator serves; without any, it is not started.
+    endurance : bool
+        Start a sequencer as well, for `Lab.endure`.
     approach : Approach
         Ways of the rigs to a drive's first sample and back; where not given, a run begins as a step.
 
@@ -64,7 +67,7 @@ def lab(
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(BusConfig(), service="duralab"))
         recordings = out / "recordings"
-        plans = lab_services(rigs=simulated, recordings=recordings, viewer=None)
+        plans = lab_services(rigs=simulated, recordings=recordings, viewer=None, endurance=endurance)
         wanted = tuple(plan for plan in plans if simulated or plan.name != SERVICE)
         supervisor = stack.enter_context(Supervisor(wanted, bus=bus, logs=out / "logs"))
         supervisor.start()

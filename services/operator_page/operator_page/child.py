@@ -17,10 +17,21 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from duralab import InputError, LabError, Rig, Signals, compare, open_recording, write_comparison, write_report
+from duralab import (
+    InputError,
+    LabError,
+    Rig,
+    Signals,
+    compare,
+    forecast_schedule,
+    open_recording,
+    write_comparison,
+    write_report,
+)
 from duralab.campaign import parse_campaign
 from duralab.formats import read_signals, write_signals
 from duralab.target import make_target, read_target_file
+from duralab_schedules import Schedule
 from operator_page.documents import signals_document
 
 SECONDS: Final = 120
@@ -91,6 +102,27 @@ def _target(text: str, folder: Path, rig: Rig) -> dict[str, Any]:
     }
 
 
+def _forecast(schedule: Schedule) -> dict[str, Any]:
+    """Say what a schedule comes to: repeats, time, damage over plan, room on disk."""
+    found = forecast_schedule(schedule)
+    found.require_playable()
+    forecast = found.forecast
+    return {
+        "rig": schedule.rig,
+        "events": [
+            [name, forecast.repeats[name], event.load.seconds, forecast.kept[name], event.source]
+            for name, event in found.events.items()
+        ],
+        "channels": [
+            [name, planned, forecast.damage.get(name), forecast.ratio[name]] for name, planned in found.planned.items()
+        ],
+        "repeats": sum(forecast.repeats.values()),
+        "seconds": forecast.seconds,
+        "bytes": forecast.bytes,
+        "notes": list(found.notes),
+    }
+
+
 def _report(recording: Path, out: Path) -> dict[str, Any]:
     return {"path": str(write_report(recording, out))}
 
@@ -112,7 +144,7 @@ def _export(recording: Path, what: str, out: Path) -> dict[str, Any]:
 
 
 JOBS: Final[Mapping[str, Callable[..., dict[str, Any]]]] = MappingProxyType(
-    {"read": _read, "target": _target, "report": _report, "compare": _compare, "export": _export}
+    {"read": _read, "target": _target, "report": _report, "compare": _compare, "export": _export, "forecast": _forecast}
 )
 
 

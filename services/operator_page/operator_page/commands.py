@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
 import structlog
 
-from duralab import Campaign, InputError, LabError, RunProgress, load_campaign, shipped_campaigns
+from duralab import Campaign, InputError, LabError, load_campaign, load_schedule, shipped_campaigns
 from duralab.lab import Lab
 from duralab_bus import BusError
 from operator_page.deliberation import Holders
+from operator_page.files import fetched_drives
 from operator_page.lab_view import LabView
-from operator_page.requests import Begin, Decide, Resume
+from operator_page.requests import Begin, BeginEndurance, Decide, DecideEndurance, Resume
 
 ANSWER_SECONDS = 0.12
 """A stop is answered within 0.2 s: where the rig is still on its way down by then, the stream says when it rests."""
@@ -56,10 +57,13 @@ class Commands:
             beginning = [event for name, event in self._beginning.items() if rig in name.split()]
         for event in beginning:
             event.set()
-        campaigns = self._view.campaigns_on(rig)
+        campaigns, tests = self._view.campaigns_on(rig), self._view.endurance.on(rig)
         sent: list[Future[Any]] = [self._stops.submit(self._lab.stop_rig, rig, reason=why)]
         sent += [self._stops.submit(self._lab.stop, id, reason=why) for id in campaigns]
-        self._did(who, f"Stop of {rig}" + (f": {reason}" if reason else "."), campaigns=campaigns)
+        sent += [self._stops.submit(self._lab.endurance(id).stop, reason=why) for id in tests]
+        self._did(
+            who, f"Stop of {rig}" + (f": {reason}" if reason else "."), campaigns=campaigns, endurance_tests=tests
+        )
         done, pending = wait(sent, timeout=ANSWER_SECONDS)
         for future in pending:
             future.add_done_callback(self._tell_failure)
@@ -116,28 +120,35 @@ class Commands:
         for rig in plan.rigs:
             self._require_known(rig)
             self._holders.require(rig, who)
-        cancel, key = threading.Event(), " ".join(plan.rigs)
-        with self._lock:
-            if taken := [rig for name in self._beginning for rig in name.split() if rig in plan.rigs]:
-                raise InputError(f"A campaign is already being made ready on {taken[0]}; wait, or stop it.")
-            self._beginning[key] = cancel
 
-        def tell(progress: RunProgress) -> None:
-            self._view.wait_with(plan.rig, progress.activity)
+        def work(cancel: threading.Event) -> None:
+            id = self._lab.begin(
+                plan, on_progress=lambda done: self._view.wait_with(plan.rig, done.activity), cancel=cancel
+            )
+            self._view.say(f"The campaign {id} has begun.", who=who)
+
+        self._make_ready(plan.rigs, "making the target", work)
+        self._did(who, f"Begin of campaign {plan.name} on {plan.rig}.")
+        return {"rig": plan.rig, "campaign": plan.name}
+
+    def _make_ready(self, rigs: Sequence[str], activity: str, begin: Callable[[threading.Event], None]) -> None:
+        """Begin something on rigs in the background; a stop of one of them sets the event and breaks it off."""
+        cancel, key = threading.Event(), " ".join(rigs)
+        with self._lock:
+            if taken := [rig for name in self._beginning for rig in name.split() if rig in rigs]:
+                raise InputError(f"A test is already being made ready on {taken[0]}; wait, or stop it.")
+            self._beginning[key] = cancel
 
         def work() -> None:
             try:
-                self._view.wait_with(plan.rig, "making the target")
-                id = self._lab.begin(plan, on_progress=tell, cancel=cancel)
-                self._view.say(f"The campaign {id} has begun.", who=who)
+                self._view.wait_with(rigs[0], activity)
+                begin(cancel)
             finally:
                 with self._lock:
                     del self._beginning[key]
-                self._view.wait_with(plan.rig, "")
+                self._view.wait_with(rigs[0], "")
 
-        self._did(who, f"Begin of campaign {plan.name} on {plan.rig}.")
         self._in_background(work, name="page-begin")
-        return {"rig": plan.rig, "campaign": plan.name}
 
     def pre_test(self, rig: str, who: str) -> dict[str, Any]:
         """Play small pulses on each drive of a rig and say what is wrong; it goes on without the page."""
@@ -192,3 +203,51 @@ class Commands:
         if not (rig := self._view.rig_of(id)):
             raise InputError(f"There is no campaign {id!r} in this lab.", field="id")
         return rig
+
+    # Endurance tests.
+
+    def begin_endurance(self, values: BeginEndurance, who: str) -> dict[str, Any]:
+        """Begin an endurance test of a schedule file; it goes on without the page."""
+        schedule = load_schedule(self.folder / f"{values.name}.yaml")
+        self._require_known(schedule.rig)
+        self._holders.require(schedule.rig, who)
+
+        def work(cancel: threading.Event) -> None:
+            complete = fetched_drives(schedule, self._lab.catalogue, self.folder)
+            if cancel.is_set():
+                self._view.say(f"The endurance test {schedule.name} was stopped before it began.", who=who)
+                return
+            test = self._lab.endure(complete, seed=values.seed, real_time=values.real_time)
+            self._view.say(f"The endurance test {test.id} has begun.", who=who)
+            if cancel.is_set():
+                test.stop(reason="It was stopped while it began.")
+
+        self._make_ready([schedule.rig], "reading the drives of the schedule", work)
+        self._did(who, f"Begin of the endurance test {schedule.name} on {schedule.rig}.")
+        return {"rig": schedule.rig, "test": schedule.name}
+
+    def hold_endurance(self, id: str, who: str, reason: str) -> dict[str, Any]:
+        """Have an endurance test wait after the repeat that plays."""
+        self._holders.require(self._view.endurance.progress(id).rig, who)
+        progress = self._lab.endurance(id).hold(reason=f"{reason} ({who}, at the operator page)")
+        self._did(who, f"{id}: hold after the repeat that plays: {reason}")
+        return {"activity": progress.activity}
+
+    def decide_endurance(self, id: str, values: DecideEndurance, who: str) -> dict[str, Any]:
+        """Decide on a hold of an endurance test."""
+        self._holders.require(self._view.endurance.progress(id).rig, who)
+        progress = self._lab.endurance(id).decide(values.kind, hold=values.hold, name=who, reason=values.reason)
+        self._did(who, f"{id}: {values.kind.replace('_', ' ')}, on hold {values.hold}: {values.reason}")
+        return {"activity": progress.activity}
+
+    def stop_endurance(self, id: str, who: str, reason: str) -> dict[str, Any]:
+        """Stop an endurance test and its rig."""
+        return self.stop(self._view.endurance.progress(id).rig, who, reason)
+
+    def resume_endurance(self, id: str, who: str) -> dict[str, Any]:
+        """Go on with an endurance test whose sequencer ended, at its next repeat."""
+        test = self._lab.endurance(id)
+        self._holders.require(test.rig, who)
+        progress = test.resume()
+        self._did(who, f"Resume of the endurance test {id} on {test.rig}.")
+        return {"activity": progress.activity}

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from duralab import CatalogueEntry, IterationTable, Proposal, Rig, RigState, RunProgress, Signals
-from duralab.lab import ServiceHealth
-from operator_page.envelope import Envelope, rounded
+from duralab import CatalogueEntry, Channel, IterationTable, Proposal, Rig, RigState, RunProgress, Signals
+from duralab.lab import EnduranceAlarm, EnduranceProgress, ServiceHealth
+from operator_page.envelope import MOST_BUCKETS, Envelope, rounded
+
+HOLD_BUCKETS: Final = 600
+"""Of each of the four curves of a channel at a hold point."""
 
 
 def number(value: float) -> float | None:
@@ -89,6 +92,56 @@ def proposal_document(proposal: Proposal) -> dict[str, Any]:
     }
 
 
+def proposal_curves(proposal: Proposal, last_drive: Signals | None) -> dict[str, Any]:
+    """Return the next drive, that of the playback it follows, and the predicted responses, thinned."""
+    drive, predicted = proposal.drive, None
+    if drive is not None and proposal.predicted is not None:
+        names = tuple(Channel(each.channel, "") for each in proposal.responses)
+        predicted = Signals(names, drive.sample_rate, np.asarray(proposal.predicted, dtype=np.float64))
+    return {
+        name: None if signals is None else signals_document(signals, buckets=HOLD_BUCKETS)
+        for name, signals in (("drive", drive), ("last_drive", last_drive), ("predicted", predicted))
+    }
+
+
+def endurance_document(progress: EnduranceProgress, *, ended: bool, age: float, read: int) -> dict[str, Any]:
+    """Return how far an endurance test is; `read`: repeats whose figures can be asked for."""
+    return {
+        "id": progress.id,
+        "rig": progress.rig,
+        "phase": progress.phase.value,
+        "ended": ended,
+        "age": age,
+        "activity": progress.activity,
+        "repeats": progress.repeats,
+        "played": progress.played,
+        "unknown": progress.unknown,
+        "remaining": number(progress.remaining_seconds) if progress.remaining_seconds >= 0 else None,
+        "events": [[name, played, planned] for name, (played, planned) in progress.events.items()],
+        "damage": [
+            [
+                name,
+                number(counted),
+                *(number(each.get(name, math.nan)) for each in (progress.planned, progress.planned_whole)),
+            ]
+            for name, counted in progress.damage.items()
+        ],
+        "alarms": progress.alarms,
+        "hold": progress.hold,
+        "hold_alarms": progress.hold_alarms,
+        "reason": progress.reason,
+        "remarks": list(progress.remarks),
+        "recording": progress.recording,
+        "kept": progress.kept,
+        "read": read,
+    }
+
+
+def alarm_document(alarm: EnduranceAlarm, heard: float | None) -> dict[str, Any]:
+    """Return an alarm; `heard`: when the page heard of it."""
+    return {**vars(alarm), "size": number(alarm.size), "band": list(alarm.band) if alarm.band else None, "when": heard}
+
+
 def service_document(health: ServiceHealth) -> dict[str, Any]:
     """Return how a service is."""
     free = health.value("duralab_recorder_free_bytes")
@@ -162,9 +215,9 @@ def recording_document(entry: CatalogueEntry) -> dict[str, Any]:
     }
 
 
-def signals_document(signals: Signals) -> dict[str, Any]:
+def signals_document(signals: Signals, *, buckets: int = MOST_BUCKETS) -> dict[str, Any]:
     """Return a whole record, thinned."""
-    envelope = Envelope(signals.samples.shape[0], samples=signals.samples.shape[1])
+    envelope = Envelope(signals.samples.shape[0], samples=signals.samples.shape[1], buckets=buckets)
     envelope.put(0, signals.samples)
     low, high = envelope.part(0)
     return {

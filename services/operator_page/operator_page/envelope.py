@@ -14,11 +14,12 @@ class Envelope:
     When all buckets are used, two become one: what was seen stays, at half the resolution.
     """
 
-    def __init__(self, channels: int, *, samples: int = 0) -> None:
-        self.bucket_samples = max(1, -(-samples // MOST_BUCKETS))
+    def __init__(self, channels: int, *, samples: int = 0, buckets: int = MOST_BUCKETS) -> None:
+        self._buckets = buckets
+        self.bucket_samples = max(1, -(-samples // buckets))
         self.samples = 0
-        self._low = np.full((channels, MOST_BUCKETS), np.nan)
-        self._high = np.full((channels, MOST_BUCKETS), np.nan)
+        self._low = np.full((channels, buckets), np.nan)
+        self._high = np.full((channels, buckets), np.nan)
 
     @property
     def used(self) -> int:
@@ -27,7 +28,7 @@ class Envelope:
 
     def put(self, first: int, block: np.ndarray) -> None:
         """Take samples, shape (channels, samples), from index `first` on; what is missing before them stays empty."""
-        while first + block.shape[1] > self.bucket_samples * MOST_BUCKETS:
+        while first + block.shape[1] > self.bucket_samples * self._buckets:
             self._halve()
         index = np.arange(first, first + block.shape[1]) // self.bucket_samples
         starts = np.flatnonzero(np.r_[True, np.diff(index) > 0]) if index.size else np.zeros(0, dtype=int)
@@ -43,8 +44,8 @@ class Envelope:
 
     def _halve(self) -> None:
         for values, join in ((self._low, np.fmin), (self._high, np.fmax)):
-            values[:, : MOST_BUCKETS // 2] = join(values[:, 0::2], values[:, 1::2])
-            values[:, MOST_BUCKETS // 2 :] = np.nan
+            values[:, : self._buckets // 2] = join(values[:, 0::2], values[:, 1::2])
+            values[:, self._buckets // 2 :] = np.nan
         self.bucket_samples *= 2
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import yaml
+from pydantic import ValidationError
 
-from duralab import Campaign, InputError, Rig
+from duralab import Campaign, Catalogue, InputError, Rig
 from duralab.campaign import (
     campaign_text,
     check_against_rig,
@@ -21,8 +22,12 @@ from duralab.campaign import (
     template_for,
 )
 from duralab.output_files import replace_when_complete
+from duralab_schedules import Schedule
+from duralab_settings import YamlError, explain_validation, parse_yaml
 
 UPLOADS: Final = "uploads"
+DRIVES: Final = "drives"
+RECORDING_ID: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
 SUFFIXES: Final = (".rsp", ".drv", ".tim", ".mf4", ".uff", ".unv", ".tdms", ".mat", ".parquet", ".csv")
 MOST_UPLOADS: Final = 200
 
@@ -35,7 +40,10 @@ class PageFiles:
 
     def listed(self) -> dict[str, Any]:
         """Return the names of all campaigns there are."""
-        return {"shipped": shipped_campaigns(), "files": sorted(path.stem for path in self.folder.glob("*.yaml"))}
+        files = sorted(self.folder.glob("*.yaml"))
+        schedules = [path.stem for path in files if _is_schedule(path)]
+        campaigns = [path.stem for path in files if path.stem not in schedules]
+        return {"shipped": shipped_campaigns(), "files": campaigns, "schedules": schedules}
 
     def path(self, name: str) -> Path:
         """Return where the campaign of a name is kept; the name is checked, and holds no separator."""
@@ -72,17 +80,40 @@ class PageFiles:
             check_against_rig(plan, rig)
         return plan, text
 
+    def read_schedule(self, text: str) -> Schedule:
+        """Return the schedule of a text whose paths start in the page's folder."""
+        try:
+            return Schedule.model_validate(parse_yaml(text)).read_from(self.folder)
+        except ValidationError as error:
+            found = explain_validation(error, Schedule)
+            raise InputError(found.sentence, field=found.field) from error
+        except YamlError as error:
+            raise InputError(f"The schedule is not YAML: {error}.") from error
+
+    def checked_schedule(self, document: Mapping[str, Any]) -> tuple[Schedule, str]:
+        """Check a schedule as the command line checks its file; return it, and the text of that file."""
+        text = yaml.safe_dump(dict(document), sort_keys=False, allow_unicode=True)
+        schedule = self.read_schedule(text)
+        plan = schedule.plan.mix or {} if schedule.plan is not None else {}
+        named = [event.drive for event in schedule.events.values()]
+        named += [each.target for each in (*schedule.events.values(), *plan.values()) if each.target is not None]
+        for path in named:
+            if not self._is_inside(Path(path)):
+                raise InputError(f"The drive or target is {path!r}; give a file that was put on this page.")
+        return schedule, text
+
     def _is_inside(self, path: Path) -> bool:
         return (self.folder / path).resolve().is_relative_to(self.folder.resolve())
 
-    def save(self, plan: Campaign, text: str, *, replace: bool) -> None:
-        """Save a campaign under its name."""
-        path = self.path(plan.name)
-        if path.exists() and not replace:
-            raise InputError(
-                f"There is a campaign {plan.name!r} already; give another name, or replace it.", field="name"
-            )
-        with replace_when_complete(path) as part:
+    def require_free(self, name: str, *, replace: bool) -> None:
+        """Refuse the name of a file that is there already."""
+        if self.path(name).exists() and not replace:
+            raise InputError(f"There is a file {name!r} already; give another name, or replace it.", field="name")
+
+    def save(self, plan: Campaign | Schedule, text: str, *, replace: bool) -> None:
+        """Save a campaign or a schedule under its name."""
+        self.require_free(plan.name, replace=replace)
+        with replace_when_complete(self.path(plan.name)) as part:
             part.write_text(text, encoding="utf-8")
 
     async def upload(self, name: str, pieces: AsyncIterator[bytes]) -> str:
@@ -114,3 +145,24 @@ class PageFiles:
         finally:
             part.unlink(missing_ok=True)
         return f"{UPLOADS}/{kept}"
+
+
+def _is_schedule(path: Path) -> bool:
+    """Return whether a file is a schedule: its events have drives, those of a project have targets."""
+    try:
+        events = (parse_yaml(path.read_text(encoding="utf-8")) or {}).get("events")
+        return isinstance(events, dict) and all("drive" in (event or {}) for event in events.values())
+    except (OSError, ValueError, AttributeError, TypeError):
+        return False
+
+
+def fetched_drives(schedule: Schedule, catalogue: Catalogue, folder: Path) -> Schedule:
+    """Return a schedule whose drives are all files: recordings that it names by their ids are fetched."""
+    events = dict(schedule.events)
+    for name, event in events.items():
+        if RECORDING_ID.fullmatch(event.drive) and not (schedule.folder / event.drive).exists():
+            kept = folder / DRIVES / event.drive
+            if not (kept / "recording.mcap").is_file():
+                catalogue.fetch(event.drive, kept)
+            events[name] = event.model_copy(update={"drive": str(kept)})
+    return schedule.model_copy(update={"events": events}).read_from(schedule.folder)

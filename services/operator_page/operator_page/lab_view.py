@@ -1,4 +1,4 @@
-"""What the page shows of the lab: kept up to date by two threads, read by every open page."""
+"""What the page shows of the lab: kept up to date by threads, read by every open page."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from typing import Any
 
 import structlog
 
-from duralab import CampaignEvent, LabError, RigEvent, RigMode, RigState, RunProgress, SignalsEvent
+from duralab import CampaignEvent, EnduranceEvent, LabError, RigEvent, RigMode, RigState, RunProgress, SignalsEvent
 from duralab.lab import Lab, ServiceHealth
 from duralab_bus import BusError
 from operator_page.deliberation import Holders
 from operator_page.documents import campaign_document, reset_sentence, service_document
+from operator_page.endurance_view import EnduranceView
 from operator_page.envelope import Envelope, rounded
 
 POLL_SECONDS = 1.0
@@ -56,7 +57,7 @@ class _SeenCampaign:
 
 
 class LabView:
-    """Live state of a lab: rigs, campaigns, services, a log of what happened, and the signals that are played."""
+    """Live state of a lab: rigs, campaigns, endurance tests, services, a log, and the signals that are played."""
 
     def __init__(self, lab: Lab, holders: Holders) -> None:
         self._lab, self._holders = lab, holders
@@ -72,12 +73,14 @@ class LabView:
         self._waiting: dict[str, str] = {}
         self.changes = 0
         """Counts what changed: a page that has this number has everything."""
+        self.endurance = EnduranceView(lab, say=self.say)
         self._threads = [
             threading.Thread(target=self._repeat, args=(work, seconds), name=f"page-{name}", daemon=True)
             for name, work, seconds in (
                 ("watch", self._watch, POLL_SECONDS),
                 ("rigs", self._poll_rigs, POLL_SECONDS),
                 ("services", self._poll_services, SERVICES_SECONDS),
+                ("endurance", self._read_repeats, POLL_SECONDS),
             )
         ]
         for thread in self._threads:
@@ -109,6 +112,17 @@ class LabView:
                         self._take_campaign(event)
                     case SignalsEvent():
                         self._take_signals(event)
+                    case EnduranceEvent(progress):
+                        self.endurance.take(progress)
+                        self._count_change()
+
+    def _count_change(self) -> None:
+        with self._lock:
+            self.changes += 1
+
+    def _read_repeats(self) -> None:
+        while self.endurance.read() and not self._closing.is_set():
+            self._count_change()
 
     def _poll_rigs(self) -> None:
         names = self._lab.rig_names()
@@ -138,8 +152,10 @@ class LabView:
                 self._rigs[state.rig] = _SeenRig(state, time.time())
                 self.say(f"The rig {state.rig} is {state.mode}." + (f" {state.reason}" if state.reason else ""))
             else:
-                if (state.mode, state.reason) != (before.state.mode, before.state.reason):
-                    latched = state.mode is RigMode.INTERLOCKED
+                latched = state.mode is RigMode.INTERLOCKED
+                # The modes of every repeat of an endurance test would push all else out of the log.
+                silent = not latched and before.state.mode is not RigMode.INTERLOCKED and self.endurance.on(state.rig)
+                if (state.mode, state.reason) != (before.state.mode, before.state.reason) and not silent:
                     line = f"{state.rig}: {state.mode}" + (f": {state.reason}" if state.reason else "")
                     if before.state.mode is RigMode.INTERLOCKED and (reset := reset_sentence(state)):
                         line += f". {reset}"
@@ -229,6 +245,7 @@ class LabView:
                     campaign_document(id, each.progress, rig=each.rig, ended=each.ended, age=now - each.heard)
                     for id, each in self._campaigns.items()
                 ],
+                "endurance": self.endurance.documents(now),
                 "services": [service_document(each) for each in self._services],
                 "log": [line for line in self._lines if line["number"] > after_line],
             }

@@ -90,3 +90,29 @@ class CampaignDocument(Values):
     document: dict[str, Any]
     save: bool = False
     replace: bool = False
+
+
+class BeginEndurance(Values):
+    """The endurance test to begin: a schedule file of the page's folder."""
+
+    name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    real_time: bool = False
+
+
+class StopEndurance(Values):
+    """Why an endurance test holds or ends."""
+
+    reason: Reason
+
+
+class DecideEndurance(Values):
+    """A decision on a hold of an endurance test."""
+
+    kind: Literal["continue", "iterate_again", "relearn", "end"]
+    hold: int = Field(ge=1, lt=2**32)
+    reason: Reason
+
+
+class ScheduleDocument(CampaignDocument):
+    """A schedule as its file would say it; a drive is a file of the page's folder or the id of a recording."""

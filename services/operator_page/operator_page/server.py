@@ -5,100 +5,50 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
-import re
-import tempfile
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
-from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 from urllib.parse import urlsplit
 
 import structlog
 from pydantic import ValidationError
 from starlette.applications import Starlette
-from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 
-from duralab import (
-    BusyError,
-    Campaign,
-    InputError,
-    LabError,
-    LabTimeoutError,
-    NotReadyError,
-    Rig,
-    StoppedError,
-    UnavailableError,
-)
-from duralab.lab import Lab, Result
+from duralab import BusyError, InputError, LabError, LabTimeoutError, NotReadyError, StoppedError, UnavailableError
+from duralab.lab import Lab
 from duralab_bus import BusError
 from duralab_settings import explain_validation
 from operator_page.accounts import Accounts, PageRole
+from operator_page.campaign_routes import CampaignRoutes
 from operator_page.certificates import peer_certificate
-from operator_page.child import work
 from operator_page.commands import Commands
 from operator_page.config import PageConfig
 from operator_page.deliberation import OLDEST_SECONDS, Arming
-from operator_page.documents import (
-    proposal_document,
-    recording_document,
-    rig_document,
-    signals_document,
-    target_document,
-)
-from operator_page.files import SUFFIXES, PageFiles
+from operator_page.documents import rig_document
+from operator_page.endpoints import Asked, Endpoint, RefusedError, Workers, error_answer, json_body
+from operator_page.endurance_routes import EnduranceRoutes
+from operator_page.file_routes import FileRoutes
+from operator_page.files import PageFiles
 from operator_page.lab_view import LabView
-from operator_page.requests import (
-    CAMPAIGN_NAME,
-    Arm,
-    Begin,
-    CampaignDocument,
-    Decide,
-    Nothing,
-    Reset,
-    Resume,
-    SignIn,
-    Stop,
-    Values,
-)
+from operator_page.recording_routes import RecordingRoutes
+from operator_page.requests import Arm, Nothing, Reset, SignIn, Stop
 from operator_page.sessions import RateLimit, Session, Sessions
+from operator_page.shell import Shell
 
 COOKIE: Final = "duralab_session"
 TOKEN_HEADER: Final = "x-duralab-token"
 VERSION_HEADER: Final = "x-duralab-page"
-LARGEST_BODY: Final = 256 * 1024
 MOST_STREAMS: Final = 64
 STREAM_SECONDS: Final = 0.2
 HEARTBEAT_SECONDS: Final = 1.0
-MOST_RECORDINGS: Final = 500
-MOST_COMPARED: Final = 6
 LOCAL_OPERATOR: Final = "local operator"
-
-POLICY: Final = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; frame-src {viewer}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-# Of a report: scripts and styles that it carries itself, in an origin of its own.
-REPORT_POLICY: Final = (
-    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; font-src data:; frame-ancestors 'none'"
-)
-HEADERS: Final = {
-    "x-content-type-options": "nosniff",
-    "x-frame-options": "DENY",
-    "referrer-policy": "no-referrer",
-    "cross-origin-opener-policy": "same-origin",
-    "cross-origin-resource-policy": "same-origin",
-    "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=()",
-    "cache-control": "no-store",
-}
 
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _STATUS: Final = (
@@ -109,55 +59,6 @@ _STATUS: Final = (
     (UnavailableError, 503),
     (LabTimeoutError, 504),
 )
-ResultT = TypeVar("ResultT")
-
-
-class RefusedError(Exception):
-    """A request that is not carried out; says why in one sentence."""
-
-    def __init__(self, status: int, sentence: str, *, field: str = "") -> None:
-        super().__init__(sentence)
-        self.status, self.field = status, field
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A request that passed all checks."""
-
-    request: Request
-    session: Session | None
-    values: Any
-
-    @property
-    def who(self) -> str:
-        """Name of who asks."""
-        return self.session.name if self.session is not None else ""
-
-    def named(self, name: str) -> str:
-        """Return a name in the path."""
-        return str(self.request.path_params[name])
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """One thing that can be asked: by whom, with which values, and whether it needs a second act.
-
-    `role`: The least one; None for everybody who reaches the page. `values`: None for what is only read. `raw`: Its
-    body is a file.
-    """
-
-    path: str
-    role: PageRole | None
-    answer: Callable[[Asked], Awaitable[Response | Mapping[str, Any]]]
-    values: type[Values] | None = None
-    armed: bool = False
-    unlimited: bool = False
-    raw: bool = False
-
-    @property
-    def method(self) -> str:
-        """GET reads, POST does."""
-        return "GET" if self.values is None else "POST"
 
 
 class PageServer:
@@ -175,9 +76,14 @@ class PageServer:
         self._lab, self._view, self._commands = lab, view, commands
         self._config, self._accounts = config, accounts
         self._log = structlog.get_logger("operator_page")
-        self._threads = ThreadPoolExecutor(32, thread_name_prefix="page")
-        self._files = PageFiles(config.folder, largest_bytes=config.largest_upload_mebibytes * 2**20)
-        self._children = ThreadPoolExecutor(2, thread_name_prefix="page-child")
+        self._workers = Workers()
+        kept = PageFiles(config.folder, largest_bytes=config.largest_upload_mebibytes * 2**20)
+        self._screens = (
+            FileRoutes(lab, view, kept, self._workers),
+            CampaignRoutes(lab, commands, self._workers),
+            EnduranceRoutes(lab, view, commands, kept, self._workers),
+            RecordingRoutes(lab, self._workers),
+        )
         self._passwords = ThreadPoolExecutor(2, thread_name_prefix="page-password")
         self.sessions = Sessions(config.session_hours * 3600.0)
         self._arming = Arming()
@@ -192,7 +98,7 @@ class PageServer:
         self.endpoints = self._endpoints()
         routes = [Route("/", self._page), Route("/web/{name}", self._file)]
         routes += [Route(each.path, partial(self._guarded, each), methods=[each.method]) for each in self.endpoints]
-        self.app: ASGIApp = _Shell(Starlette(routes=routes), self._is_own_name, config)
+        self.app: ASGIApp = Shell(Starlette(routes=routes), self._is_own_name, config)
 
     def _endpoints(self) -> tuple[Endpoint, ...]:
         viewer, operator = PageRole.VIEWER, PageRole.OPERATOR
@@ -202,34 +108,16 @@ class PageServer:
             Endpoint("/api/sign_in_by_certificate", None, self._sign_in_by_certificate, Nothing),
             Endpoint("/api/sign_out", viewer, self._sign_out, Nothing),
             Endpoint("/api/stream", viewer, self._stream),
-            Endpoint("/api/campaign_files", viewer, self._campaign_files),
-            Endpoint("/api/campaign_files/{kind}/{name}", viewer, self._campaign_file),
-            Endpoint("/api/campaign_schema", viewer, self._schema),
-            Endpoint("/api/rigs/{rig}/template", viewer, self._template),
-            Endpoint("/api/recordings", viewer, self._recordings),
-            Endpoint("/api/recordings/{id}/report", viewer, self._report),
-            Endpoint("/api/recordings/{id}/export/{what}/{suffix}", viewer, self._export),
-            Endpoint("/api/comparison", viewer, self._comparison),
             Endpoint("/api/rigs/{rig}", viewer, self._describe),
-            Endpoint("/api/campaigns/{id}/target", viewer, self._target),
-            Endpoint("/api/campaigns/{id}/proposal", viewer, self._proposal),
             # Every operator may stop every rig, at any time, as on the bus.
             Endpoint("/api/stop", operator, self._stop_all, Stop, unlimited=True),
             Endpoint("/api/rigs/{rig}/stop", operator, self._stop, Stop, unlimited=True),
-            Endpoint("/api/campaigns/{id}/stop", operator, self._stop_campaign, Stop, unlimited=True),
             Endpoint("/api/arm", operator, self._arm, Arm),
-            # What costs time or room, and moves nothing.
-            Endpoint("/api/campaign_files", operator, self._check_campaign, CampaignDocument),
-            Endpoint("/api/target_preview", operator, self._preview, CampaignDocument),
-            Endpoint("/api/uploads/{name}", operator, self._upload, Nothing, raw=True),
-            Endpoint("/api/recordings/{id}/verify", operator, self._verify, Nothing),
             Endpoint("/api/rigs/{rig}/take", operator, self._take, Nothing, armed=True),
             Endpoint("/api/rigs/{rig}/release", operator, self._release, Nothing),
             Endpoint("/api/rigs/{rig}/reset", operator, self._reset, Reset, armed=True),
             Endpoint("/api/rigs/{rig}/pre_test", operator, self._pre_test, Nothing, armed=True),
-            Endpoint("/api/campaigns", operator, self._begin, Begin, armed=True),
-            Endpoint("/api/campaigns/{id}/decide", operator, self._decide, Decide, armed=True),
-            Endpoint("/api/campaigns/{id}/resume", operator, self._resume, Resume, armed=True),
+            *(endpoint for screen in self._screens for endpoint in screen.endpoints()),
         )
 
     # What every request has to show.
@@ -246,14 +134,14 @@ class PageServer:
         try:
             answer = await endpoint.answer(await self._checked(endpoint, request))
         except RefusedError as refusal:
-            return _error(refusal.status, str(refusal), field=refusal.field)
+            return error_answer(refusal.status, str(refusal), field=refusal.field)
         except PermissionError as error:
-            return _error(409, str(error), field="holder")
+            return error_answer(409, str(error), field="holder")
         except LabError as error:
             status = next((status for kind, status in _STATUS if isinstance(error, kind)), 502)
-            return _error(status, error.message, field=error.field)
+            return error_answer(status, error.message, field=error.field)
         except BusError as error:
-            return _error(503, str(error))
+            return error_answer(503, str(error))
         return answer if isinstance(answer, Response) else JSONResponse(answer)
 
     async def _checked(self, endpoint: Endpoint, request: Request) -> Asked:
@@ -275,7 +163,7 @@ class PageServer:
         self._require_own_page(request, session)
         if endpoint.raw:
             return Asked(request, session, None)
-        body = await _body(request)
+        body = await json_body(request)
         seen, word = body.pop("seen", None), body.pop("word", "")
         try:
             values = endpoint.values.model_validate(body)
@@ -308,9 +196,6 @@ class PageServer:
                 409, "The page shows old data, so that nothing may move; wait for new ones.", field="seen"
             )
 
-    async def _in_thread(self, work: Callable[..., ResultT], *values: Any) -> ResultT:
-        return await asyncio.get_running_loop().run_in_executor(self._threads, work, *values)
-
     # The page and its files.
 
     async def _page(self, _request: Request) -> Response:
@@ -319,7 +204,7 @@ class PageServer:
     async def _file(self, request: Request) -> Response:
         name = request.path_params["name"]
         if (content := self._web.get(name)) is None or name == "index.html":
-            return _error(404, "There is no such file.")
+            return error_answer(404, "There is no such file.")
         return Response(content, media_type=_TYPES.get(name.rpartition(".")[2], "text/plain"))
 
     # Signing in.
@@ -407,136 +292,19 @@ class PageServer:
                 now = time.monotonic()
                 if self._view.changes != shown or now - sent >= HEARTBEAT_SECONDS:
                     shown, sent = self._view.changes, now
-                    document = await self._in_thread(partial(self._view.document, after_line=line))
+                    document = await self._workers.in_thread(partial(self._view.document, after_line=line))
                     line = document["log"][-1]["number"] if document["log"] else line
                     yield _event("lab", {"version": self.version, **document})
-                for part in await self._in_thread(self._view.signals, seen):
+                for part in await self._workers.in_thread(self._view.signals, seen):
                     yield _event("signals", part)
                 await asyncio.sleep(STREAM_SECONDS)
         finally:
             self.streams -= 1
 
-    # Campaign files.
-
-    async def _campaign_files(self, _asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._files.listed)
-
-    async def _campaign_file(self, asked: Asked) -> Mapping[str, Any]:
-        kind, name = asked.named("kind"), asked.named("name")
-        if kind not in ("shipped", "file") or not re.fullmatch(CAMPAIGN_NAME, name):
-            raise RefusedError(404, f"There is no campaign {name!r} on this page.")
-        return {"document": await self._in_thread(self._files.document, kind, name)}
-
-    async def _schema(self, _asked: Asked) -> Mapping[str, Any]:
-        return Campaign.model_json_schema()
-
-    async def _template(self, asked: Asked) -> Mapping[str, Any]:
-        rig = await self._in_thread(self._lab.describe, asked.named("rig"))
-        return {"document": await self._in_thread(self._files.template, rig)}
-
-    async def _checked_campaign(self, asked: Asked) -> tuple[Campaign, str, Rig | None]:
-        document = asked.values.document
-        name = document.get("rig")
-        there = isinstance(name, str) and name in self._lab.rig_names()
-        rig = await self._in_thread(self._lab.describe, name) if there else None
-        plan, text = await self._in_thread(self._files.checked, document, rig)
-        return plan, text, rig
-
-    async def _check_campaign(self, asked: Asked) -> Mapping[str, Any]:
-        plan, text, rig = await self._checked_campaign(asked)
-        if asked.values.save:
-            await self._in_thread(partial(self._files.save, plan, text, replace=asked.values.replace))
-            self._view.say(f"The campaign file {plan.name} is saved.", who=asked.who)
-        return {"text": text, "remarks": plan.remarks, "rig_is_here": rig is not None}
-
-    async def _preview(self, asked: Asked) -> Mapping[str, Any]:
-        plan, text, rig = await self._checked_campaign(asked)
-        if rig is None:
-            raise RefusedError(400, f"There is no rig {plan.rig!r} in this lab, so that its channels are not known.")
-        return await self._in_child("target", text, self._files.folder, rig)
-
-    async def _upload(self, asked: Asked) -> Mapping[str, Any]:
-        kept = await self._files.upload(asked.named("name"), asked.request.stream())
-        path = self._files.folder / kept
-        try:
-            found = await self._in_child("read", path)
-        except LabError:
-            path.unlink(missing_ok=True)
-            raise
-        self._view.say(f"The file {kept} was put on this page.", who=asked.who)
-        return {"file": kept, **found}
-
-    async def _in_child(self, job: str, *values: Any) -> dict[str, Any]:
-        return await asyncio.get_running_loop().run_in_executor(self._children, partial(work, job, *values))
-
-    # Recordings.
-
-    async def _recordings(self, asked: Asked) -> Mapping[str, Any]:
-        given = {name: asked.request.query_params.get(name, "") for name in ("rig", "target", "result")}
-        catalogue = self._lab.catalogue
-        found = await self._in_thread(
-            lambda: catalogue.search(rig=given["rig"], target=given["target"], result=given["result"] or None)
-        )
-        newest = list(reversed(found))[:MOST_RECORDINGS]
-        return {
-            "recordings": [recording_document(each) for each in newest],
-            "found": len(found),
-            "results": list(Result),
-        }
-
-    async def _verify(self, asked: Asked) -> Mapping[str, Any]:
-        return {"findings": await self._in_thread(self._lab.catalogue.verify, asked.named("id"))}
-
-    async def _report(self, asked: Asked) -> Response:
-        return await self._made([asked.named("id")], "report", "report.html")
-
-    async def _comparison(self, asked: Asked) -> Response:
-        ids = asked.request.query_params.getlist("id")
-        if not 2 <= len(ids) <= MOST_COMPARED:
-            raise RefusedError(400, f"{len(ids)} recordings are given; give 2 to {MOST_COMPARED} to compare.")
-        return await self._made(ids, "compare", "comparison.html")
-
-    async def _export(self, asked: Asked) -> Response:
-        what, suffix = asked.named("what"), asked.named("suffix")
-        if what not in ("target", "drive", "response") or f".{suffix}" not in SUFFIXES:
-            raise RefusedError(404, "There is no such export.")
-        return await self._made([asked.named("id")], "export", f"{what}.{suffix}", what)
-
-    async def _made(self, ids: list[str], job: str, name: str, *values: Any) -> Response:
-        """Fetch recordings, have something made of them, and send it; nothing of it stays here."""
-        passing = await self._in_thread(
-            partial(tempfile.TemporaryDirectory, prefix="duralab-page-", ignore_cleanup_errors=True)
-        )
-        try:
-            folder = Path(passing.name)
-            fetched = [
-                await self._in_thread(self._lab.catalogue.fetch, id, folder / str(number))
-                for number, id in enumerate(ids)
-            ]
-            await self._in_child(job, fetched if job == "compare" else fetched[0], *values, folder / name)
-            content = await self._in_thread((folder / name).read_bytes)
-        finally:
-            await self._in_thread(passing.cleanup)
-        if name.endswith(".html"):
-            # It runs scripts of its own, apart from this page: it can neither read nor send anything.
-            return Response(content, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
-        disposition = f'attachment; filename="{ids[0]}.{name}"'
-        return Response(content, media_type="application/octet-stream", headers={"content-disposition": disposition})
-
     # What is seen of a rig and a campaign.
 
     async def _describe(self, asked: Asked) -> Mapping[str, Any]:
-        return rig_document(await self._in_thread(self._lab.describe, asked.named("rig")))
-
-    async def _target(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(lambda: target_document(self._lab.catalogue.target(asked.named("id"))))
-
-    async def _proposal(self, asked: Asked) -> Mapping[str, Any]:
-        found = await self._in_thread(self._lab.proposal, asked.named("id"))
-        if found is None:
-            return {"proposal": None}
-        drive = None if found.drive is None else await self._in_thread(signals_document, found.drive)
-        return {"proposal": proposal_document(found), "drive": drive}
+        return rig_document(await self._workers.in_thread(self._lab.describe, asked.named("rig")))
 
     # What is done.
 
@@ -546,13 +314,10 @@ class PageServer:
         return {"word": self._arming.arm(asked.session.token, asked.values.action, asked.values.values)}
 
     async def _stop_all(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.stop_all, asked.who, asked.values.reason)
+        return await self._workers.in_thread(self._commands.stop_all, asked.who, asked.values.reason)
 
     async def _stop(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.stop, asked.named("rig"), asked.who, asked.values.reason)
-
-    async def _stop_campaign(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.stop_campaign, asked.named("id"), asked.who, asked.values.reason)
+        return await self._workers.in_thread(self._commands.stop, asked.named("rig"), asked.who, asked.values.reason)
 
     async def _take(self, asked: Asked) -> Mapping[str, Any]:
         return self._commands.take(asked.named("rig"), asked.who)
@@ -561,45 +326,10 @@ class PageServer:
         return self._commands.release(asked.named("rig"), asked.who)
 
     async def _reset(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.reset, asked.named("rig"), asked.who, asked.values.reason)
+        return await self._workers.in_thread(self._commands.reset, asked.named("rig"), asked.who, asked.values.reason)
 
     async def _pre_test(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.pre_test, asked.named("rig"), asked.who)
-
-    async def _begin(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.begin, asked.values, asked.who)
-
-    async def _decide(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.decide, asked.named("id"), asked.values, asked.who)
-
-    async def _resume(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._in_thread(self._commands.resume, asked.named("id"), asked.values, asked.who)
-
-
-class _Shell:
-    """Around everything: the name the page is reached by, and headers that browsers keep to."""
-
-    def __init__(self, app: ASGIApp, is_own_name: Callable[[str], bool], config: PageConfig) -> None:
-        self._app, self._is_own_name = app, is_own_name
-        viewer = "{0.scheme}://{0.netloc}".format(urlsplit(config.viewer)) if config.viewer else "'none'"
-        policy = {"content-security-policy": POLICY.format(viewer=viewer)}
-        secure = {"strict-transport-security": "max-age=31536000"} if config.tls is not None else {}
-        self._headers = HEADERS | policy | secure
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            return
-
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in self._headers.items():
-                    headers.setdefault(name, value)
-            await send(message)
-
-        host = dict(scope["headers"]).get(b"host", b"").decode("latin-1")
-        app = self._app if self._is_own_name(host) else _error(421, "The page is not reached by this name.")
-        await app(scope, receive, send_with_headers)
+        return await self._workers.in_thread(self._commands.pre_test, asked.named("rig"), asked.who)
 
 
 def _files(folder: str) -> list[Any]:
@@ -608,25 +338,3 @@ def _files(folder: str) -> list[Any]:
 
 def _event(kind: str, document: Mapping[str, Any]) -> bytes:
     return f"event: {kind}\ndata: {json.dumps(document, allow_nan=False)}\n\n".encode()
-
-
-def _error(status: int, sentence: str, *, field: str = "") -> JSONResponse:
-    return JSONResponse({"error": sentence, "field": field}, status_code=status)
-
-
-async def _body(request: Request) -> dict[str, Any]:
-    """Return the JSON object of a request, which is not large."""
-    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-        raise RefusedError(415, "The request is no JSON document.")
-    content = b""
-    async for piece in request.stream():
-        content += piece
-        if len(content) > LARGEST_BODY:
-            raise RefusedError(413, f"The request is larger than {LARGEST_BODY // 1024} KiB.")
-    try:
-        found = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise RefusedError(400, "The request is no JSON document.") from error
-    if not isinstance(found, dict):
-        raise RefusedError(400, "The request is not a JSON object.")
-    return found

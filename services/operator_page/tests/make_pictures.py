@@ -1,6 +1,7 @@
 """Write the pictures of docs/guides/operator_page.md: `python services/operator_page/tests/make_pictures.py`.
 
-A lab of the simulated front axle runs a campaign in real time; every screen is taken in light and in dark.
+A lab of the simulated front axle runs a campaign in real time, and a linear rig an endurance test until its specimen
+cracks. `endurance` or `campaign` as an argument takes the pictures of one of them.
 """
 
 import io
@@ -15,9 +16,9 @@ ROOT = HERE.parents[2]
 sys.path[:0] = [str(HERE), str(HERE / "long"), str(ROOT / "duralab" / "tests")]
 
 from browser import Browser, browser_program  # noqa: E402
-from page_lab import PageProcess  # noqa: E402
+from page_lab import PageLab, PageProcess, schedule  # noqa: E402
 from PIL import Image  # noqa: E402
-from test_page_in_browser import Page, decide  # noqa: E402
+from test_page_in_browser import BEGIN_ENDURANCE, Page, decide  # noqa: E402
 
 import duralab  # noqa: E402
 from duralab.formats import write_signals  # noqa: E402
@@ -52,6 +53,32 @@ def campaign() -> dict:
 
 
 def main() -> None:
+    """Take the pictures that are asked for."""
+    for name, work in (("campaign", take_campaign), ("endurance", take_endurance)):
+        if name in sys.argv[1:] or not sys.argv[1:]:
+            work()
+
+
+def take_endurance() -> None:
+    """Run an endurance test until its specimen cracks."""
+    with tempfile.TemporaryDirectory() as temporary, PageLab(Path(temporary)) as lab:
+        served = lab.page("page")
+        lab.put_schedule(served, schedule("weeks", keep={"first": 3, "every": 100, "around_alarm": 2}))
+        with Browser(browser_program(), Path(temporary) / "profile") as browser:
+            page = Page(browser, served.address, width=1600, height=900)
+            page.go("endurance")
+            page.choose("select[name=schedule]", "weeks")
+            page.deliberate(BEGIN_ENDURANCE)
+            page.wait("Number(document.querySelector('.activity strong')?.innerText) > 150", 300.0)
+            picture(page, "endurance")
+            lab.rig.cracked = True
+            page.wait("document.querySelector('.hold')")
+            page.wait("document.querySelector('.level')")
+            picture(page, "endurance_hold")
+            picture(page, "endurance_dark", theme="dark", size="tablet")
+
+
+def take_campaign() -> None:
     """Run the campaign by hand and take the pictures on the way."""
     with tempfile.TemporaryDirectory() as temporary, duralab.start(temporary, rigs=(RIG, "predecessor")) as lab:
         folder = Path(temporary)

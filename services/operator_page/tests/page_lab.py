@@ -59,20 +59,38 @@ def campaign(name="held", **changes):
     return document | changes
 
 
-def write_target(path: Path, rig: LinearRig) -> Path:
-    """Write responses that the rig can make, six seconds of them."""
+def schedule(name="weeks", **changes):
+    """A schedule of two drive files, a second and two long, with repeats enough for an hour in real time."""
+    document = {
+        "name": name,
+        "rig": RIG,
+        "events": {
+            "rough": {"drive": "rough.drv", "target": "rough.rsp", "repeats": 1200},
+            "smooth": {"drive": "smooth.drv", "target": "smooth.rsp", "repeats": 600},
+        },
+        "keep": {"first": 1, "every": None, "around_alarm": 1},
+        "monitoring": {"baseline_repeats": 6, "bands": [1.0, 10.0, 40.0]},
+    }
+    return document | changes
+
+
+def some_drive(samples: int, *, level: float = 0.004) -> np.ndarray:
+    """Return drives that the rig can play, shape (2, samples)."""
     from scipy import signal
 
-    noise = np.random.default_rng(3).standard_normal((2, 6000))
-    drive = 0.004 * signal.sosfiltfilt(signal.butter(2, (1.5, 30.0), "bandpass", fs=1000.0, output="sos"), noise)
-    drive *= signal.windows.tukey(6000, 0.3)
-    write_signals(
-        Signals(channels_of(rig.responses), 1000.0, rig.respond(drive)),
-        path,
-        data_type="floating_point",
-        overwrite=True,
-    )
+    noise = np.random.default_rng(3).standard_normal((2, samples))
+    drive = level * signal.sosfiltfilt(signal.butter(2, (1.5, 30.0), "bandpass", fs=1000.0, output="sos"), noise)
+    return drive * signal.windows.tukey(samples, 0.3)
+
+
+def write_target(path: Path, rig: LinearRig) -> Path:
+    """Write responses that the rig can make, six seconds of them."""
+    _write(path, rig.responses, rig.respond(some_drive(6000)))
     return path
+
+
+def _write(path: Path, channels, samples: np.ndarray) -> None:
+    write_signals(Signals(channels_of(channels), 1000.0, samples), path, data_type="floating_point", overwrite=True)
 
 
 class PageProcess:
@@ -96,7 +114,7 @@ class PageProcess:
         with self._log.open("wb") as log:
             command = [sys.executable, "-m", "operator_page", "--config", str(self._config)]
             self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
-        end = time.monotonic() + 60.0
+        end = time.monotonic() + 120.0
         while not (found := [line for line in self.log if line.get("event") == "page"]) or not any(
             line.get("event") == "ready" for line in self.log
         ):
@@ -200,9 +218,21 @@ class Client:
     def wait_for(self, holds, *, seconds: float = 60.0) -> dict:
         end = time.monotonic() + seconds
         while not holds(document := self.lab()):
-            assert time.monotonic() < end, document
+            assert time.monotonic() < end, {**document, "log": document["log"][-5:]}
             time.sleep(0.1)
         return document
+
+
+class CrackingRig(LinearRig):
+    """A linear rig whose first response grows by a half when its specimen cracks."""
+
+    cracked = False
+
+    def play(self, commands, run):
+        response = super().play(commands, run)
+        if self.cracked:
+            response[0] *= 1.5
+        return response
 
 
 class PageLab:
@@ -210,7 +240,7 @@ class PageLab:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.rig = LinearRig(RIG, plant=PLANT, noise_rms=1.0)
+        self.rig = CrackingRig(RIG, plant=PLANT, noise_rms=1.0)
         self._stack = ExitStack()
 
     def page(self, name: str, **config) -> PageProcess:
@@ -225,9 +255,16 @@ class PageLab:
         write_target(page.files / "target.rsp", self.rig)
         (page.files / f"{document['name']}.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
 
+    def put_schedule(self, page: PageProcess, document: dict) -> None:
+        for name, samples, level in (("rough", 2000, 0.004), ("smooth", 1000, 0.002)):
+            drive = some_drive(samples, level=level)
+            _write(page.files / f"{name}.drv", self.rig.drives, drive)
+            _write(page.files / f"{name}.rsp", self.rig.responses, self.rig.respond(drive))
+        (page.files / f"{document['name']}.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+
     def __enter__(self):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        self.lab = self._stack.enter_context(lab(self.rig, out=self.folder / "lab"))
+        self.lab = self._stack.enter_context(lab(self.rig, out=self.folder / "lab", endurance=True))
         return self
 
     def __exit__(self, *_):

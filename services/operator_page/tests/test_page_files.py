@@ -101,7 +101,7 @@ def test_a_campaign_is_checked_by_the_models_of_the_command_line_and_saved_as_it
     read = client.get("/api/campaign_files/file/mine")[1]["document"]
     assert read["target"]["file"] == found["file"]
     assert client.post("/api/campaign_files", {"document": read, "save": True})[1]["error"].startswith(
-        "There is a campaign 'mine' already"
+        "There is a file 'mine' already"
     )
     assert client.post("/api/campaign_files", {"document": read, "save": True, "replace": True})[0] == 200
 

@@ -19,6 +19,7 @@ READS = (
     f"/api/rigs/{RIG}",
     f"/api/rigs/{RIG}/template",
     "/api/recordings",
+    "/api/schedules",
 )
 DECISION = {"kind": "play", "proposal": 1, "reason": "x"}
 # Of each command: values, and what an operator gets: 200, or a refusal by the lab, which is no refusal of a role.
@@ -38,6 +39,12 @@ COMMANDS = {
     "/api/target_preview": ({"document": {}}, 400),
     "/api/uploads/none.rsp": ({}, 400),
     "/api/recordings/none/verify": ({}, 400),
+    "/api/schedules": ({"document": {}}, 400),
+    "/api/endurance": ({"name": "none"}, 409),
+    "/api/endurance/none/hold": ({"reason": "x"}, 409),
+    "/api/endurance/none/decide": ({"kind": "continue", "hold": 1, "reason": "x"}, 409),
+    "/api/endurance/none/stop": ({"reason": "x"}, 409),
+    "/api/endurance/none/resume": ({}, 409),
 }
 
 
@@ -78,13 +85,11 @@ def test_a_viewer_sees_all_and_does_nothing(signed_in):
 
 
 def test_every_command_is_in_the_table_and_an_operator_gets_to_the_lab(page_lab, signed_in):
+    from operator_page.config import PageConfig
     from operator_page.server import PageServer
 
-    class NoLab(PageServer):
-        def __init__(self):
-            pass
-
-    commands = {each.path for each in NoLab()._endpoints() if each.method == "POST" and each.role == "operator"}
+    server = PageServer(lab=None, view=None, commands=None, config=PageConfig(), accounts=None)
+    commands = {each.path for each in server.endpoints if each.method == "POST" and each.role == "operator"}
     tried = {path.replace(RIG, "{rig}").replace("none.rsp", "{name}").replace("none", "{id}") for path in COMMANDS}
     assert commands - tried == set()
     operator = signed_in["Ada"]
@@ -275,13 +280,28 @@ def test_a_campaign_is_begun_held_and_ended_and_its_record_says_by_whom(page_lab
     assert max(value for value in target["high"][0] if value is not None) == pytest.approx(
         (written - line)[0].max(), rel=1e-3
     )
-    decision = {"kind": "end", "proposal": 1, "reason": "enough"}
-    assert grace.act("/api/campaigns/asked/decide", decision)[1]["field"] == "holder"
-    assert ada.act("/api/campaigns/asked/decide", {**decision, "proposal": 2})[0] == 409
+    first = ada.get("/api/campaigns/asked/proposal")[1]
+    assert first["last_drive"] is None
+    assert [one["name"] for one in first["predicted"]["channels"]] == [one["name"] for one in target["channels"]]
+    decision = {"kind": "end", "proposal": 2, "reason": "enough"}
+    assert grace.act("/api/campaigns/asked/decide", {**decision, "proposal": 1})[1]["field"] == "holder"
+    assert ada.act("/api/campaigns/asked/decide", decision)[0] == 409
+    assert ada.act("/api/campaigns/asked/decide", {"kind": "play", "proposal": 1, "reason": "on"})[0] == 200
+    ada.wait_for(lambda lab: any(one["hold"] and one["hold"]["number"] == 2 for one in lab["campaigns"]))
+    # What was proposed first was played, and the next drive lies over it.
+    second = ada.get("/api/campaigns/asked/proposal")[1]
+    assert (second["last_drive"]["low"], second["last_drive"]["high"]) == (
+        first["drive"]["low"],
+        first["drive"]["high"],
+    )
+    assert second["drive"]["low"] != first["drive"]["low"]
     assert ada.act("/api/campaigns/asked/decide", decision)[0] == 200
     ada.wait_for(lambda lab: all(one["ended"] for one in lab["campaigns"]))
     recording = duralab.open(page_lab.lab.catalogue.fetch("asked", page_lab.folder / "asked"))
-    assert [(each.name, each.reason) for each in recording.decisions] == [("Ada", "enough")]
+    assert [(each.name, each.reason) for each in recording.decisions] == [
+        ("Ada", "on"),
+        ("Ada", "enough"),
+    ]
     assert recording.specification.scenario.startswith("# Begun at the operator page by Ada.\n")
     with pytest.raises(duralab.InputError):
         page_lab.lab.catalogue.fetch("nowhere", page_lab.folder / "nowhere")

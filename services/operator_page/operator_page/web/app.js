@@ -2,10 +2,11 @@
 "use strict";
 import { changed, html, isOperator, refresh, say, signIn, signInByCertificate, signOut, state, stop, useEffect, useLab, useState } from "/web/lab.js";
 import { LabScreen, RigScreen, RunScreen } from "/web/screens.js";
+import { EnduranceScreen } from "/web/endurance.js";
 import { NewTestScreen } from "/web/new_test.js";
 import { RecordingsScreen } from "/web/recordings.js";
 
-const SCREENS = [["lab", "Lab", LabScreen], ["rig", "Rig", RigScreen], ["run", "Run", RunScreen], ["new", "New test", NewTestScreen], ["recordings", "Recordings", RecordingsScreen]];
+const SCREENS = [["lab", "Lab", LabScreen], ["rig", "Rig", RigScreen], ["run", "Run", RunScreen], ["endurance", "Endurance", EnduranceScreen], ["new", "New test", NewTestScreen], ["recordings", "Recordings", RecordingsScreen]];
 
 function here() {
   return SCREENS.find(([key]) => `#${key}` === location.hash) || SCREENS[0];
@@ -84,7 +85,7 @@ function Page() {
 
 const system = matchMedia("(prefers-color-scheme: dark)");
 const dark = () => (state.theme ? state.theme === "dark" : system.matches);
-system.addEventListener("change", () => { state.system = system.matches; changed(); });
+system.addEventListener("change", changed);
 
 if (state.theme) document.documentElement.dataset.theme = state.theme;
 addEventListener("error", (event) => say(`The page failed: ${event.message}. Reload it.`, true));

@@ -128,7 +128,7 @@ function listen() {
   });
 }
 
-const busiest = (document) => (document.campaigns.find((one) => !one.ended) || document.rigs.find((one) => one.run) || {}).rig;
+const busiest = (document) => (document.campaigns.find((one) => !one.ended) || document.endurance.find((one) => !one.ended) || document.rigs.find((one) => one.run) || {}).rig;
 
 function setLive(live) {
   if (state.live !== live) { state.live = live; changed(); }

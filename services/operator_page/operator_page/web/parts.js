@@ -1,8 +1,14 @@
 // Parts that several screens use: a motion in two acts, a state with its age, tables of figures, plots.
 "use strict";
-import { act, arm, attempt, html, mayMove, say, state, useEffect, useRef, useState } from "/web/lab.js";
+import { act, arm, attempt, html, mayMove, say, useEffect, useRef, useState } from "/web/lab.js";
 
-export const figure = (value, digits = 3) => (value === null || value === undefined ? "–" : Number(value.toPrecision(digits)).toString());
+export function figure(value, digits = 3) {
+  if (value === null || value === undefined) return "–";
+  const short = Number(value.toPrecision(digits));
+  return Math.abs(short) >= 1e6 ? short.toExponential() : short.toString();
+}
+
+export const sentence = (words) => `${words.slice(0, 1).toUpperCase()}${words.slice(1)}`;
 export const share = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(0)} %`);
 export const clock = (when) => new Date(1000 * when).toLocaleTimeString([], { hour12: false });
 
@@ -78,25 +84,28 @@ export function curve(low, high, step) {
 export function Plot({ title, unit, curves, changes, height = 130, xLabel = "s" }) {
   const place = useRef(null);
   const plot = useRef(null);
+  // Of the look now: a plot is drawn again where the page becomes light or dark.
+  const look = colour("--text");
   useEffect(() => {
     const names = curves.map((one) => one.name);
     const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") }, font: "11px system-ui" };
     const made = new self.uPlot({
       width: place.current.clientWidth || 300, height, legend: { show: false }, cursor: { show: false }, pxAlign: false,
       scales: { x: { time: false } },
-      axes: [{ ...axis, size: 24, incrs: xLabel === "s" ? undefined : [1, 2, 5, 10] }, { ...axis, size: 58 }],
-      series: [{}, ...curves.map((one, i) => ({ label: names[i], stroke: colour(one.colour), width: one.width || 1, dash: one.dash, spanGaps: true, points: { show: false } }))],
+      axes: [{ ...axis, size: 24, incrs: xLabel === "s" ? undefined : [1, 2, 5].flatMap((one) => [0, 1, 2, 3, 4, 5, 6].map((power) => one * 10 ** power)).sort((a, b) => a - b) }, { ...axis, size: 58 }],
+      series: [{}, ...curves.map((one, i) => ({ label: names[i], stroke: one.marks ? "transparent" : colour(one.colour), width: one.width || 1, dash: one.dash, spanGaps: true,
+        points: one.marks ? { show: true, size: 9, width: 2, stroke: colour(one.colour) } : one.points ? { show: true, size: 4, stroke: colour(one.colour), fill: colour(one.colour) } : { show: false } }))],
     }, [[], ...curves.map(() => [])], place.current);
     plot.current = made;
     const fit = new ResizeObserver(() => made.setSize({ width: place.current ? place.current.clientWidth || 300 : 300, height }));
     fit.observe(place.current);
     return () => { fit.disconnect(); made.destroy(); plot.current = null; };
-  }, [title, state.theme, state.system, curves.map((one) => one.name).join()]);
+  }, [title, look, curves.map((one) => one.name).join()]);
   useEffect(() => {
     if (!plot.current) return;
     const joined = curves.length > 1 ? self.uPlot.join(curves.map((one) => one.data)) : curves[0].data;
     plot.current.setData(joined);
-  }, [changes, title, state.theme, state.system]);
+  }, [changes, title, look]);
   const words = `${title}: ${curves.map((one) => one.name).join(", ")}`;
   return html`<figure class="plot"><figcaption>${title} <span class="unit">[${unit} over ${xLabel}]</span></figcaption>
     <div ref=${place} role="img" aria-label=${words}></div></figure>`;

@@ -12,6 +12,7 @@ export function LabScreen() {
   return html`<h1>Lab</h1>
     <div class="cards">${lab.rigs.map((rig) => {
       const campaign = lab.campaigns.find((one) => one.rig === rig.name && !one.ended);
+      const test = lab.endurance.find((one) => one.rig === rig.name && !one.ended);
       return html`<article class="card" key=${rig.name}><h2><a href="#rig" onClick=${choose(rig.name, "rig")}>${rig.name}</a></h2>
         <p><${Mode} rig=${rig} /></p>
         ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
@@ -20,6 +21,8 @@ export function LabScreen() {
         ${rig.waiting && html`<p>Being made ready: ${rig.waiting}.</p>`}
         ${campaign && html`<p><a href="#run" onClick=${choose(rig.name, "run")}>${campaign.id}</a>: ${campaign.activity}, ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}</p>
           ${campaign.hold && html`<p class="notice">Waits for a decision.</p>`}`}
+        ${test && html`<p><a href="#endurance" onClick=${choose(rig.name, "endurance")}>${test.id}</a>: ${test.phase}, ${test.played} of ${test.repeats} repeats${test.remaining ? `, ${span(test.remaining)} left` : ""}${test.alarms ? `, ${test.alarms} alarms` : ""}</p>
+          ${test.hold > 0 && html`<p class="notice">Waits for a decision.</p>`}`}
       </article>`;
     })}</div>
     ${lab.rigs.length === 0 && html`<p class="notice">There is no rig in this lab.</p>`}
@@ -152,8 +155,8 @@ function Hold({ campaign }) {
   const [low, setLow] = useState("");
   const [high, setHigh] = useState("");
   const [from, setFrom] = useState(String(Math.max(1, hold.follows)));
-  const [drive, setDrive] = useState(null);
-  useEffect(() => { attempt(async () => setDrive((await get(`/api/campaigns/${campaign.id}/proposal`)).drive)); }, []);
+  const [curves, setCurves] = useState(null);
+  useEffect(() => { attempt(async () => setCurves(await get(`/api/campaigns/${campaign.id}/proposal`))); }, []);
   const band = { ...(low && { lowest_frequency: Number(low) }), ...(high && { highest_frequency: Number(high) }) };
   const settings = { ...(gain && { update: { iteration_gain: Number(gain) } }), ...((low || high) && { control_band: band }) };
   const values = { kind, proposal: hold.number, reason: reason.trim(), ...(kind === "change" && { settings }), ...(kind === "back" && { from_iteration: Number(from) }) };
@@ -167,15 +170,36 @@ function Hold({ campaign }) {
       rows=${hold.drives.map((one) => [one.channel, figure(one.peak), html`${share(one.range_share)} <meter min="0" max="1" high="0.9" value=${one.range_share} aria-label=${`share of the range of ${one.channel}`}></meter>`, figure(one.slew), one.slew_share ? share(one.slew_share) : "–", share(one.change)])} />
     <${Table} caption="Prediction" heads=${["response", "error", "peak", "damage", "uncertainty"]}
       rows=${hold.responses.map((one) => [one.channel, figure(one.error), figure(one.peak), figure(one.damage), one.uncertainty === null ? "unknown" : `± ${figure(one.uncertainty)}`])} /></div>
-    <details><summary>The drive as curves</summary>${drive && html`<div class="plots">${drive.channels.map((channel, row) => html`<${Plot} title=${channel.name} unit=${channel.unit} changes="1"
-      curves=${[{ name: "next drive", colour: "--response", data: curve(drive.low[row], drive.high[row], drive.bucket_seconds) }]} />`)}</div>`}</details>
     ${isOperator() && html`<form onSubmit=${(event) => event.preventDefault()}>
       <fieldset><legend>Decision</legend>${KINDS.map(([one, words]) => html`<label class="choice"><input type="radio" name="decision" value=${one} checked=${kind === one} onChange=${() => setKind(one)} /> ${words}</label>`)}</fieldset>
       ${kind === "change" && html`<div class="row"><label>Iteration gain, 0 to 1 <input name="gain" inputmode="decimal" value=${gain} onInput=${(event) => setGain(event.target.value)} /></label>
         <label>Control band from, Hz <input inputmode="decimal" value=${low} onInput=${(event) => setLow(event.target.value)} /></label>
         <label>to, Hz <input inputmode="decimal" value=${high} onInput=${(event) => setHigh(event.target.value)} /></label></div>`}
       ${kind === "back" && html`<label>Playback to make the next drive from <input name="from" inputmode="numeric" value=${from} onInput=${(event) => setFrom(event.target.value)} /></label>`}
-      <div class="row"><label>Reason, kept in the recording <input name="reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
+      <div class="row"><label>Reason, kept in the recording <input class="reason-field" name="reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
       <${Deliberate} label=${label} action=${`/api/campaigns/${campaign.id}/decide`} values=${values} ready=${ready} /></div></form>`}
+    ${!curves ? html`<p role="status">Reading the drive and the prediction …</p>` : html`<${Foreseen} campaign=${campaign} curves=${curves} />`}
   </section>`;
+}
+
+// The next drive over the last one, and the predicted response over the target.
+function Foreseen({ campaign, curves }) {
+  const { drive, last_drive: last, predicted } = curves;
+  const { hold } = campaign;
+  const target = targetOf(campaign.id);
+  const about = described(state.rig);
+  if (!drive) return null;
+  const drawn = (name, colour, from, row, width) => ({ name, colour, width, data: curve(from.low[row], from.high[row], from.bucket_seconds) });
+  return html`<details open><summary>Next drive${last ? ` over that of playback ${hold.follows}` : ""}</summary>
+      ${hold.follows > 0 && !last && html`<p>No samples of playback ${hold.follows} are recorded, so that its drive is not drawn.</p>`}
+      <${Legend} curves=${[...(last ? [[`drive of playback ${hold.follows}`, "target"]] : []), ["next drive", "response"]]} />
+      <div class="plots">${drive.channels.map((channel, row) => html`<${Plot} key=${channel.name} title=${`${channel.name}${hold.drives[row] && last ? `, change ${share(hold.drives[row].change)}` : ""}`} unit=${channel.unit} changes=${`${hold.number} ${Boolean(last)}`}
+        curves=${[...(last ? [drawn("last drive", "--target", last, row, 2)] : []), drawn("next drive", "--response", drive, row, 1)]} />`)}</div></details>
+    ${predicted && target && about && html`<details open><summary>Predicted response over the target</summary>
+      <${Legend} curves=${[["target, without its static part", "target"], ["predicted, in the control band", "response"]]} />
+      <div class="plots">${hold.responses.map((one, row) => {
+        const place = about.responses.findIndex((channel) => channel.name === one.channel);
+        return html`<${Plot} key=${one.channel} title=${`${one.channel}: error ${figure(one.error)}, damage ${figure(one.damage)}`} unit=${about.responses[place] ? about.responses[place].unit : ""} changes=${hold.number}
+          curves=${[drawn("target", "--target", target, place, 2), drawn("predicted", "--response", predicted, row, 1)]} />`;
+      })}</div></details>`}`;
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Browser, browser_program
-from page_lab import PASSWORDS, RIG, Client, PageLab, campaign, write_target
+from page_lab import PASSWORDS, RIG, Client, PageLab, campaign, schedule, write_target
 from PIL import Image
 
 import duralab
@@ -144,6 +144,7 @@ def served(lab, request):
     page = lab.page(request.node.name[:40])
     yield page
     page.close()
+    lab.rig.cracked = False
     if lab.lab.state(RIG).mode is duralab.RigMode.INTERLOCKED:
         lab.lab.reset(RIG)
 
@@ -271,6 +272,69 @@ def test_the_keyboard_alone_begins_decides_and_stops(lab, served, browser):
     page.wait_for_text("interlocked", "h1 .mode", 5.0)
 
 
+BEGIN_ENDURANCE = "section[aria-label='Begin an endurance test']"
+
+
+def test_an_endurance_test_is_begun_held_gone_on_with_and_stopped(lab, served, browser):
+    lab.put_schedule(served, schedule("by-mouse"))
+    page = Page(browser, served.address)
+    page.go("endurance")
+    page.choose("select[name=schedule]", "by-mouse")
+    page.wait_for_text("1800 repeats on linear")
+    page.choose("select[name=pace]", "real")
+    page.deliberate(BEGIN_ENDURANCE)
+    page.wait_for_text("playing", "h1 .mode")
+    page.wait("document.querySelectorAll('section[aria-label=Trends] canvas').length === 2")
+    page.write("input[name=hold-reason]", "a look")
+    page.deliberate(".acting")
+    page.wait("document.querySelector('.hold')")
+    page.wait_for_text("a look (local operator, at the operator page)", ".hold")
+    page.write(".hold input[name=reason]", "looked")
+    page.deliberate(".hold")
+    page.wait("!document.querySelector('.hold')")
+    page.wait_for_text("looked", "section .scroll[aria-label=Decisions], .scroll[aria-label=Decisions]")
+    page.write("input[name=hold-reason]", "seen enough")
+    page.deliberate(".acting .deliberate:last-child")
+    page.wait_for_text("stopped", "h1 .mode")
+    assert page.value("wrong") == []
+    progress = lab.lab.endurance("by-mouse").progress()
+    assert progress.phase == "stopped"
+    assert "seen enough (local operator, at the operator page)" in progress.reason
+
+
+def test_the_keyboard_alone_begins_holds_goes_on_with_and_stops_an_endurance_test(lab, served, browser):
+    lab.put_schedule(served, schedule("by-keyboard"))
+    page = Page(browser, served.address)
+    page.wait_for_text("live")
+
+    def tab_and_do(ready: str) -> None:
+        page.wait(f"!document.querySelector({json.dumps(ready)}).disabled")
+        page.key("Tab", windowsVirtualKeyCode=9)
+        page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+        page.wait("document.activeElement.className.includes('go')")
+        page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+
+    def say(field: str, words: str) -> None:
+        page.wait(f"document.querySelector({json.dumps(field)})")
+        page.value(f"document.querySelector({json.dumps(field)}).focus()")
+        browser.call("Input.insertText", text=words)
+
+    page.key("4", text="4")
+    page.choose("select[name=schedule]", "by-keyboard")
+    page.choose("select[name=pace]", "real")
+    page.value("document.querySelector('select[name=pace]').focus()")
+    tab_and_do(f"{BEGIN_ENDURANCE} .arm")
+    say("input[name=hold-reason]", "a look")
+    tab_and_do(".acting .arm")
+    say(".hold input[name=reason]", "looked")
+    tab_and_do(".hold .arm")
+    page.wait("!document.querySelector('.hold')")
+    page.wait_for_text("playing", "h1 .mode")
+    page.key("F9", windowsVirtualKeyCode=120)
+    page.wait_for_text("stopped", "h1 .mode")
+    assert lab.lab.endurance("by-keyboard").progress().phase == "stopped"
+
+
 def test_one_act_moves_nothing_and_an_armed_one_is_disarmed_by_itself(lab, served, browser):
     lab.put_campaign(served, campaign("armed"))
     page = Page(browser, served.address)
@@ -348,7 +412,7 @@ def test_a_viewer_signs_in_sees_the_rig_and_has_no_button_that_moves_it(lab, bro
     page.click("form button")
     page.wait_for_text("Vera (viewer)")
     page.wait_for_text("You watch only.")
-    for screen in ("lab", "rig", "run", "new", "recordings"):
+    for screen in ("lab", "rig", "run", "endurance", "new", "recordings"):
         page.go(screen)
         page.wait("document.querySelector('main h1')")
         assert page.value("document.querySelectorAll('#stop, .arm, .go').length") == 0
@@ -406,3 +470,25 @@ def test_no_screen_breaks_a_rule_of_accessibility(lab, served, browser, theme):
             found[screen] = broken
     client.post(f"/api/rigs/{RIG}/stop")
     assert found == {}
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_an_endurance_test_that_waits_breaks_no_rule_of_accessibility(lab, served, browser, theme):
+    name = f"seen-{theme}"
+    lab.put_schedule(served, schedule(name))
+    client = Client(served.address)
+    assert client.act("/api/endurance", {"name": name})[0] == 200
+    client.wait_for(lambda seen: any(one["read"] >= 12 for one in seen["endurance"] if one["id"] == name))
+    lab.rig.cracked = True
+    client.wait_for(lambda seen: any(one["hold_alarms"] for one in seen["endurance"] if one["id"] == name))
+    page = Page(browser, served.address, theme=theme)
+    page.go("endurance")
+    page.wait("document.querySelectorAll('section[aria-label=Trends] canvas').length === 2")
+    page.wait("document.querySelector('.level')")
+    page.value(f"{AXE}; 0")
+    broken = page.value(
+        f"axe.run(document, {json.dumps(RULES)}).then((r) => r.violations.map((v) => [v.id, v.nodes[0].html]))"
+    )
+    client.post(f"/api/rigs/{RIG}/stop")
+    assert broken == []
+    client.wait_for(lambda seen: all(one["ended"] for one in seen["endurance"]))
