@@ -15,10 +15,13 @@ export PYTHON
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
 	algorithms_on_random_plants reachable_floor \
 	sensitivity braking_and_non_square input_side_errors stiff_rig detection_of_wear rig_data_sheet rig_drawing rig_wear actuator_tuning aerospace_and_full_vehicle
-CHECKS := format lint types imports generated contract docs determinism
+# Every dependency at work: files, settings, the bus, each service's core, and campaigns from file to report.
+LOWEST := libs/settings libs/bus/tests libs/loads services/recorder/tests/test_mcap_log.py services/operator_page/tests/test_accounts.py \
+	$(addprefix duralab/tests/test_,formats.py foreign_files.py report.py command_line.py certificates.py) tests/test_whole_campaign.py
+CHECKS := format lint types imports generated contract changelog docs determinism
 
 .DEFAULT_GOAL := help
-.PHONY: help setup install demo demo-real bench faults endurance multihost security-table audit sbom studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
+.PHONY: help setup install demo demo-real bench faults endurance multihost security-table audit sbom dist lowest studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
@@ -56,6 +59,12 @@ sbom: setup ## write the bill of materials of what is installed, CycloneDX with 
 	@mkdir -p out
 	@$(BIN)/cyclonedx-py environment --output-reproducible --of JSON --output-file out/sbom.cdx.json $(BIN)/python
 
+dist: setup ## build wheels and sdists of all distributions into dist/, try them in empty environments on each Python here (ARGS=--build-only)
+	@$(BIN)/python scripts/dist.py $(ARGS)
+
+lowest: setup ## install the lowest version of each dependency that is allowed, and run the tests that use them all
+	@scripts/lowest.sh $(LOWEST)
+
 multihost: setup ## the secured lab on four hosts (network namespaces): cables cut, slowed, the router killed; needs root
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.multihost $(ARGS)
 
@@ -89,7 +98,7 @@ coverage: setup ## measure which lines of the pure cores unit tests run; less th
 mutation: setup ## change one thing at a time in estimators, updates and the RPC III codec, and name what no test notices
 	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/mutation.py $(ARGS)
 
-check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, docs, determinism
+check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, changelog, docs, determinism
 
 check-format: setup
 	@$(BIN)/ruff format --quiet --check . || { echo "Run: make format" >&2; exit 1; }
@@ -111,6 +120,9 @@ check-generated: setup
 check-contract: setup
 	@$(BIN)/python proto/check_breaking.py
 
+check-changelog: setup ## BASE=main: the branch that the changes go into
+	@$(BIN)/python scripts/changelog.py
+
 check-docs: docs
 
 check-determinism: setup ## two campaigns with one seed give the same bytes of drive and response
@@ -129,5 +141,5 @@ format: setup ## format and mend what ruff can
 	@$(BIN)/ruff format --quiet .
 
 clean: ## remove .venv, tools, results and caches
-	@rm -rf .venv .lab .tools out examples/bare_zenoh/rust/target .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
+	@rm -rf .venv .lab .tools out dist examples/bare_zenoh/rust/target .pytest_cache .ruff_cache .import_linter_cache .hypothesis .numba_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

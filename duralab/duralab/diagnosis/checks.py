@@ -85,7 +85,7 @@ def check_services(is_installed: Callable[[str], bool], *, executable: str) -> F
         return problem(
             "services",
             f"{executable} has no {', '.join(missing)}: `duralab up` starts its services with this Python.",
-            "Use the Python of the environment that has the whole lab (`make setup` makes .venv), or install it there.",
+            "Install them with `pip install 'duralab[lab]'`, or use the Python of an environment that has the lab.",
         )
     return fine("services", f"{', '.join(SERVICES)} are installed")
 

@@ -16,7 +16,7 @@ from typing import Final, Self
 import yaml
 
 from duralab.errors import InputError, LabError
-from duralab.processes.supervisor import close_quietly, describe_exit, last_lines
+from duralab.processes.supervisor import close_quietly, describe_exit, last_lines, require_services
 from duralab.processes.viewer import require_free_port
 
 PAGE_PORT: Final = 7480
@@ -36,6 +36,7 @@ class OperatorPage:
     """
 
     def __init__(self, endpoint: str, *, folder: Path, log: Path, port: int = 0, viewer: str | None = None) -> None:
+        require_services("operator_page")
         self._port = require_free_port(port, option="--page-port")
         self._log = log
         self._configs = Path(tempfile.mkdtemp(prefix="duralab-page-"))

@@ -68,13 +68,14 @@ def is_recording(file: Path) -> bool:
 
 def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
     """Write the live view of a recording; `tell` gets a sentence where the view ends before the recording's end."""
-    from duralab.processes.supervisor import last_lines
+    from duralab.processes.supervisor import last_lines, require_services
     from duralab.recording import RecordingFiles
 
     file = RecordingFiles(recording)
     if not file.whole:
         tell(f"{recording} was never finished; it is shown as far as it is whole.")
     said = target.with_suffix(".log")
+    require_services("recorder")
     # A process of its own: the SDK imports no service, and Rerun keeps what it took.
     with said.open("wb") as log:
         code = subprocess.run(
@@ -96,6 +97,9 @@ def findings_of(recording: Path) -> list[str]:
     """Read a recording from end to end and return what is wrong with it, a sentence each."""
     if not is_recording(recording):
         raise InputError(f"{recording} is a live view; give the recording.mcap beside it.")
+    from duralab.processes.supervisor import require_services
+
+    require_services("recorder")
     # A process of its own: the SDK imports no service.
     done = subprocess.run(
         [sys.executable, "-m", "recorder.verify_file", str(recording)],

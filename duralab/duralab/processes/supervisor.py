@@ -13,6 +13,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Final, Self
@@ -31,6 +32,9 @@ END_SECONDS: Final = 3.5
 
 LOG_LINES: Final = 3
 """Last lines of a log that stand in an error."""
+
+LAB_EXTRA: Final = "pip install 'duralab[lab]'"
+"""Command that installs everything that runs a lab; `duralab` alone is a client of labs that run already."""
 
 # A campaign's matrices are small: threads of BLAS took five times the processor's time waiting for one another, and
 # sums in another order differ in their last bits. Who sets it otherwise is obeyed.
@@ -56,6 +60,16 @@ class ServicePlan:
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
+def require_services(*names: str) -> None:
+    """Check that this Python has the services that are about to be started; LabError with the command otherwise."""
+    missing = [name for name in names if find_spec(name) is None]
+    if missing:
+        raise LabError(
+            f"This Python, {sys.executable}, has no {', '.join(missing)}, which a lab on this machine needs; install "
+            f"the services with {LAB_EXTRA}, or name a lab that runs already with --connect."
+        )
+
+
 def lab_services(
     *,
     rigs: Sequence[str],
@@ -69,9 +83,9 @@ def lab_services(
     """Return the services of a lab in the order of their start; the recorder comes last, and ends last.
 
     `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes what a
-    viewer would show. `endurance`: Whether a sequencer is among them.
+    viewer would show. `endurance`: Whether a sequencer is among them. LabError if one of them is not installed.
     """
-    return (
+    plans = (
         ServicePlan(
             "rig_sim",
             instances=(*rigs, *specimens),
@@ -91,6 +105,8 @@ def lab_services(
             "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
         ),
     )
+    require_services(*(plan.name for plan in plans))
+    return plans
 
 
 class Supervisor:

@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from duralab.errors import InputError, LabError
 from duralab.near_files import did_you_mean
-from duralab.processes.supervisor import close_quietly, describe_exit, last_lines
+from duralab.processes.supervisor import LAB_EXTRA, close_quietly, describe_exit, last_lines
 
 GRPC_PORT: Final = 9876
 WEB_PORT: Final = 9090
@@ -130,7 +130,7 @@ def viewer_program() -> Path:
         for name in ("rerun", "Rerun.app/Contents/MacOS/Rerun", "rerun.exe"):
             if (Path(folder) / name).is_file():
                 return Path(folder) / name
-    raise InputError("The Rerun viewer is not installed here; install the package rerun-sdk, or leave --view out.")
+    raise InputError(f"The Rerun viewer is not installed here; install it with {LAB_EXTRA}, or leave --view out.")
 
 
 def has_display() -> bool:
