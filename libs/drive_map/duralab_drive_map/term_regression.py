@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from duralab_drive_map.frf_model import FrfModel
 from duralab_drive_map.map_terms import COEFFICIENTS, powers_of_frequency
@@ -111,6 +110,9 @@ def cut_record(
 def model_at(frequency: NDArray[np.float64], model: FrfModel) -> NDArray[np.complex128]:
     """Return a model's FRF at other lines of its identified band."""
     known = model.frequency[model.identified]
+    # It takes half a second to import, and a service shall start at once.
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
 
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import median_filter
 
 from duralab_spectra import as_record
 
@@ -86,6 +84,9 @@ def remove_spikes(samples: ArrayLike, *, longest: int, threshold: float = 10.0) 
             good = np.ones(values.size, dtype=bool)
             for start, end, _ in spikes:
                 good[start:end] = False
+            # It takes half a second to import, and a service that mends no record shall start at once.
+            from scipy.interpolate import PchipInterpolator
+
             time = np.arange(values.size, dtype=np.float64)
             result[row, ~good] = PchipInterpolator(time[good], values[good])(time[~good])
     return Despiked(
@@ -125,6 +126,8 @@ def _usual(curvature: NDArray[np.float64], *, longest: int) -> NDArray[np.float6
     On its livelier side, because a load that begins is quiet before its first peak; and never less than where the
     record moves at all, because rest tells nothing about spikes. A spike itself fills less than half of a window.
     """
+    from scipy.ndimage import median_filter
+
     window = _WINDOW * longest + 1
     around = median_filter(curvature, size=window, mode="nearest")
     aside = window // 2 + 2 * (longest + 1)

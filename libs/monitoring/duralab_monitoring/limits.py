@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from duralab_monitoring.alarms import Alarm, AlarmKind, AlarmLevel
 from duralab_monitoring.repeat_statistics import COLUMNS
@@ -27,7 +27,7 @@ class StatisticLimits:
     ) -> None:
         self._channels, self._levels = tuple(channels), settings.learnt_limits
         self._exponent, self._repeats = float(settings.damage_exponent), settings.baseline_repeats
-        self._quantile = float(t.isf(probability, self._repeats - 1))
+        self._quantile = -float(stdtrit(self._repeats - 1, probability))
         #: Lowest and highest value by level, shape (2, 2, channels, columns).
         self._bounds = np.empty((2, 2, len(channels), len(COLUMNS)))
         self._bounds[:, 0], self._bounds[:, 1] = -np.inf, np.inf

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import lsq_linear
 
 from duralab_schedules.schedule import MOST_REPEATS, ScheduleError
 
@@ -105,6 +104,9 @@ def _bounded_least_squares(
     if free.size:
         # Columns of norm 1: repeats of events differ by decades.
         norms = np.linalg.norm(shares[:, free], axis=0)
+        # It takes half a second to import, and a service that designs no schedule shall start at once.
+        from scipy.optimize import lsq_linear
+
         solved = lsq_linear(
             shares[:, free] / norms,
             1.0 - shares @ low,

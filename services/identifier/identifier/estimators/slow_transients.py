@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 SMALLEST_RATIO = 1.2
 """Energy of the difference of two periods over that of the next, on the second half of each: noise alone has 1."""
@@ -55,4 +55,4 @@ def _beyond_chance(earlier: NDArray[np.float64], later: NDArray[np.float64]) -> 
     shrinking = np.log(np.divide(earlier, later, out=np.ones_like(earlier), where=known))
     captures = shrinking.shape[0]
     error = np.std(shrinking, axis=0, ddof=1) / np.sqrt(captures)
-    return np.mean(shrinking, axis=0) > stats.t.ppf(1.0 - CHANCE, captures - 1) * error
+    return np.mean(shrinking, axis=0) > stdtrit(captures - 1, 1.0 - CHANCE) * error

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from duralab_spectra import line_frequencies
 
@@ -103,4 +102,7 @@ class ValidBand:
         position = np.clip(frequency * (self.block_samples / self.sample_rate), held[0], held[-1])
         if held.size == 1:
             return frf[np.full(position.size, held[0])]
+        # It takes half a second to import, and a service shall start at once.
+        from scipy.interpolate import CubicSpline
+
         return np.asarray(CubicSpline(held, frf[held], axis=0)(position), dtype=np.complex128)

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 _TERMS: Final = 4
 # Their powers and products stay in the second cache together.
@@ -25,6 +24,9 @@ class InterpolatedMatrix:
     """
 
     def __init__(self, known: NDArray[np.float64], matrix: NDArray[np.complex128], *, at: NDArray[np.float64]) -> None:
+        # It takes half a second to import, and a service shall start at once.
+        from scipy.interpolate import CubicSpline
+
         spline = CubicSpline(known, matrix, axis=0)
         pieces, self._n_out, self._n_in = spline.c.shape[1:]
         coefficients = np.ascontiguousarray(spline.c.transpose(1, 2, 0, 3))

@@ -4,6 +4,7 @@ Write a model once with operators and the functions of :mod:`rig_sim.compile.num
 it, and compiled to play it.
 """
 
+from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model
 from rig_sim.compile.compiled_model import CompiledModel, Playback
 from rig_sim.compile.integrate import Method, amplification
 from rig_sim.compile.model import compile_model, trace_model
@@ -24,6 +25,7 @@ from rig_sim.compile.numeric import (
 from rig_sim.compile.tracing import Graph
 
 __all__ = [
+    "FOLDER_VARIABLE",
     "CompiledModel",
     "Graph",
     "Method",
@@ -32,6 +34,7 @@ __all__ = [
     "amplification",
     "asin",
     "atan2",
+    "cached_model",
     "clamp",
     "compile_model",
     "cos",

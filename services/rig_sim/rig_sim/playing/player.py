@@ -13,7 +13,7 @@ import numpy as np
 
 from duralab_gateway.motion import Block, RigFaultError, Use, Watchdog, when
 from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
-from rig_sim.compile import CompiledModel, compile_model
+from rig_sim.compile import CompiledModel, cached_model, compile_model
 from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
 from rig_sim.hydraulics import HydraulicActuator
 from rig_sim.model import RigModel, assemble
@@ -319,9 +319,14 @@ def load_rig(
     except ValueError as error:
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
     model = RigModel(assemble(specimen, tree))
-    compiled = compile_model(
-        model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
+    files = (sdf, *document_files(path))
+    compiled = cached_model(
+        content_hash(files, faults),
+        lambda: compile_model(
+            model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
+        ),
     )
+    # Also of code that was compiled before: what is on a disk may be anything.
     proof = prove(model, compiled, plant)
     still = np.zeros(len(model.input_names))
     rest = _checked_rest(model, compiled, still, engine)
@@ -331,7 +336,6 @@ def load_rig(
         lost = lost_inputs(model, lost_by(model.assembly.wearing, failed))
         _checked_rest(model, compiled, np.concatenate([still[: len(model.drive_names)], lost]), engine)
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
-    files = (sdf, *document_files(path))
     followed = [element.name for element in model.assembly.elements if isinstance(element, HydraulicActuator)]
     player = DrakeEngine(model, plant, engine) if engine.engine is Engine.DRAKE else compiled
     return Rig(

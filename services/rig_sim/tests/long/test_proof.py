@@ -5,7 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rig_sim import load_any_rig
 from rig_sim.checks.proof import ProofError, drake_answers, prove, random_state
+from rig_sim.compile import FOLDER_VARIABLE
 from rig_sim.compile.model import compile_model
 from rig_sim.model.assembly import assemble
 from rig_sim.model.rig_model import RigModel
@@ -115,3 +117,20 @@ def test_compiled_code_that_differs_in_the_hydraulics_does_not_start(front_axle)
     )
     with pytest.raises(ProofError, match=r"plain numpy at 'left_vertical state 1'|plain numpy at 'right_vertical"):
         prove(front_axle.model, compiled(other), plant)
+
+
+def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
+    """The folder of kept code holds two rigs with the same names of states; their files are exchanged."""
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "code"))
+    names = ("front_axle", "front_axle_compliant")
+    files = []
+    for name in names:
+        load_any_rig(shipped_specimens()[name])
+        (new,) = set((tmp_path / "code").iterdir()) - set(files)
+        files.append(new)
+    contents = [file.read_bytes() for file in files]
+    for file, content in zip(files, reversed(contents), strict=True):
+        file.write_bytes(content)
+    for name in names:
+        with pytest.raises(ProofError, match="must not play"):
+            load_any_rig(shipped_specimens()[name])

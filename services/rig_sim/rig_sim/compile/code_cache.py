@@ -1,0 +1,149 @@
+"""Machine code of compiled models on disk, so that a rig that was compiled before is there at once.
+
+A file is named after all that decides the code: what the caller says of the model, the compiler and the processor. What
+is read is proved against Drake like any other code, at every load.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import stat
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+from llvmlite import binding as llvm
+
+from rig_sim.compile.compiled_model import CompiledModel, link_module
+
+FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
+"""Names another folder for the code; `off` keeps none."""
+
+MOST_FILES: Final = 64
+"""Of more, those that were not used for longest are deleted; one takes some 300 kB."""
+
+_SUFFIX: Final = ".code"
+_COMPILERS: Final = ("llvmlite", "numpy", "drake")
+
+
+def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
+    """Return the model of a key: as it was compiled before on this machine, or compiled now and kept.
+
+    `key`: Differs where anything of the model or of the generator does. Whatever keeps the code from being read or
+    written is logged, and the model is compiled.
+    """
+    folder = _folder()
+    if folder is None:
+        return compile_it()
+    path = folder / f"{_digest(key)}{_SUFFIX}"
+    found = _read(path)
+    if found is not None:
+        return found
+    model = compile_it()
+    _write(path, model)
+    return model
+
+
+def _folder() -> Path | None:
+    given = os.environ.get(FOLDER_VARIABLE)
+    if given:
+        return None if given == "off" else Path(given)
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "duralab" / "code"
+    except RuntimeError:  # A user without a home.
+        return None
+
+
+def _digest(key: str) -> str:
+    made_with = [f"{name} {version(name)}" for name in _COMPILERS]
+    processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
+    return hashlib.sha256("\n".join([key, sys.version, *made_with, *processor]).encode()).hexdigest()
+
+
+def _read(path: Path) -> CompiledModel | None:
+    try:
+        with path.open("rb") as stream:
+            # Code that another user could have written is not run.
+            if not (_is_own(os.fstat(stream.fileno())) and _is_own(path.parent.stat())):
+                _say("Compiled code is not used: others may write to its folder.", path)
+                return None
+            head, code = stream.readline(), stream.read()
+        described = json.loads(head)
+        if hashlib.sha256(code).hexdigest() != described.pop("code_hash"):
+            raise ValueError("its hash is another")
+        model = _linked(code, described)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        _say("Compiled code is not used.", path, why=f"{type(error).__name__}: {error}")
+        return None
+    with suppress(OSError):
+        os.utime(path)
+    return model
+
+
+def _linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
+    order = described["state_order"]
+    return CompiledModel(
+        link_module(code),
+        state_names=tuple(described["state_names"]),
+        input_names=tuple(described["input_names"]),
+        output_names=tuple(described["output_names"]),
+        operation_count=int(described["operation_count"]),
+        state_order=None if order is None else tuple(order),
+    )
+
+
+def _write(path: Path, model: CompiledModel) -> None:
+    described = {
+        "code_hash": hashlib.sha256(model.code).hexdigest(),
+        "state_names": model.state_names,
+        "input_names": model.input_names,
+        "output_names": model.output_names,
+        "operation_count": model.operation_count,
+        "state_order": model.state_order,
+    }
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part")
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            with open(temporary, "xb", opener=_private) as stream:
+                stream.write(json.dumps(described).encode() + b"\n" + model.code)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        _delete_oldest(path.parent)
+    except OSError as error:
+        _say("Compiled code is not kept.", path, why=error.strerror or str(error))
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+def _delete_oldest(folder: Path) -> None:
+    def last_use(file: Path) -> float:
+        with suppress(OSError):
+            return file.stat().st_mtime
+        return 0.0
+
+    files = sorted(folder.glob(f"*{_SUFFIX}"), key=last_use, reverse=True)
+    for file in files[MOST_FILES:]:
+        with suppress(OSError):
+            file.unlink()
+
+
+def _is_own(status: os.stat_result) -> bool:
+    return status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _say(what: str, path: Path, **more: str) -> None:
+    structlog.get_logger("rig_sim").warning(what, file=str(path), **more)
