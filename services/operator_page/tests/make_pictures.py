@@ -22,6 +22,7 @@ from test_page_in_browser import BEGIN_ENDURANCE, Page, decide  # noqa: E402
 
 import duralab  # noqa: E402
 from duralab.formats import write_signals  # noqa: E402
+from duralab.processes import Viewer  # noqa: E402
 
 OUT = ROOT / "docs" / "pictures"
 RIG = "front_axle_compliant"
@@ -80,9 +81,13 @@ def take_endurance() -> None:
 
 def take_campaign() -> None:
     """Run the campaign by hand and take the pictures on the way."""
-    with tempfile.TemporaryDirectory() as temporary, duralab.start(temporary, rigs=(RIG, "predecessor")) as lab:
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        Viewer(port=0, web_port=0, native=False) as viewer,
+        duralab.start(temporary, rigs=(RIG, "predecessor"), viewer=viewer.address) as lab,
+    ):
         folder = Path(temporary)
-        served = PageProcess(lab.endpoints[0], folder / "page")
+        served = PageProcess(lab.endpoints[0], folder / "page", viewer=viewer.page)
         try:
             with Browser(browser_program(), folder / "profile") as browser:
                 take(lab, served, browser, folder)
@@ -117,6 +122,10 @@ def take(lab: duralab.Lab, served: PageProcess, browser: Browser, folder: Path) 
     page.go("rig")
     page.wait_for_text("interlocked", ".large")
     picture(page, "rig")
+    # Drawn without a graphics card it takes its time.
+    page.value("new Promise((done) => setTimeout(done, 60000))")
+    page.value("document.querySelector('iframe').scrollIntoView({block: 'end'}); 0")
+    picture(page, "rig_3d")
     page.go("recordings")
     page.wait("document.querySelector('tbody button')")
     page.click("tbody button")

@@ -75,7 +75,7 @@ export function RigScreen() {
       <${Table} caption="Responses" heads=${["response", "limits", "watchdog", "warning", "abort", "sensor", "calibration due", "what it is"]}
         rows=${about.responses.map((one) => [one.name, limits(one), one.watchdog ? `${figure(one.watchdog)} ${one.unit}` : "–", level(one, "warning_level"), level(one, "abort_level"),
           (one.sensor && one.sensor.serial_number) || "–", (one.sensor && one.sensor.calibration_due) || "–", one.label])} />`}
-    ${state.session.viewer && html`<h2>In 3-D</h2><iframe title="Rig in 3-D" src=${state.session.viewer}></iframe>`}`;
+    ${state.session.viewer && html`<h2>In 3-D</h2><p>The viewer may be late, and says by how much; the state above is what holds.</p><iframe title="Rig in 3-D" src=${state.session.viewer}></iframe>`}`;
 }
 
 export function RunScreen() {

@@ -9,14 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from browser import Browser, browser_program
-from page_lab import PASSWORDS, RIG, Client, PageLab, campaign, schedule, write_target
+from page_lab import PASSWORDS, RIG, Client, PageLab, PageProcess, campaign, schedule, write_target
 from PIL import Image
 
 import duralab
+from duralab.processes import Viewer
 
 SECONDS = 60.0
 HERE = Path(__file__).parent
+SHIPPED = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
 
 pytestmark = [
     pytest.mark.skipif(browser_program() is None, reason="no chromium here; apt-get install chromium"),
@@ -492,3 +495,63 @@ def test_an_endurance_test_that_waits_breaks_no_rule_of_accessibility(lab, serve
     client.post(f"/api/rigs/{RIG}/stop")
     assert broken == []
     client.wait_for(lambda seen: all(one["ended"] for one in seen["endurance"]))
+
+
+def framed(page: Page) -> np.ndarray:
+    """Return the grey picture of the frame on the Rig screen, as far as it is in view."""
+    page.value("document.querySelector('iframe').scrollIntoView({block: 'end'}); 0")
+    box = page.value(
+        "(() => { const r = document.querySelector('iframe').getBoundingClientRect();"
+        "return [r.left, Math.max(0, r.top), r.right, Math.min(innerHeight, r.bottom)]; })()"
+    )
+    return np.asarray(Image.open(io.BytesIO(page.browser.picture())).convert("L").crop(tuple(map(round, box))), float)
+
+
+def changed_share(page: Page, before: np.ndarray) -> float:
+    now = framed(page)
+    return float(np.mean(np.abs(now - before) > 8.0)) if now.shape == before.shape else 1.0
+
+
+def until_changed(page: Page, before: np.ndarray, share: float, seconds: float = 240.0) -> None:
+    end = time.monotonic() + seconds
+    while (found := changed_share(page, before)) < share:
+        assert time.monotonic() < end, f"{found:.2%} of the frame changed; {share:.2%} are expected"
+        time.sleep(1.0)
+
+
+@pytest.mark.skipif(
+    "DURALAB_DRAW_3D" not in os.environ,
+    reason="without a graphics card it draws for minutes: DURALAB_DRAW_3D=1 runs it",
+)
+@pytest.mark.timeout(900)
+def test_the_rig_is_drawn_in_three_dimensions_in_the_frame_of_a_viewer(tmp_path, browser):
+    rig = "front_axle_compliant"
+    document = yaml.safe_load(SHIPPED.read_text())
+    rms = dict(zip(document["excitation"]["rms"], [0.004, 0.003, 0.001] * 2, strict=True))
+    document |= {"name": "drawn", "rig": rig, "hold": "first", "real_time": True}
+    document["excitation"] |= {"rms": rms, "duration": 40.0}
+    document["target"]["road"] |= {"duration": 12.0, "potholes": None}
+    with (
+        Viewer(port=0, web_port=0, native=False) as viewer,
+        duralab.start(tmp_path, rigs=(rig, "predecessor"), viewer=viewer.address) as lab,
+    ):
+        served = PageProcess(lab.endpoints[0], tmp_path / "page", viewer=viewer.page)
+        try:
+            (served.files / "drawn.yaml").write_text(yaml.safe_dump(document))
+            page = Page(browser, served.address)
+            page.go("rig")
+            page.wait("document.querySelector('iframe')")
+            until_changed(page, np.full_like(framed(page), framed(page)[0, 0]), 0.01)
+            welcome = framed(page)
+            client = Client(served.address)
+            assert client.act("/api/campaigns", {"kind": "file", "name": "drawn"})[0] == 200
+            client.wait_for(lambda lab: any(one["hold"] for one in lab["campaigns"]), seconds=240.0)
+            until_changed(page, welcome, 0.05)
+            still = framed(page)
+            # It goes on: the viewer draws what came since, late where no graphics card helps it.
+            decision = {"kind": "play", "proposal": 1, "reason": "as foreseen"}
+            assert client.act("/api/campaigns/drawn/decide", decision)[0] == 200
+            until_changed(page, still, 0.005)
+            assert page.value("wrong") == []
+        finally:
+            served.close()
