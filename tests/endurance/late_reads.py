@@ -47,7 +47,7 @@ def late_reads(services: KillableServices, id: str, early: dict[str, float]) -> 
     names = volumes(services, id)
     first, last = read_seconds(services, names[0]), read_seconds(services, names[-1])
     return "\n".join(
-        f"{what}: {1e3 * seconds:.1f} ms in the last of {len(names)} recordings, {seconds / first[what]:.2f} times that of "
-        f"the first, {seconds / early[what]:.2f} times that after {EARLY_REPEATS} repeats in all"
+        f"{what}: {1e3 * seconds:.1f} ms in the last of {len(names)} recordings, {seconds / first[what]:.2f} times "
+        f"that of the first, {seconds / early[what]:.2f} times that after {EARLY_REPEATS} repeats in all"
         for what, seconds in last.items()
     )
