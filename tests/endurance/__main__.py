@@ -14,7 +14,7 @@ from pathlib import Path
 
 from .disturbed_test import DisturbedTest, Outcome, specification
 from .killable_services import SERVICES, KillableServices
-from .late_reads import EARLY, EARLY_REPEATS, read_seconds
+from .late_reads import EARLY, EARLY_REPEATS, late_reads, read_seconds
 
 
 def main() -> int:
@@ -49,13 +49,8 @@ def main() -> int:
             on_progress=show,
             sample_every=arguments.sample_every,
         )
-        late, again = read_seconds(services, "endurance"), read_seconds(services, EARLY)
-    sys.stdout.write(report(outcome) + "\n")
-    for what, seconds in late.items():
-        sys.stdout.write(
-            f"{what} after {arguments.repeats} repeats {1e3 * seconds:.2f} ms, {seconds / early[what]:.2f} times that "
-            f"after {EARLY_REPEATS}; that of the short test then {again[what] / early[what]:.2f} times\n"
-        )
+        reads = late_reads(services, "endurance", early)
+    sys.stdout.write(f"{report(outcome)}\n{reads}\n")
     return bool(outcome.lost or outcome.doubled or outcome.findings)
 
 

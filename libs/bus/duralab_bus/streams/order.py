@@ -67,8 +67,12 @@ class Continuity:
 
     def fill(self, seqs: range) -> None:
         """Take note of all messages of a range, however long it is."""
-        if seqs.start > self._next:
-            self._gaps.append(range(self._next, seqs.start))
+        if seqs.start >= self._next:
+            # Behind all gaps: thousands of ranges in order take no longer for those before them.
+            if seqs.start > self._next:
+                self._gaps.append(range(self._next, seqs.start))
+            self._next = seqs.stop
+            return
         self._next = max(self._next, seqs.stop)
         left: list[range] = []
         for gap in self._gaps:
