@@ -164,7 +164,7 @@ class Client:
         return answer
 
     def request(self, method: str, path: str, body=None, headers=None):
-        connection = http.client.HTTPConnection(self.host, timeout=30.0)
+        connection = http.client.HTTPConnection(self.host, timeout=120.0)
         try:
             given = {"Cookie": f"duralab_session={self.cookie}"} if self.cookie else {}
             connection.request(method, path, body, given | (headers or {}))
@@ -194,7 +194,7 @@ class Client:
 
     def lab(self) -> dict:
         """Return the first document of the stream."""
-        connection = http.client.HTTPConnection(self.host, timeout=30.0)
+        connection = http.client.HTTPConnection(self.host, timeout=120.0)
         try:
             connection.request("GET", "/api/stream", headers={"Cookie": f"duralab_session={self.cookie}"})
             answer = connection.getresponse()
