@@ -27,7 +27,7 @@ class EnduranceRoutes:
         viewer, operator = PageRole.VIEWER, PageRole.OPERATOR
         return (
             Endpoint("/api/schedules", viewer, self._schedules),
-            Endpoint("/api/schedules/{name}", viewer, self._schedule),
+            Endpoint("/api/schedules/{name}", operator, self._schedule),
             Endpoint("/api/schedules", operator, self._check, ScheduleDocument),
             Endpoint("/api/endurance/{id}", viewer, self._details),
             Endpoint("/api/endurance", operator, self._begin, BeginEndurance, armed=True),

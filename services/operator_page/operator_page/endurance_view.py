@@ -37,11 +37,13 @@ class _SeenTest:
 
 
 class EnduranceView:
-    """Endurance tests of a lab; safe for threads. `say`: Adds a line to the log of every page."""
+    """Endurance tests of a lab; safe for threads.
 
-    def __init__(self, lab: Lab, *, say: Callable[..., None]) -> None:
-        self._lab, self._say = lab, say
-        self._lock = threading.RLock()
+    `lock`: That of the view of the lab: two locks would be taken in both orders. `say`: Adds a line to its log.
+    """
+
+    def __init__(self, lab: Lab, *, lock: threading.RLock, say: Callable[..., None]) -> None:
+        self._lab, self._lock, self._say = lab, lock, say
         self._tests: dict[str, _SeenTest] = {}
 
     def take(self, progress: EnduranceProgress) -> None:
@@ -75,13 +77,14 @@ class EnduranceView:
     def _read(self, test: _SeenTest) -> bool:
         ended = test.ended
         found = test.history.read()
+        responses = [] if test.trends is not None else self._responses(test)
         with self._lock:
             schedule = test.history.schedule
             if test.trends is None and schedule is not None and test.history.columns:
                 test.trends = Trends(
                     schedule.monitoring,
                     list(schedule.events),
-                    responses=list(self._responses(test)),
+                    responses=responses,
                     columns=test.history.columns,
                 )
             heard = time.time() if test.caught_up else None
@@ -96,9 +99,8 @@ class EnduranceView:
             test.complete = ended and not found and test.read >= test.progress.played
         return bool(found)
 
-    def _responses(self, test: _SeenTest) -> tuple[str, ...]:
-        names = tuple(test.progress.damage)
-        return names or tuple(each.name for each in self._lab.describe(test.progress.rig).responses)
+    def _responses(self, test: _SeenTest) -> list[str]:
+        return list(test.progress.damage) or [each.name for each in self._lab.describe(test.progress.rig).responses]
 
     def on(self, rig: str) -> list[str]:
         """Return the tests under way on a rig."""

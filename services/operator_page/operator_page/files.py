@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
+import tempfile
 from collections.abc import AsyncIterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -162,7 +164,12 @@ def fetched_drives(schedule: Schedule, catalogue: Catalogue, folder: Path) -> Sc
     for name, event in events.items():
         if RECORDING_ID.fullmatch(event.drive) and not (schedule.folder / event.drive).exists():
             kept = folder / DRIVES / event.drive
-            if not (kept / "recording.mcap").is_file():
-                catalogue.fetch(event.drive, kept)
+            if not kept.is_dir():
+                kept.parent.mkdir(exist_ok=True)
+                # Whole or not at all, also where two people ask for it at once.
+                with tempfile.TemporaryDirectory(dir=kept.parent, prefix=".") as passing:
+                    catalogue.fetch(event.drive, Path(passing) / kept.name)
+                    with suppress(OSError):
+                        (Path(passing) / kept.name).rename(kept)
             events[name] = event.model_copy(update={"drive": str(kept)})
     return schedule.model_copy(update={"events": events}).read_from(schedule.folder)

@@ -73,7 +73,7 @@ class LabView:
         self._waiting: dict[str, str] = {}
         self.changes = 0
         """Counts what changed: a page that has this number has everything."""
-        self.endurance = EnduranceView(lab, say=self.say)
+        self.endurance = EnduranceView(lab, lock=self._lock, say=self.say)
         self._threads = [
             threading.Thread(target=self._repeat, args=(work, seconds), name=f"page-{name}", daemon=True)
             for name, work, seconds in (

@@ -16,9 +16,9 @@ ROOT = HERE.parents[2]
 sys.path[:0] = [str(HERE), str(HERE / "long"), str(ROOT / "duralab" / "tests")]
 
 from browser import Browser, browser_program  # noqa: E402
-from page_lab import PageLab, PageProcess, schedule  # noqa: E402
+from page_lab import Client, PageLab, PageProcess, schedule  # noqa: E402
 from PIL import Image  # noqa: E402
-from test_page_in_browser import BEGIN_ENDURANCE, Page, decide  # noqa: E402
+from test_page_in_browser import Page, decide  # noqa: E402
 
 import duralab  # noqa: E402
 from duralab.formats import write_signals  # noqa: E402
@@ -66,15 +66,15 @@ def take_endurance() -> None:
         served = lab.page("page")
         lab.put_schedule(served, schedule("weeks", keep={"first": 3, "every": 100, "around_alarm": 2}))
         with Browser(browser_program(), Path(temporary) / "profile") as browser:
+            begun = Client(served.address).act("/api/endurance", {"name": "weeks"})
+            assert begun[0] == 200, begun
             page = Page(browser, served.address, width=1600, height=900)
             page.go("endurance")
-            page.choose("select[name=schedule]", "weeks")
-            page.deliberate(BEGIN_ENDURANCE)
-            page.wait("Number(document.querySelector('.activity strong')?.innerText) > 150", 300.0)
+            page.wait("Number(document.querySelector('.activity strong')?.innerText) > 60", 300.0)
             picture(page, "endurance")
             lab.rig.cracked = True
-            page.wait("document.querySelector('.hold')")
-            page.wait("document.querySelector('.level')")
+            page.wait("document.querySelector('.hold')", 300.0)
+            page.wait("document.querySelector('.level')", 300.0)
             picture(page, "endurance_hold")
             picture(page, "endurance_dark", theme="dark", size="tablet")
 

@@ -169,8 +169,8 @@ class Client:
 
     def _connection(self):
         if self._tls is None:
-            return http.client.HTTPConnection(self.host, timeout=30.0)
-        return http.client.HTTPSConnection(self.host, timeout=30.0, context=self._tls)
+            return http.client.HTTPConnection(self.host, timeout=120.0)
+        return http.client.HTTPSConnection(self.host, timeout=120.0, context=self._tls)
 
     def request(self, method: str, path: str, body=None, headers=None):
         connection = self._connection()

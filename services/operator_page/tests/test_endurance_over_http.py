@@ -33,16 +33,18 @@ def begun(page_lab, page, ada, name, **changes):
     assert (status, answer) == (200, {"rig": RIG, "test": name})
 
 
-def test_a_schedule_is_forecast_and_told_from_a_campaign(page_lab, page, people):
+def test_a_schedule_is_forecast_and_is_no_campaign(page_lab, page, people):
     page_lab.put_schedule(page, schedule("counted"))
-    vera = people["Vera"]
+    ada, vera = people["Ada"], people["Vera"]
     assert "counted" in vera.get("/api/schedules")[1]["schedules"]
     assert "counted" not in vera.get("/api/campaign_files")[1]["files"]
-    status, found = vera.get("/api/schedules/counted")
+    # It costs seconds and room, so that it is an operator's.
+    assert vera.get("/api/schedules/counted")[0] == 403
+    status, found = ada.get("/api/schedules/counted")
     assert status == 200
     assert (found["repeats"], found["seconds"]) == (1800, 1200 * 2.0 + 600 * 1.0)
     assert [event[:2] for event in found["events"]] == [["rough", 1200], ["smooth", 600]]
-    assert vera.get("/api/schedules/nowhere")[0] == 404
+    assert ada.get("/api/schedules/nowhere")[0] == 404
 
 
 def test_a_test_is_begun_held_gone_on_with_alarmed_and_stopped(page_lab, page, people):
