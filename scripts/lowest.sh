@@ -8,7 +8,7 @@ environment=.tools/lowest
 python=${PYTHON:-.venv/bin/python}
 distributions=(proto libs/*/ services/*/)
 tools=()
-for tool in hypothesis mcap-protobuf-support pytest pytest-timeout pytest-xdist rainflow rpc3-file; do
+for tool in hypothesis pytest pytest-timeout pytest-xdist rainflow rpc3-file; do
     tools+=("$(awk -v tool="$tool" '$1 ~ "^" tool "==" { print $1 }' requirements.lock)")
 done
 scripts/uv.sh venv --quiet --no-project --clear --python "$python" "$environment"
@@ -19,6 +19,6 @@ for folder in "${distributions[@]}"; do
         editables+=("--editable=./${folder%/}")
     fi
 done
-"${install[@]}" --resolution lowest-direct "${editables[@]}" "--editable=./duralab[formats,fmu,lab]" "${tools[@]}"
+"${install[@]}" --resolution lowest-direct "${editables[@]}" "--editable=./duralab[fmu,formats,lab,sweeps]" "${tools[@]}"
 "$environment/bin/python" scripts/bounds.py
 OMP_NUM_THREADS=1 "$environment/bin/python" -m pytest -q --numprocesses=2 --dist=loadfile -p no:cacheprovider -m "not long" "$@"

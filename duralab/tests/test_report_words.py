@@ -54,6 +54,15 @@ def test_secant_update_is_told_with_schedule_curve_and_acceptance(specification)
     assert "regularisation 1e-05, odd terms, gain 1" in told(specification)["Update"]
 
 
+@pytest.mark.parametrize(
+    ("settings", "words"), [("", ""), ('{"beta": 0.1, "steps": [1, 2]}', "beta 0.1, steps [1, 2], "), ("[", "[, ")]
+)
+def test_an_update_of_a_plugin_is_named_with_its_settings(specification, settings, words):
+    specification.update.kind = iterator_pb2.UPDATE_KIND_SECANT
+    specification.update.plugin.CopyFrom(iterator_pb2.UpdatePlugin(name="momentum", settings=settings))
+    assert told(specification)["Update"] == f"plug-in momentum, {words}gain 0.7"
+
+
 def test_gains_are_told_by_channel_where_they_differ(specification):
     specification.update.iteration_gain.CopyFrom(to_array(np.array([0.5, 0.7, 0.7, 0.7, 0.7, 0.7])))
     names = [channel.name for channel in specification.target.channels]

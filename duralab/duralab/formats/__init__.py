@@ -2,7 +2,7 @@
 
 from duralab.formats.controller_files import ExportedDrive, ImportedResponse, export_drive, import_response
 from duralab.formats.errors import FormatError, Written
-from duralab.formats.exchange import Format, format_of, read_signals, write_signals
+from duralab.formats.exchange import Format, FormatPlugin, format_of, read_signals, write_signals
 from duralab.formats.uff58 import FrequencyResponse, read_frequency_response, write_frequency_response
 from duralab.formats.units import SI_UNITS, add_calculated, convert_units, named_units
 
@@ -11,6 +11,7 @@ __all__ = [
     "ExportedDrive",
     "Format",
     "FormatError",
+    "FormatPlugin",
     "FrequencyResponse",
     "ImportedResponse",
     "Written",

@@ -16,6 +16,7 @@ from duralab.errors import InputError
 from duralab.formats.errors import FormatError, Written
 from duralab.near_files import did_you_mean
 from duralab.output_files import replace_when_complete, require_outputs
+from duralab_settings import Plugin, SettingsError, load_plugin, one_line, plugin_names
 
 if TYPE_CHECKING:
     from duralab_drive_files import DataType
@@ -53,7 +54,65 @@ _CODECS: Final = {
 }
 
 
-def format_of(path: Path, given: str | None) -> Format:
+GROUP: Final = "duralab.formats"
+"""Entry points of plug-ins: each names a `FormatPlugin`."""
+
+
+@dataclass(frozen=True)
+class FormatPlugin:
+    """A file format that an installed distribution offers as an entry point of the group `duralab.formats`.
+
+    Parameters
+    ----------
+    suffixes : tuple of str
+        Of its files, lower case, each with its dot; a suffix of a shipped format stays with that one.
+    reader : callable
+        Given a path, returns the `Signals` of the file; `FormatError` for what it cannot read.
+    writer : callable, optional
+        Given `Signals` and a path, writes the file and returns `Written`; not given for a format that is only read.
+    """
+
+    suffixes: tuple[str, ...]
+    reader: Callable[[Path], Signals]
+    writer: Callable[[Signals, Path], Written] | None = None
+
+
+def _plugin(name: str) -> Plugin:
+    """Load the plug-in of a format and check what it is."""
+    try:
+        found = load_plugin(GROUP, name, field="format", shipped=list(Format))
+    except SettingsError as error:
+        raise InputError(str(error), field="format") from error
+    if not isinstance(found.content, FormatPlugin):
+        raise InputError(
+            f"The format plug-in {name!r} of {found.source} is {type(found.content).__name__}; its entry point must "
+            "name a duralab.formats.FormatPlugin.",
+            field="format",
+        )
+    return found
+
+
+def _plugin_of_suffix(suffix: str) -> str | None:
+    """Return the name of the plug-in whose files have a suffix; None without one."""
+    found, faults = [], []
+    for name in plugin_names(GROUP):
+        try:
+            if suffix in _plugin(name).content.suffixes:
+                found.append(name)
+        except InputError as error:
+            faults.append(error)
+    # A plug-in that cannot be loaded keeps no other one from its files.
+    if faults and not found:
+        raise faults[0]
+    if len(found) > 1:
+        raise InputError(
+            f"Files with the suffix {suffix!r} are of the formats {' and '.join(found)}; name one: format={found[0]}.",
+            field="format",
+        )
+    return found[0] if found else None
+
+
+def format_of(path: Path, given: str | None) -> str:
     """Return the format that is given, or the one that the suffix stands for.
 
     Parameters
@@ -65,25 +124,29 @@ def format_of(path: Path, given: str | None) -> Format:
 
     Returns
     -------
-    Format
-        The format.
+    str
+        A `Format`, or the name of a plug-in.
 
     Raises
     ------
     InputError
-        Neither is known.
+        Neither is known, or a plug-in cannot be loaded.
     """
     if given is not None:
-        try:
+        if given.lower() in list(Format):
             return Format(given.lower())
-        except ValueError:
-            raise InputError(f"format is {given!r}; {', '.join(Format)} are known.", field="format") from None
+        if given in (plugins := plugin_names(GROUP)):
+            return given
+        raise InputError(f"format is {given!r}; {', '.join((*Format, *plugins))} are known.", field="format")
     for known, codec in _CODECS.items():
         if path.suffix.lower() in codec.suffixes:
             return known
+    if (plugin := _plugin_of_suffix(path.suffix.lower())) is not None:
+        return plugin
     suffixes = ", ".join(suffix for codec in _CODECS.values() for suffix in codec.suffixes)
     raise InputError(
-        f"{path} has the suffix {path.suffix!r}; {suffixes} are known, or name the format: {', '.join(Format)}.",
+        f"{path} has the suffix {path.suffix!r}; {suffixes} are known, or name the format: "
+        f"{', '.join((*Format, *plugin_names(GROUP)))}.",
         field="format",
     )
 
@@ -101,7 +164,7 @@ def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
     path : str or Path
         RPC III, MDF 4, UFF 58, TDMS, MATLAB level 5, CSV or Parquet.
     format : str, optional
-        Value of `Format`; by the suffix where left out.
+        Value of `Format` or name of a plug-in; by the suffix where left out.
 
     Returns
     -------
@@ -120,7 +183,54 @@ def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
     form = None if format is None else format_of(path, format)
     _require_there(path)
     form = form or format_of(path, None)
-    return _function(_CODECS[form].reader)(path)
+    if isinstance(form, Format):
+        return _function(_CODECS[form].reader)(path)
+    return _read_by_plugin(_plugin(form), path)
+
+
+def _read_by_plugin(plugin: Plugin, path: Path) -> Signals:
+    name = f"the format plug-in {plugin.name!r} of {plugin.source}"
+    try:
+        signals = plugin.content.reader(path)
+    except InputError:
+        raise
+    except Exception as error:
+        raise FormatError(path, f"{name} raised {one_line(error)}; correct the file or the plug-in.") from error
+    if not isinstance(signals, Signals):
+        raise FormatError(path, f"{name} returned {type(signals).__name__}; it must return Signals.")
+    samples = np.asarray(signals.samples)
+    if samples.ndim != 2 or samples.shape[0] != len(signals.channels) or not np.isfinite(samples).all():
+        raise FormatError(
+            path,
+            f"{name} returned samples of shape {samples.shape} for {len(signals.channels)} channels; it must return "
+            "finite samples of the shape (channels, samples).",
+        )
+    return signals
+
+
+def _writer(form: str) -> Callable[..., Written]:
+    """Return the writer of a format; an error of a plug-in names it."""
+    if isinstance(form, Format):
+        return _function(_CODECS[form].writer)
+    plugin = _plugin(form)
+    name = f"the format plug-in {plugin.name!r} of {plugin.source}"
+    if plugin.content.writer is None:
+        raise InputError(f"T{name[1:]} only reads; write another format.", field="format")
+
+    def write(signals: Signals, path: Path) -> Written:
+        try:
+            written = plugin.content.writer(signals, path)
+        except InputError:
+            raise
+        except Exception as error:
+            raise FormatError(path, f"{name} raised {one_line(error)}; correct the plug-in.") from error
+        if not isinstance(written, Written) or not path.is_file():
+            raise FormatError(
+                path, f"{name} wrote no file or returned {type(written).__name__}; it must return Written"
+            )
+        return written
+
+    return write
 
 
 def _require_there(path: Path) -> None:
@@ -149,7 +259,7 @@ def write_signals(
     path : str or Path
         Where to.
     format : str, optional
-        Value of `Format`; by the suffix where left out.
+        Value of `Format` or name of a plug-in; by the suffix where left out.
     overwrite : bool
         Replace a file that is there.
     data_type : str, optional
@@ -170,7 +280,7 @@ def write_signals(
     _require_writable(signals, path)
     arguments = (_rpc3_settings(data_type, form),) if data_type is not None else ()
     require_outputs([path], replace=overwrite)
-    writer = _function(_CODECS[form].writer)
+    writer = _writer(form)
     with replace_when_complete(path) as temporary:
         # The suffix tells a drive from a response; the name must differ from the temporary one.
         named = temporary.with_name(f"{temporary.name}.written{path.suffix}")
@@ -182,7 +292,7 @@ def write_signals(
     return replace(written, path=path)
 
 
-def _rpc3_settings(data_type: str, form: Format) -> object:
+def _rpc3_settings(data_type: str, form: str) -> object:
     from duralab_drive_files import DataType, Rpc3Settings
 
     if form is not Format.RPC3:

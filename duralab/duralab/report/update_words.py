@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Final
 
@@ -42,7 +43,10 @@ def iteration_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[s
 
 
 def _update(update: iterator_pb2.UpdateSettings, names: Sequence[str]) -> str:
-    parts = [_ALGORITHMS.get(update.kind, "unknown"), *_settings(update)]
+    if update.HasField("plugin"):
+        parts = [f"plug-in {update.plugin.name}", *_plugin_settings(update.plugin.settings)]
+    else:
+        parts = [_ALGORITHMS.get(update.kind, "unknown"), *_settings(update)]
     gain = _values(update.iteration_gain)
     parts.append(f"gain {gain[0]:g}" if np.unique(gain).size == 1 else f"gain of {_by_channel(names, gain)}")
     if update.gain_schedule:
@@ -53,6 +57,14 @@ def _update(update: iterator_pb2.UpdateSettings, names: Sequence[str]) -> str:
     if update.accept_segments:
         parts.append("each stretch from its best so far")
     return ", ".join(parts)
+
+
+def _plugin_settings(text: str) -> list[str]:
+    """Return names and values of a plug-in's settings; the text itself where a recording holds no JSON object."""
+    try:
+        return [f"{name} {value}" for name, value in json.loads(text or "{}").items()]
+    except (ValueError, AttributeError):
+        return [text]
 
 
 def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:

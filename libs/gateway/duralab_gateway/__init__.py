@@ -8,7 +8,15 @@ from duralab_gateway.motion import Approach, RigFaultError
 if TYPE_CHECKING:
     from duralab_gateway.channels import CalculatedChannel, ChannelTable, weighted_sum
     from duralab_gateway.description import complete_description
-    from duralab_gateway.gateway_process import GatewayConfig, open_spools, require_served, serve, serving
+    from duralab_gateway.gateway_process import (
+        GatewayConfig,
+        open_spools,
+        require_served,
+        rig_plugin,
+        serve,
+        serve_plugins,
+        serving,
+    )
     from duralab_gateway.rig import KnowsItsFrf, Phase, PlaybackRig, Rig, Run, RunEndedError, ShowsFrames
     from duralab_gateway.server import SERVICE, RigServer, serve_refusal
 
@@ -30,7 +38,9 @@ __all__ = [
     "complete_description",
     "open_spools",
     "require_served",
+    "rig_plugin",
     "serve",
+    "serve_plugins",
     "serve_refusal",
     "serving",
     "weighted_sum",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any, Final, cast
 
 import structlog
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from duralab_bus import Bus, ConfigError, ServiceConfig, SpoolFolder, SpoolSpace, service_main
 from duralab_gateway.channels import ChannelTable
@@ -15,6 +16,7 @@ from duralab_gateway.description import complete_description
 from duralab_gateway.motion import Approach
 from duralab_gateway.rig import Rig, StepwiseRig
 from duralab_gateway.server import SERVICE, RigServer
+from duralab_settings import SettingsError, explain_validation, load_plugin, one_line
 
 
 class GatewayConfig(ServiceConfig):
@@ -167,3 +169,71 @@ class _RealTimeConfig(GatewayConfig):
     """Configuration of a process that serves real rigs."""
 
     real_time: bool = True
+
+
+GROUP: Final = "duralab.rigs"
+"""Entry points of plug-ins: each names a class of a rig, called with its settings as keyword arguments."""
+
+_METHODS: Final = ("describe", "play", "stop", "reset")
+
+
+class PluginGatewayConfig(_RealTimeConfig):
+    """Configuration of a process that serves rigs of plug-ins."""
+
+    #: Settings of each plug-in, by the name of its entry point in the group duralab.rigs.
+    rigs: dict[str, dict[str, Any]] = Field(min_length=1)
+
+
+def rig_plugin(name: str, settings: Mapping[str, Any]) -> Rig:
+    """Return the rig that an installed distribution offers.
+
+    Parameters
+    ----------
+    name : str
+        Of an entry point in the group `duralab.rigs`.
+    settings : mapping
+        Keyword arguments of the class that it names.
+
+    Returns
+    -------
+    Rig
+        With the four methods of a rig.
+
+    Raises
+    ------
+    ConfigError
+        No plug-in or more than one has the name, it cannot be imported, it is no class with the four methods, or its
+        settings are not allowed; one sentence.
+    """
+    field = f"rigs.{name}"
+    try:
+        found = load_plugin(GROUP, name, field=field)
+    except SettingsError as error:
+        raise ConfigError(str(error)) from error
+    kind = found.content
+    missing = [each for each in _METHODS if not callable(getattr(kind, each, None))]
+    if missing or not isinstance(kind, type):
+        lacks = f"without {', '.join(missing)}" if missing else "no class"
+        raise ConfigError(
+            f"{field}: what the rig plug-in of {found.source} names is {lacks}; its entry point must name a class with "
+            f"the methods {', '.join(_METHODS)}."
+        )
+    try:
+        return cast(Rig, kind(**settings))
+    except ValidationError as error:
+        raise ConfigError(f"{field}: {explain_validation(error, kind).sentence}") from error
+    except Exception as error:
+        raise ConfigError(
+            f"{field}: the rig plug-in of {found.source} raised {one_line(error)} with the settings {dict(settings)}; "
+            "correct the settings or the plug-in."
+        ) from error
+
+
+def serve_plugins() -> None:
+    """Run a process that serves the rigs of installed plug-ins: `python -m duralab_gateway --config FILE`."""
+
+    def build(config: PluginGatewayConfig) -> Callable[[Bus], AbstractContextManager[object]]:
+        rigs = [rig_plugin(name, settings) for name, settings in config.rigs.items()]
+        return lambda bus: serving(bus, *rigs, config=config)
+
+    service_main(SERVICE, PluginGatewayConfig, build, instances=lambda _: ())

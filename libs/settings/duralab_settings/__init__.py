@@ -34,9 +34,11 @@ from duralab_settings.iteration import (
     SecantSettings,
     StopCriteria,
     UpdateKind,
+    UpdatePlugin,
     UpdateSection,
 )
 from duralab_settings.old_keys import new_key, remarks_on, with_new_keys
+from duralab_settings.plugins import Plugin, load_plugin, one_line, plugin_names
 from duralab_settings.portable_files import OPEN_BINARY, lock_file
 from duralab_settings.regular_files import open_regular, read_regular, require_regular
 from duralab_settings.section import Section
@@ -73,6 +75,7 @@ __all__ = [
     "MisfitError",
     "NotNegative",
     "PlaybackSettings",
+    "Plugin",
     "Positive",
     "PowerSpectrum",
     "Range",
@@ -88,17 +91,21 @@ __all__ = [
     "TabulatedSpectrum",
     "UnitError",
     "UpdateKind",
+    "UpdatePlugin",
     "UpdateSection",
     "WhitePinkSpectrum",
     "YamlError",
     "base_unit",
     "explain_validation",
     "explained",
+    "load_plugin",
     "lock_file",
     "new_key",
+    "one_line",
     "open_regular",
     "parse_yaml",
     "per_channel",
+    "plugin_names",
     "read_regular",
     "read_yaml_text",
     "remarks_on",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from enum import IntEnum, StrEnum
 from itertools import pairwise
 from math import inf
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from duralab_settings.section import Section
 from duralab_settings.values import (
@@ -99,6 +100,34 @@ class DriveMapSettings(Section):
     )
 
 
+def _as_json(given: Any) -> Any:
+    """Return the settings of a plug-in as one JSON text with sorted keys; everything else as it is."""
+    try:
+        content = json.loads(given) if isinstance(given, str) and given else given or {}
+        text = json.dumps(content, sort_keys=True, allow_nan=False, separators=(", ", ": "))
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"cannot be written as JSON: {error}; give names with numbers, texts, lists or null"
+        ) from error
+    if not isinstance(content, dict):
+        raise ValueError(f"is {given!r}; give names with values")
+    return text
+
+
+class UpdatePlugin(Section):
+    """An update that a plug-in of the iterator makes, in place of `kind`."""
+
+    name: str = Field(
+        min_length=1,
+        max_length=100,
+        pattern=r"^[A-Za-z][A-Za-z0-9_-]*$",
+        description="Name of its entry point in the group duralab.updates.",
+    )
+    settings: Annotated[
+        str, BeforeValidator(_as_json, json_schema_input_type=dict[str, Any]), Field(max_length=65536)
+    ] = Field(default="{}", description="Names and values of the plug-in's own settings.", validate_default=False)
+
+
 class UpdateMethod(Section):
     """What an update is, whatever the rig."""
 
@@ -129,6 +158,9 @@ class UpdateMethod(Section):
     secant: SecantSettings = Field(default=SecantSettings(), description="What the secant update learns by.")
     drive_map: DriveMapSettings = Field(
         default=DriveMapSettings(), description="Change of drive coordinates after which the rig is nearly linear."
+    )
+    plugin: UpdatePlugin | None = Field(
+        default=None, description="An update of your own that the iterator loads; takes the place of kind."
     )
 
 
@@ -253,7 +285,9 @@ class UpdateSection(UpdateMethod):
     @property
     def accepts_segments(self) -> bool:
         """Whether each drive starts from the best so far, stretch by stretch."""
-        return self.kind is UpdateKind.SECANT if self.accept_segments is None else self.accept_segments
+        if self.accept_segments is None:
+            return self.kind is UpdateKind.SECANT and self.plugin is None
+        return self.accept_segments
 
     def resolved(self, responses: Sequence[str], *, drives: int) -> ResolvedUpdate:
         """Return the update with one value for each response of a rig.

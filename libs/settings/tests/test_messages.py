@@ -31,6 +31,8 @@ from duralab_settings import (
     StopCriteria,
     TabulatedSpectrum,
     UpdateKind,
+    UpdatePlugin,
+    UpdateSection,
     WhitePinkSpectrum,
 )
 from duralab_settings.messages import LARGEST_ARRAY, fill_message, from_message, message_fields
@@ -43,6 +45,7 @@ WHOLE = {
     EstimatorSettings: identifier_pb2.Estimator,
     ResolvedUpdate: iterator_pb2.UpdateSettings,
     SecantSettings: iterator_pb2.SecantSettings,
+    UpdatePlugin: iterator_pb2.UpdatePlugin,
     DriveMapSettings: iterator_pb2.DriveMapSettings,
     StopCriteria: iterator_pb2.StopCriteria,
     Acceptance: iterator_pb2.Acceptance,
@@ -177,6 +180,9 @@ def consistent(model, found, draw):
         shares = tuple((draw(st.floats(0.01, 1.0)),) * responses for _ in points)
         found["gain_curve_share"] = shares or None
         found["weights"] = draw(st.none() | st.tuples(*[st.floats(0.0, 10.0)] * responses))
+    if model is UpdatePlugin:
+        beta = draw(st.floats(0.0, 1.0))
+        found = {"name": draw(st.sampled_from(["momentum", "a-1_B"])), "settings": {"beta": beta}}
     if model is StopCriteria:
         ratios = st.tuples(st.floats(0.0, 0.99), st.floats(1.01, 100.0))
         found |= {
@@ -307,3 +313,23 @@ def test_a_kind_that_is_not_given_is_refused():
         from_message(identifier_pb2.Estimator(block_samples=512), EstimatorSettings, field="estimator")
 
     assert from_message(update(), ResolvedUpdate).kind is UpdateKind.BASIC_TWR
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"name": "a b"}, "plugin.name is 'a b'; it must match"),
+        ({"name": "a", "settings": [1]}, "plugin.settings is [1]; give names with values."),
+        ({"name": "a", "settings": {"x": math.nan}}, "plugin.settings cannot be written as JSON: Out of range"),
+        ({"name": "a", "settings": "{"}, "plugin.settings cannot be written as JSON: Expecting property name"),
+    ],
+)
+def test_a_plugin_whose_settings_are_no_json_object_is_refused(settings, said):
+    with pytest.raises(SettingsError) as caught:
+        UpdateSection(iteration_gain=0.5, plugin=settings)
+    assert str(caught.value).startswith(said)
+
+
+def test_segments_are_accepted_for_the_secant_update_alone_where_nothing_is_said():
+    assert UpdateSection(iteration_gain=0.5).accepts_segments
+    assert not UpdateSection(iteration_gain=0.5, plugin={"name": "momentum"}).accepts_segments

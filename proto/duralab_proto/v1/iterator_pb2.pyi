@@ -171,8 +171,16 @@ class DriveMapSettings(_message.Message):
     learn: bool
     def __init__(self, learn: _Optional[bool] = ...) -> None: ...
 
+class UpdatePlugin(_message.Message):
+    __slots__ = ("name", "settings")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SETTINGS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    settings: str
+    def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ...) -> None: ...
+
 class UpdateSettings(_message.Message):
-    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "correction", "secant", "weights", "drive_map")
+    __slots__ = ("kind", "iteration_gain", "smallest_correction", "largest_correction", "weigh_by_coherence", "lowest_coherence", "accept_segments", "gain_schedule", "gain_curve_frequency", "gain_curve_share", "prediction", "correction", "secant", "weights", "drive_map", "plugin")
     KIND_FIELD_NUMBER: _ClassVar[int]
     ITERATION_GAIN_FIELD_NUMBER: _ClassVar[int]
     SMALLEST_CORRECTION_FIELD_NUMBER: _ClassVar[int]
@@ -188,6 +196,7 @@ class UpdateSettings(_message.Message):
     SECANT_FIELD_NUMBER: _ClassVar[int]
     WEIGHTS_FIELD_NUMBER: _ClassVar[int]
     DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_FIELD_NUMBER: _ClassVar[int]
     kind: UpdateKind
     iteration_gain: _array_pb2.Array
     smallest_correction: float
@@ -203,7 +212,8 @@ class UpdateSettings(_message.Message):
     secant: SecantSettings
     weights: _array_pb2.Array
     drive_map: DriveMapSettings
-    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., correction: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., weights: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_map: _Optional[_Union[DriveMapSettings, _Mapping]] = ...) -> None: ...
+    plugin: UpdatePlugin
+    def __init__(self, kind: _Optional[_Union[UpdateKind, str]] = ..., iteration_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., smallest_correction: _Optional[float] = ..., largest_correction: _Optional[float] = ..., weigh_by_coherence: _Optional[bool] = ..., lowest_coherence: _Optional[float] = ..., accept_segments: _Optional[bool] = ..., gain_schedule: _Optional[_Iterable[float]] = ..., gain_curve_frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., gain_curve_share: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., prediction: _Optional[_Union[CorrectionPrediction, str]] = ..., correction: _Optional[_Union[CorrectionShape, str]] = ..., secant: _Optional[_Union[SecantSettings, _Mapping]] = ..., weights: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_map: _Optional[_Union[DriveMapSettings, _Mapping]] = ..., plugin: _Optional[_Union[UpdatePlugin, _Mapping]] = ...) -> None: ...
 
 class StopCriteria(_message.Message):
     __slots__ = ("iterations", "relative_rms_error", "divergence_ratio", "smallest_damage_ratio", "largest_damage_ratio", "smallest_improvement", "improvement_playbacks", "damage_budget", "damage_exponent", "error_bound", "peak_bound", "damage_bound")

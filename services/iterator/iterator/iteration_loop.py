@@ -41,7 +41,7 @@ from iterator.playbacks import (
     playable_drive,
     require_within_bounds,
 )
-from iterator.updates import UPDATES, NextDrive, Update, own_update, whole_model
+from iterator.updates import NextDrive, Update, chosen_update, own_update, whole_model
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
@@ -234,7 +234,7 @@ def _step(line: Lineage, own: Update | None) -> NextDrive:
     if not line.history.playbacks and (given := line.given_drive()) is not None:
         return NextDrive(drive=given, model=line.model)
     how = settings.update.without_terms if line.is_held else settings.update
-    make = UPDATES[settings.update.kind] if own is None else own
+    make = chosen_update(settings.update) if own is None else own
     return make(comparable_history(line.history, settings.levels), line.model, how)
 
 

@@ -33,7 +33,7 @@ from iterator.campaign.target_reach import require_reach, tiny_target_remarks
 from iterator.limits import DriveLimits
 from iterator.model import FEWEST_LINES, checked_response_weight
 from iterator.playbacks import CampaignSettings
-from iterator.updates import FEWEST_BLOCKS, UpdateSettings
+from iterator.updates import FEWEST_BLOCKS, UpdateSettings, plugin_update
 
 # What rounding leaves of a constant target in the control band, relative to the constant.
 _ROUNDING: Final = 1e-9
@@ -115,6 +115,7 @@ def plan_campaign(
     _check_experiment(spec, experiment)
     band = _checked_band(spec, description, experiment, samples=target.shape[1])
     resolved = _settings(spec.update, ResolvedUpdate, field="update")
+    plugin_remarks = checked_plugin(resolved)
     weight = _checked_weight(resolved, description)
     if band.lowest == 0.0:
         require_static_hold(spec, description=description, controlled=weight > 0.0)
@@ -149,6 +150,7 @@ def plan_campaign(
         target_damage=np.where(silent[:, None], 0.0, channel_damage(target)),
         hold=_hold(spec, description),
         remarks=(
+            *plugin_remarks,
             *_outside_the_band(outside, band, description),
             *static_remarks(target, target_in_band, band=band, description=description),
             *tiny_target_remarks(target_in_band, description=description, controlled=weight > 0.0),
@@ -171,6 +173,16 @@ def invalid(message: str, *, field: str) -> FaultError:
 def _settings(message: Message, model: type[_S], *, field: str = "") -> _S:
     try:
         return from_message(message, model, field=field)
+    except SettingsError as error:
+        raise invalid(str(error), field=error.field) from error
+
+
+def checked_plugin(update: ResolvedUpdate) -> tuple[str, ...]:
+    """Load the plug-in of an update; return which one makes the drives, nothing where none does."""
+    if update.plugin is None:
+        return ()
+    try:
+        return (plugin_update(update.plugin)[1],)
     except SettingsError as error:
         raise invalid(str(error), field=error.field) from error
 
@@ -335,7 +347,7 @@ def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
 
 def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings, *, samples: int) -> None:
     block = spec.estimator.block_samples
-    if update.kind is UpdateKind.ADAPTIVE_MODELLING:
+    if update.kind is UpdateKind.ADAPTIVE_MODELLING and update.plugin is None:
         blocks = count_blocks(samples, block, update.correction_overlap)
         if blocks < FEWEST_BLOCKS:
             raise invalid(

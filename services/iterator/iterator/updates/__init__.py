@@ -2,9 +2,10 @@
 
 from iterator.updates.adaptive_modelling import FEWEST_BLOCKS, corrected, estimate_correction
 from iterator.updates.basic_twr import StepStart, step_start
-from iterator.updates.by_kind import UPDATES
+from iterator.updates.by_kind import UPDATES, chosen_update
 from iterator.updates.convergence_prediction import ConvergencePrediction, predict_convergence
 from iterator.updates.known_before import learned_before
+from iterator.updates.plugins import plugin_update
 from iterator.updates.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
 from iterator.updates.settings import (
     NextDrive,
@@ -25,6 +26,7 @@ __all__ = [
     "Update",
     "UpdateSettings",
     "accept_segments",
+    "chosen_update",
     "controlled_model",
     "controlled_responses",
     "controlled_settings",
@@ -32,6 +34,7 @@ __all__ = [
     "estimate_correction",
     "learned_before",
     "own_update",
+    "plugin_update",
     "predict_convergence",
     "step_start",
     "whole_model",

@@ -8,7 +8,8 @@ from typing import Final
 
 from duralab_settings import UpdateKind
 from iterator.updates import adaptive_modelling, basic_twr, secant_update
-from iterator.updates.settings import Update
+from iterator.updates.plugins import plugin_update
+from iterator.updates.settings import Update, UpdateSettings
 
 UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
     {
@@ -18,3 +19,8 @@ UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
     }
 )
 """The update of each kind."""
+
+
+def chosen_update(settings: UpdateSettings) -> Update:
+    """Return the update that settings ask for: that of the plug-in, or that of the kind."""
+    return UPDATES[settings.kind] if settings.plugin is None else plugin_update(settings.plugin)[0]

@@ -14,10 +14,12 @@ def learned_before(earlier: tuple[tuple[Playback, ...], ...], model: RigModel, s
     """Return the model as playbacks of earlier campaigns on the same rig correct it.
 
     The secant update fits its model to their steps whenever it fits, so that it keeps them; Adaptive Modelling corrects
-    the model by one playback after the other; basic TWR learns nothing.
+    the model by one playback after the other; basic TWR and plug-ins learn nothing.
 
     `earlier`: Drives mapped where there is a map, responses in the control band, by campaigns. `model`: As identified.
     """
+    if settings.plugin is not None:
+        return model
     if settings.kind is UpdateKind.SECANT:
         return replace(model, earlier=earlier)
     if settings.kind is UpdateKind.ADAPTIVE_MODELLING:

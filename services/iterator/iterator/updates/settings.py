@@ -103,10 +103,10 @@ Update = Callable[[IterationHistory, RigModel, UpdateSettings], NextDrive]
 """An update: pure, and the same result for the same arguments."""
 
 
-def own_update(function: Update) -> Update:
+def own_update(function: Update, *, name: str = "`update`") -> Update:
     """Return a function as an update whose results are checked, and that cannot write to the history.
 
-    `function`: `(history, model, settings) -> NextDrive`, as each of `UPDATES`.
+    `function`: `(history, model, settings) -> NextDrive`, as each of `UPDATES`. `name`: What errors call it.
     Returns: Raises TypeError or ValueError where the function returns anything but a `NextDrive` of finite drives as
     long as the target, with a model of the same channels.
     Raises `TypeError`: `function` cannot be called.
@@ -117,30 +117,28 @@ def own_update(function: Update) -> Update:
     def update(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
         step = function(_read_only(history), model, settings)
         if not isinstance(step, NextDrive):
-            raise TypeError(
-                f"`update` returned {type(step).__name__}; it must return a NextDrive(drive=..., model=...)."
-            )
-        _require_fitting(step, history, model)
+            raise TypeError(f"{name} returned {type(step).__name__}; it must return a NextDrive(drive=..., model=...).")
+        _require_fitting(step, history, model, name=name)
         return step
 
     return update
 
 
-def _require_fitting(step: NextDrive, history: IterationHistory, model: RigModel) -> None:
+def _require_fitting(step: NextDrive, history: IterationHistory, model: RigModel, *, name: str) -> None:
     if not isinstance(step.model, RigModel) or step.model.frf.shape != model.frf.shape:
         raise ValueError(
-            f"The model of the NextDrive that `update` returned is {type(step.model).__name__}; it must be a RigModel "
-            f"with an FRF of the shape {model.frf.shape}: return the `model` that `update` was called with."
+            f"The model of the NextDrive that {name} returned is {type(step.model).__name__}; it must be a RigModel "
+            f"with an FRF of the shape {model.frf.shape}: return the `model` that {name} was called with."
         )
     shape = (model.frf.shape[2], history.target.shape[1])
     records = {"drive": step.drive}
     if step.stepped_from is not None:
         records["stepped_from"] = step.stepped_from
-    for name, record in records.items():
-        found = as_record(record, name=f"{name} of the NextDrive that `update` returned").shape
+    for part, record in records.items():
+        found = as_record(record, name=f"{part} of the NextDrive that {name} returned").shape
         if found != shape:
             raise ValueError(
-                f"{name} of the NextDrive that `update` returned has the shape {found}; it must be {shape}: drives of "
+                f"{part} of the NextDrive that {name} returned has the shape {found}; it must be {shape}: drives of "
                 "the model by samples of the target."
             )
 

@@ -1,0 +1,95 @@
+"""Updates that installed distributions offer under the entry points `duralab.updates`."""
+
+from __future__ import annotations
+
+import json
+from typing import Final, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ValidationError
+from scipy.signal.windows import tukey
+
+from duralab_settings import SettingsError, UpdateKind, UpdatePlugin, explained, load_plugin, one_line
+from iterator.band import ControlBand
+from iterator.model import IterationHistory, RigModel
+from iterator.updates.settings import NextDrive, Update, UpdateSettings, own_update
+
+GROUP: Final = "duralab.updates"
+"""Entry points of plug-ins: each names a pydantic model of its settings with a method `next_drive`."""
+
+LARGEST_SHARE_ABOVE: Final = 0.02
+"""RMS of a drive above the control band's upper flank, relative to the whole, that is taken for rounding and fades."""
+
+# Ends of a record that are faded before its spectrum is judged: a drive is faded there before it is played.
+_TAPER: Final = 0.05
+
+
+class _UpdateModel(Protocol):
+    """What the settings model of a plug-in does beside holding values."""
+
+    def next_drive(self, history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
+        """Return the next drive."""
+        ...
+
+
+def plugin_update(plugin: UpdatePlugin) -> tuple[Update, str]:
+    """Return the update of a plug-in with its settings, and a sentence that says what makes the drives.
+
+    Raises `SettingsError`: The name is of no or of several plug-ins, the import fails, what it names is no model with
+    `next_drive`, or the settings are not allowed. The update itself raises ValueError where the plug-in raises
+    anything, or returns what cannot be played.
+    """
+    found = load_plugin(GROUP, plugin.name, field="update.plugin.name", shipped=[kind.value for kind in UpdateKind])
+    name = f"the update plug-in {found.name!r} of {found.source}"
+    kind = found.content
+    if not (isinstance(kind, type) and issubclass(kind, BaseModel) and callable(getattr(kind, "next_drive", None))):
+        raise SettingsError(
+            f"T{name[1:]} is {kind!r:.80}; its entry point must name a pydantic model of its settings that has a "
+            "method next_drive(history, model, settings).",
+            field="update.plugin.name",
+        )
+    try:
+        made = kind.model_validate(json.loads(plugin.settings))
+    except ValidationError as error:
+        raise explained(error, kind, prefix="update.plugin.settings") from error
+    settings = ", ".join(f"{key} {value}" for key, value in made.model_dump(mode="json").items())
+    checked = own_update(_guarded(cast(_UpdateModel, made), name), name=name)
+
+    def update(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
+        try:
+            step = checked(history, model, settings)
+        except TypeError as error:
+            raise ValueError(str(error)) from error
+        _require_in_band(step.drive, settings.band, name=name)
+        return step
+
+    return update, f"The drives are made by {name}{f' with {settings}' if settings else ''}."
+
+
+def _guarded(made: _UpdateModel, name: str) -> Update:
+    """Return the method of a plug-in whose errors name it."""
+
+    def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
+        try:
+            return made.next_drive(history, model, settings)
+        except Exception as error:
+            raise ValueError(f"T{name[1:]} raised {one_line(error)}; correct it, then resume the campaign.") from error
+
+    return next_drive
+
+
+def _require_in_band(drive: NDArray[np.float64], band: ControlBand, *, name: str) -> None:
+    """Refuse a drive with content above the band, which the model knows nothing of and the rig may not bear."""
+    tapered = drive * tukey(drive.shape[1], _TAPER)
+    energy = np.abs(np.fft.rfft(tapered, axis=1)) ** 2
+    above = np.fft.rfftfreq(drive.shape[1], 1.0 / band.sample_rate) > band.highest_driven
+    total = energy.sum(axis=1)
+    share = np.sqrt(np.divide(energy[:, above].sum(axis=1), total, out=np.zeros_like(total), where=total > 0.0))
+    worst = int(np.argmax(share))
+    if share[worst] > LARGEST_SHARE_ABOVE:
+        raise ValueError(
+            f"T{name[1:]} returned a drive whose channel {worst + 1} has {share[worst]:.0%} of its RMS above "
+            f"{band.highest_driven:g} Hz, the end of the control band; at most {LARGEST_SHARE_ABOVE:.0%} is played: "
+            "limit its steps by apply_inverse or settings.band.limit_drive."
+        )
