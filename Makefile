@@ -15,7 +15,7 @@ export PYTHON
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
 	algorithms_on_random_plants reachable_floor \
 	sensitivity braking_and_non_square input_side_errors stiff_rig detection_of_wear rig_data_sheet rig_drawing rig_wear actuator_tuning aerospace_and_full_vehicle
-CHECKS := format lint types imports generated contract docs determinism
+CHECKS := format lint language types imports generated contract docs determinism
 
 .DEFAULT_GOAL := help
 .PHONY: help setup install demo demo-real bench faults endurance multihost security-table audit sbom studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
@@ -89,13 +89,16 @@ coverage: setup ## measure which lines of the pure cores unit tests run; less th
 mutation: setup ## change one thing at a time in estimators, updates and the RPC III codec, and name what no test notices
 	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/mutation.py $(ARGS)
 
-check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, docs, determinism
+check: $(CHECKS:%=check-%) ## format, lint, plain English, types, import contracts, generated code, contract, docs, determinism
 
 check-format: setup
 	@$(BIN)/ruff format --quiet --check . || { echo "Run: make format" >&2; exit 1; }
 
 check-lint: setup
 	@$(BIN)/ruff check --quiet .
+
+check-language: setup ## pages, help, settings, error sentences and docstrings of faces against scripts/plain_english.yaml
+	@$(BIN)/python scripts/plain_english.py
 
 check-types: setup ## the second time for what also runs on Windows
 	@$(BIN)/basedpyright

@@ -84,7 +84,7 @@ GOALS: dict[str, tuple[Goal, ...]] = {
             bound=1.25,
         ),
         _most(
-            "the same, over transforms into memory that is there",
+            "the same, over transforms into existing memory",
             _IDENTIFICATION,
             "over_windowed_transforms",
             bound=1.25,

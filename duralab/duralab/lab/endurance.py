@@ -67,7 +67,7 @@ class EnduranceProgress:
     phase : EndurancePhase
         What it does.
     activity : str
-        The same in words.
+        The same as text.
     repeats, played, unknown : int
         Repeats of the schedule, those counted as played, and those of them whose end is not known.
     remaining_seconds : float
@@ -75,7 +75,8 @@ class EnduranceProgress:
     events : dict of str to tuple of int
         Repeats played and planned of each event.
     damage, planned : dict of str to float
-        Damage by response: counted so far, and planned of what was played; `planned` is empty where it is not known.
+        Damage by response: counted so far, and planned for the repeats played; `planned` is empty where it is not
+        known.
     alarms : int
         Alarms so far.
     last_alarms : tuple of str
@@ -237,7 +238,7 @@ class EnduranceTest:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> EnduranceProgress:
-        """Wait for its end; it goes on in the lab whatever ends the wait.
+        """Wait for its end; the test continues in the lab when the wait ends early.
 
         Parameters
         ----------
@@ -274,12 +275,12 @@ class EnduranceTest:
             time.sleep(POLL_SECONDS)
 
     def hold(self, *, reason: str = "") -> EnduranceProgress:
-        """Have it wait after the repeat that plays now.
+        """Hold the test after the current repeat.
 
         Parameters
         ----------
         reason : str
-            In words; kept in the recording.
+            Free text; kept in the recording.
 
         Returns
         -------
@@ -291,7 +292,7 @@ class EnduranceTest:
         return self._progress(key, sequencer_pb2.HoldEnduranceRequest(reason=reason))
 
     def resume(self) -> EnduranceProgress:
-        """Go on after a hold that a person or a fault made, or after a crash of the sequencer."""
+        """Continue after a hold that a person or a fault made, or after a crash of the sequencer."""
         key = self._ask.bus.keys.endurance_resume(self.id, self.rig)
         return self._progress(key, sequencer_pb2.ResumeEnduranceRequest())
 
@@ -337,7 +338,7 @@ class EnduranceTest:
         Parameters
         ----------
         reason : str
-            In words; kept in the recording.
+            Free text; kept in the recording.
 
         Returns
         -------
