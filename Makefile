@@ -18,7 +18,7 @@ STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8
 # Every dependency at work: files, settings, the bus, each service's core, and campaigns from file to report.
 LOWEST := libs/settings libs/bus/tests libs/loads services/operator_page/tests/test_accounts.py \
 	$(addprefix duralab/tests/test_,formats.py foreign_files.py report.py command_line.py certificates.py) tests/test_whole_campaign.py
-CHECKS := format lint types imports generated contract changelog docs determinism
+CHECKS := format lint language types imports generated contract changelog docs determinism
 
 .DEFAULT_GOAL := help
 .PHONY: help setup install demo demo-real bench faults endurance multihost security-table audit sbom dist lowest studies docs test test-all examples-rust fuzz coverage mutation check $(CHECKS:%=check-%) proto lock format clean
@@ -98,13 +98,16 @@ coverage: setup ## measure which lines of the pure cores unit tests run; less th
 mutation: setup ## change one thing at a time in estimators, updates and the RPC III codec, and name what no test notices
 	@OMP_NUM_THREADS=1 $(BIN)/python scripts/quality/mutation.py $(ARGS)
 
-check: $(CHECKS:%=check-%) ## format, lint, types, import contracts, generated code, contract, changelog, docs, determinism
+check: $(CHECKS:%=check-%) ## format, lint, plain English, types, import contracts, generated code, contract, changelog, docs, determinism
 
 check-format: setup
 	@$(BIN)/ruff format --quiet --check . || { echo "Run: make format" >&2; exit 1; }
 
 check-lint: setup
 	@$(BIN)/ruff check --quiet .
+
+check-language: setup ## pages, help, settings, error sentences and docstrings of faces against scripts/plain_english.yaml
+	@$(BIN)/python scripts/plain_english.py
 
 check-types: setup ## the second time for what also runs on Windows
 	@$(BIN)/basedpyright

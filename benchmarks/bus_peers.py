@@ -29,7 +29,7 @@ class Peer:
         assert self.process.stdout is not None
         line = self.process.stdout.readline().strip()
         if not line:
-            raise RuntimeError(f"The {self.role} of the benchmark ended by itself; run it alone to see why.")
+            raise RuntimeError(f"The {self.role} of the benchmark ended unexpectedly; run it alone to see why.")
         return line if line == "ready" else json.loads(line)
 
     def tell(self, line: str) -> None:

@@ -101,7 +101,7 @@ GOALS: dict[str, tuple[Goal, ...]] = {
             bound=1.25,
         ),
         _fact(
-            "the same, over transforms into memory that is there",
+            "the same, over transforms into existing memory",
             _IDENTIFICATION,
             "over_windowed_transforms",
         ),

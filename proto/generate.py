@@ -46,7 +46,7 @@ def check() -> int:
 def main() -> int:
     """Parse the command line and generate or check."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="only say whether the committed package is fresh")
+    parser.add_argument("--check", action="store_true", help="only check that the committed package is current")
     if parser.parse_args().check:
         return check()
     PACKAGE.mkdir(parents=True, exist_ok=True)

@@ -82,7 +82,7 @@ def _shipped(path: Path) -> bool:
 def _closure() -> ModuleType:
     specification = importlib.util.spec_from_file_location("closure", ROOT / "deploy" / "images" / "closure.py")
     if specification is None or specification.loader is None:
-        raise ImportError("deploy/images/closure.py is not there.")
+        raise ImportError("deploy/images/closure.py is missing.")
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return module

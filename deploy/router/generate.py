@@ -25,7 +25,7 @@ def locked_version() -> str:
 def main() -> int:
     """Parse the command line and write or check."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="only say whether the committed configuration is fresh")
+    parser.add_argument("--check", action="store_true", help="only check that the committed configuration is current")
     members = [entry.member for entry in read_members(CONFIGURATION.with_name("members.yaml"))]
     content = router_configuration(members, version=locked_version())
     if parser.parse_args().check:

@@ -72,7 +72,7 @@ class UnavailableError(LabError):
 
 
 class ServiceEndedError(LabError):
-    """A service of the lab ended by itself; its last log line is in the message."""
+    """A service of the lab ended unexpectedly; its last log line is in the message."""
 
 
 class CampaignFaultError(LabError):

@@ -275,7 +275,7 @@ def test_in_a_terminal_the_target_gives_way_first_and_it_is_said(shown):
         assert max(map(len, text.splitlines())) <= columns
     text = shown(80, TTY_COMPATIBLE="1")
     assert "ISO" not in text
-    assert "The targets are left out, for which 80 columns are too few; --json tells them." in text
+    assert "The targets are left out, for which 80 columns are too few; --json contains them." in text
 
 
 def test_a_damaged_recording_ends_the_command_with_its_findings_and_a_code(command):

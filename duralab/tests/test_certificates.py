@@ -81,7 +81,7 @@ def test_nothing_is_overwritten_unasked(folder):
     assert "is not overwritten" in refused(lambda: init_authority(folder))
     assert "duralab certs renew operator.anna" in refused(lambda: issue(folder, ANNA))
     (folder / "operator.ben.key").write_text("a key of somebody")
-    assert "operator.ben.key is there already" in refused(lambda: issue(folder, BEN))
+    assert "operator.ben.key already exists" in refused(lambda: issue(folder, BEN))
     assert {path: path.read_bytes() for path in content} == content
 
 
@@ -251,7 +251,7 @@ def test_a_file_of_members_that_is_wrong_ends_the_command_with_one_sentence(fold
     members.write_text("members: [{role: boss, name: anna}]")
     code, _, err = invoke("issue", "--members", members, "--folder", folder)
     assert (code, err.count("\n")) == (2, 1)
-    assert "The role 'boss' is none of rig, identifier" in err
+    assert "The role 'boss' is not one of rig, identifier" in err
     members.write_text("members: [{role: router, name: main}]")
     code, _, err = invoke("renew", "operator.anna", "--members", members, "--folder", folder)
     assert code == 2

@@ -39,7 +39,7 @@ def test_members_are_read_as_they_stand(written):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("{role: boss, name: anna}", "The role 'boss' is none of"),
+        ("{role: boss, name: anna}", "The role 'boss' is not one of"),
         ("{role: operator, name: ../anna}", "lower case letters"),
         ("{role: operator, name: anna, hosts: [lab]}", "operator.anna names hosts"),
         ("{role: operator, name: anna, rig: [beam]}", "rig"),

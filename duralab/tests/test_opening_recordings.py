@@ -26,7 +26,7 @@ def test_what_is_no_path_is_refused(given):
 def test_a_run_that_is_no_text_is_refused_with_how_to_ask(path, ask, run):
     with pytest.raises(InputError) as caught:
         getattr(duralab.open(path), ask)(run)
-    said = f"A run is {run!r}; give the name of each as a text of its own, e.g. {ask}('demo.i01'"
+    said = f"A run is {run!r}; give each name as a separate string, e.g. {ask}('demo.i01'"
     assert str(caught.value).startswith(said)
 
 

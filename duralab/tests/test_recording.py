@@ -113,7 +113,7 @@ def test_a_run_that_was_broken_off_is_not_taken_for_a_whole_one(tmp_path, campai
     messages = [*synthetic_campaign.steps(campaign), *blocks[:there]]
     recording = open_recording(synthetic_campaign.write(tmp_path / "r.mcap", messages, finish=finish))
     reached = rf"up to sample {100 * there - 1} \({there / 10:g} s\) only and not its last block; "
-    how = "read what is there with `responses" if finish else "start the recorder on its folder, which repairs it, then"
+    how = "read the others with `responses" if finish else "start the recorder on its folder, which repairs it, then"
     with pytest.raises(InputError, match=reached + how):
         recording.signal("demo.i01")
     if finish:

@@ -73,7 +73,7 @@ def test_a_hole_is_found_where_no_file_names_the_next(tmp_path):
 def test_the_last_parts_missing_are_found(folder, last):
     for number in range(last + 1, PARTS + 1):
         (folder / name(number)).unlink()
-    refused(folder / "r.mcap", f"goes on in {name(last + 1)}, which is missing")
+    refused(folder / "r.mcap", f"continues in {name(last + 1)}, which is missing")
 
 
 @pytest.mark.parametrize(("one", "other"), [(1, 2), (2, 3), (3, 4)])
@@ -135,7 +135,7 @@ def test_what_an_earlier_recorder_wrote_without_naming_its_parts_is_read(tmp_pat
 def test_a_link_to_the_first_file_looks_for_parts_beside_itself(folder, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("linked")
     (elsewhere / "r.mcap").symlink_to(folder / "r.mcap")
-    refused(elsewhere / "r.mcap", "goes on in r.part02.mcap, which is missing")
+    refused(elsewhere / "r.mcap", "continues in r.part02.mcap, which is missing")
     for number in range(2, PARTS + 1):
         shutil.copy(folder / name(number), elsewhere)
     assert numbers_in(elsewhere) == [1, 2, 3, 4, 5, 6, 7, 8]
@@ -148,7 +148,9 @@ def test_a_first_part_of_which_the_recorder_was_killed_says_that_the_recording_m
     synthetic_campaign.write(path, steps[:8], part=("demo", 1), reason="Its recorder was killed.")
     recording = duralab.open(path)
     assert recording.whole
-    said = "its recorder was killed, and the recording may go on in alone.part02.mcap and further, which are not beside"
+    said = (
+        "its recorder was killed, and the recording may continue in alone.part02.mcap and further, which are not beside"
+    )
     assert recording.open_end.startswith(said)
     assert said in str(recording)
     html = write_report(path, tmp_path / "report.html").read_text(encoding="utf-8")
@@ -159,4 +161,4 @@ def test_a_first_part_of_which_the_recorder_was_killed_says_that_the_recording_m
     assert "killed" not in str(recording)
     # A second kill, and so on.
     synthetic_campaign.write(tmp_path / "alone.part02.mcap", steps[8:-2], part=("demo", 2))
-    assert "it was not closed, and the recording may go on in alone.part03" in duralab.open(path).open_end
+    assert "it was not closed, and the recording may continue in alone.part03" in duralab.open(path).open_end

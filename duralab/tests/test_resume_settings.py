@@ -80,7 +80,7 @@ def test_a_value_that_does_not_fit_the_values_that_stay_is_refused(tmp_path):
     ("scenario", "message"),
     [
         ("", "holds no campaign file; give a whole"),
-        ("rig: front_axle\n", r"is not one of this version \(.*; give a whole"),
+        ("rig: front_axle\n", r"is not from this version \(.*; give a whole"),
     ],
 )
 def test_without_a_campaign_file_in_the_recording_a_whole_one_is_asked_for(scenario, message):

@@ -117,7 +117,7 @@ def test_down_ends_the_lab_and_its_note_goes(notes, sleeper):
     assert not psutil.pid_exists(sleeper.pid)
     assert running_labs() == []
     code, stdout, _ = invoke("down")
-    assert (code, stdout) == (0, "No lab of yours runs on this machine.\n")
+    assert (code, stdout) == (0, "None of your labs runs on this machine.\n")
 
 
 def test_down_names_the_labs_there_are(notes, sleeper):

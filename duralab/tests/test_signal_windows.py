@@ -203,7 +203,7 @@ def test_an_unknown_run_names_those_there_are(path):
 
 def test_a_file_without_an_index_says_what_to_do(tmp_path, campaign, blocks):
     path = write(tmp_path / "r.mcap", campaign, blocks[0], finish=False)
-    with pytest.raises(InputError, match="start the recorder on its folder anew, which repairs it"):
+    with pytest.raises(InputError, match="start the recorder on its folder again, which repairs it"):
         duralab.open(path).responses(RUN)
 
 

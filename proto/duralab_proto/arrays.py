@@ -243,7 +243,7 @@ def _check_record(record: array_pb2.Record, samples: np.ndarray, *, field: str) 
     unusable = sorted({name for name in names if not name or names.count(name) > 1})
     if unusable:
         raise ArrayError(
-            f"{field}.channels has the names {unusable} empty or more than once; each channel needs a name of its own.",
+            f"{field}.channels has the names {unusable} empty or more than once; each channel needs its own name.",
             field=f"{field}.channels",
         )
 

@@ -69,10 +69,10 @@ class Member:
 
     def __post_init__(self) -> None:
         if self.role not in MEMBER_ROLES:
-            raise MemberError(f"The role {self.role!r} is none of {', '.join(MEMBER_ROLES)}.")
+            raise MemberError(f"The role {self.role!r} is not one of {', '.join(MEMBER_ROLES)}.")
         if _NAME.fullmatch(self.name) is None:
             raise MemberError(
-                f"The member's name {self.name!r} is not one of lower case letters, digits, '-' and '_', "
+                f"The member's name {self.name!r} must consist of lower case letters, digits, '-' and '_', "
                 "starting with a letter or digit, at most 58 characters."
             )
         try:

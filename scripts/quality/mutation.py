@@ -125,7 +125,7 @@ def _try(name: str, area: Area, *, sample: int, seed: int, only: list[dict] | No
         chosen = [mutant for mutant in every if (_place(mutant.path), mutant.number, mutant.change) in wanted]
     code, seconds = _tested(area, mutant=None, seconds=600)
     if code != 0:
-        raise SystemExit(f"The tests of {name} fail without any change (pytest ends with {code}); mend them first.")
+        raise SystemExit(f"The tests of {name} fail without any change (pytest ends with {code}); correct them first.")
     _say(f"{name}: {len(chosen)} of {len(every)} mutants; the tests take {seconds:.0f} s of processor time")
     survived = []
     for mutant in chosen:

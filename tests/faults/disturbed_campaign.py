@@ -179,7 +179,7 @@ class Operator:
         try:
             self._resume(new_id)
         except FaultError as fault:
-            if fault.code == query_pb2.FAULT_CODE_FAILED_PRECONDITION and "nothing to take up" in fault.message:
+            if fault.code == query_pb2.FAULT_CODE_FAILED_PRECONDITION and "nothing to resume" in fault.message:
                 self._begin_anew()
                 return
             raise

@@ -141,7 +141,7 @@ class Comparison:
         return tuple(row for row in self.rows if row.channel == channel)
 
     def to_document(self) -> dict[str, Any]:
-        """Return the comparison as plain texts, numbers, lists and mappings; figures that are not told are None."""
+        """Return the comparison as plain texts, numbers, lists and mappings; unreported figures have the value None."""
         return {
             "recordings": [
                 {

@@ -31,9 +31,9 @@ from duralab_settings import (
 class Potholes(Section):
     """Rounded holes at random places, each in one wheel track."""
 
-    count: int = Field(ge=1, le=1000, description="How many.")
-    depth: Range = Field(description="Shallowest and deepest, in metres, e.g. [0.02, 0.05].")
-    length: Range = Field(description="Shortest and longest, in metres, e.g. [0.4, 1.0].")
+    count: int = Field(ge=1, le=1000, description="Number of potholes.")
+    depth: Range = Field(description="Smallest and largest depth, in metres, e.g. [0.02, 0.05].")
+    length: Range = Field(description="Smallest and largest length, in metres, e.g. [0.4, 1.0].")
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
@@ -52,15 +52,15 @@ class SyntheticRoad(Section):
         description="Roughness class of ISO 8608: A (very good) to E (very poor), or C/D for the mean of two.",
     )
     seed: Seed = Field(description="Seed of the road's unevenness and of its potholes.")
-    duration: Positive = Field(le=3600, description="How long the vehicle drives on it, in seconds.")
-    potholes: Potholes | None = Field(default=None, description="Holes in the road; none where left out.")
+    duration: Positive = Field(le=3600, description="Duration of the drive over the road, in seconds.")
+    potholes: Potholes | None = Field(default=None, description="Potholes of the road; no potholes if left out.")
 
 
 class MeasuredRoad(Section):
     """A measured road surface in OpenCRG format, run through forward and backward until the time is up."""
 
     path: Path = Field(strict=False, description="The OpenCRG file (.crg), relative to the campaign file.")
-    duration: Positive = Field(le=3600, description="How long the vehicle drives on it, in seconds.")
+    duration: Positive = Field(le=3600, description="Duration of the drive over the road, in seconds.")
 
 
 class Target(Section):
@@ -75,17 +75,18 @@ class Target(Section):
     )
     channels: dict[str, SourceChannel] = Field(
         default_factory=dict,
-        description="Channel of the file, its unit and its sign for each response; left out: the one of its name.",
+        description="Channel of the file, with unit and sign, for each response; left out: the channel with the "
+        "same name.",
     )
     calculated: tuple[CalculatedChannel, ...] = Field(
         default=(),
         strict=False,
-        description="Channels calculated from those of the file: sum, difference or weights; used like them.",
+        description="Calculated channels: sum, difference or weighted sum of channels of the file; used like those.",
     )
     vehicle: str | None = Field(default=None, description="The rig that plays roads, whose responses are the target.")
     speed: Positive = Field(default=15.0, le=60, description="Speed of the vehicle, in metres per second.")
     edit: tuple[EditStep, ...] = Field(
-        default=(), strict=False, description="What is done with it before it is reproduced, one step after the other."
+        default=(), strict=False, description="Steps that edit the target before it is reproduced, in this order."
     )
 
     @model_validator(mode="after")
@@ -110,18 +111,18 @@ class Sections(Section):
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
-        description="Lower case letters, digits, '-' and '_'; names the campaign and its recording.",
+        description="Name of the campaign and its recording: lower case letters, digits, '-' and '_'.",
     )
-    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="The rig that reproduces the target.")
-    seed: Seed = Field(description="Every random number of the campaign comes from this seed.")
-    target: Target = Field(description="What to reproduce.")
-    excitation: ExcitationSettings = Field(description="The experiment that identifies the rig.")
-    estimator: EstimatorSettings = Field(description="How the model is estimated from the experiment.")
-    control_band: ControlBandSettings = Field(description="Where the target is reproduced and judged.")
-    update: UpdateSection = Field(description="How each next drive is made.")
-    stop: StopCriteria = Field(description="When the iteration ends.")
+    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="Name of the rig that reproduces the target.")
+    seed: Seed = Field(description="Seed of all random numbers of the campaign.")
+    target: Target = Field(description="Signals to reproduce.")
+    excitation: ExcitationSettings = Field(description="Experiment that identifies the rig.")
+    estimator: EstimatorSettings = Field(description="Estimator of the model from the experiment.")
+    control_band: ControlBandSettings = Field(description="Frequencies in which the target is reproduced and judged.")
+    update: UpdateSection = Field(description="Update: the rule that makes each next drive.")
+    stop: StopCriteria = Field(description="Criteria that end the iteration.")
     accept: Acceptance = Field(
-        default=Acceptance(), description="What the result is judged by; left out: the defaults of its keys."
+        default=Acceptance(), description="Limits by which the result is judged; left out: the defaults of its keys."
     )
     hold: HoldSettings | None = Field(
         default=None,
@@ -129,7 +130,7 @@ class Sections(Section):
         "{predicted_peak: 1.2, predicted_damage: 2.0}; left out: never on a simulation, first on every other rig.",
     )
     start_from: StartFrom | None = Field(
-        default=None, description="What is known before the first playback; left out: nothing."
+        default=None, description="Model, drive and playbacks that the campaign starts from; left out: none."
     )
 
 

@@ -13,9 +13,9 @@ from duralab_settings import EstimatorSettings, ExcitationSettings, Section, See
 class IdentificationSettings(Section):
     """What an identification is asked for."""
 
-    seed: Seed = Field(default=0, description="Every random number of the experiment comes from this seed.")
-    excitation: ExcitationSettings = Field(description="The experiment that identifies the rig.")
-    estimator: EstimatorSettings = Field(description="How the model is estimated from the experiment.")
+    seed: Seed = Field(default=0, description="Seed of all random numbers of the experiment.")
+    excitation: ExcitationSettings = Field(description="Experiment that identifies the rig.")
+    estimator: EstimatorSettings = Field(description="Estimator of the model from the experiment.")
 
 
 def load_identification(source: str | Path) -> IdentificationSettings:

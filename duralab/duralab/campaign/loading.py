@@ -43,7 +43,7 @@ def load_campaign(source: str | Path) -> Campaign:
     Raises
     ------
     InputError
-        It is no path, there is no such file, it is no YAML, or a key or value in it is not allowed.
+        It is not a path, the file does not exist, it is not YAML, or a key or value in it is not allowed.
     """
     if not isinstance(source, str | os.PathLike):
         raise InputError(
@@ -121,12 +121,13 @@ class ImportSettings(Section):
 
     channels: dict[str, SourceChannel] = Field(
         default_factory=dict,
-        description="Channel of the file, its unit and its sign for each response; left out: the one of its name.",
+        description="Channel of the file, with unit and sign, for each response; left out: the channel with the "
+        "same name.",
     )
     calculated: tuple[CalculatedChannel, ...] = Field(
-        default=(), strict=False, description="Channels calculated from those of the file; used like them."
+        default=(), strict=False, description="Calculated channels, from channels of the file; used like those."
     )
-    edit: tuple[EditStep, ...] = Field(default=(), strict=False, description="Steps of editing, one after the other.")
+    edit: tuple[EditStep, ...] = Field(default=(), strict=False, description="Steps of editing, in this order.")
 
 
 def load_import_settings(path: Path) -> ImportSettings:

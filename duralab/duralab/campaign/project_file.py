@@ -24,7 +24,9 @@ class EventSettings(Section):
     """What an event has beside the settings of its campaign."""
 
     priority: int = Field(default=0, ge=-1000, le=1000, description="Events of a higher priority come first.")
-    repeats: int = Field(default=1, ge=1, le=10_000_000, description="How often its drive stands in the order file.")
+    repeats: int = Field(
+        default=1, ge=1, le=10_000_000, description="Number of times that its drive is listed in the order file."
+    )
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def _recorded_campaign(settings: PartialSettings, parent: iterator_pb2.CampaignS
         return parse_campaign(parent.scenario, name=f"the campaign file of {parent.id!r}")
     except InputError as error:
         raise InputError(
-            f"The campaign file in the recording of {parent.id!r} is not one of this version "
-            f"({error.message.rstrip('.')}); {whole}.",
+            f"The campaign file in the recording of {parent.id!r} is not from this version ( "
+            f"{error.message.rstrip('.')}); {whole}.",
             field="settings",
         ) from error

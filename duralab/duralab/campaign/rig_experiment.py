@@ -113,7 +113,7 @@ def level_of(channel: Channel, rig: Rig, *, highest: float, corner: float) -> fl
     if not allowed:
         raise InputError(
             f"Rig {rig.name!r} allows its drive {channel.name!r} {channel.minimum:g} to {channel.maximum:g} "
-            f"{channel.unit}; an experiment around 0 needs finite limits on both sides of it, so mend the rig's "
+            f"{channel.unit}; an experiment around 0 needs finite limits on both sides of it, so correct the rig's "
             "description, or copy a shipped campaign and choose its excitation.",
             field="rig",
         )

@@ -10,13 +10,13 @@ from duralab_settings import NotNegative, Positive, Section
 
 
 class FirstSection(Section):
-    """A section of the target on which a campaign of its own iterates before the whole."""
+    """A section of the target on which a separate campaign iterates before the whole."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    start: NotNegative = Field(default=0.0, alias="from", description="Where the section starts, in seconds.")
-    end: Positive = Field(alias="to", description="Where it ends, in seconds.")
-    iterations: int = Field(ge=1, le=1000, description="Most playbacks of the section.")
+    start: NotNegative = Field(default=0.0, alias="from", description="Start of the section, in seconds.")
+    end: Positive = Field(alias="to", description="End of the section, in seconds.")
+    iterations: int = Field(ge=1, le=1000, description="Largest number of playbacks of the section.")
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -34,11 +34,11 @@ class StartFrom(Section):
     model: str | None = Field(
         default=None,
         min_length=1,
-        description=f"Recording that holds the model of this very rig: {_RECORDING}; its excitation and estimator take "
-        "the place of the campaign's. Left out: the rig is identified.",
+        description=f"Recording with the model of this rig: {_RECORDING}; its excitation and estimator replace "
+        "those of the campaign. Left out: the rig is identified.",
     )
     model_age: Positive | None = Field(
-        default=None, le=87600, description="Age of the model, in hours, up to which it counts; left out: any."
+        default=None, le=87600, description="Largest age of the model, in hours; left out: no limit."
     )
     drive: str | None = Field(
         default=None,

@@ -23,10 +23,10 @@ class SourceChannel(Section):
     unit: str | None = Field(
         default=None,
         min_length=1,
-        description="Unit of the file's values, e.g. kN; left out: the one that the file names.",
+        description="Unit of the values in the file, e.g. kN; left out: the unit that the file names.",
     )
     scale: Factor = Field(
-        default=1.0, description="What the values are multiplied by, e.g. -1 for an axis that points the other way."
+        default=1.0, description="Factor on the values, e.g. -1 for an axis in the opposite direction."
     )
 
     @model_validator(mode="before")
@@ -46,9 +46,9 @@ class Stretch(Section):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    start: NotNegative = Field(default=0.0, alias="from", description="Where it starts, in seconds.")
+    start: NotNegative = Field(default=0.0, alias="from", description="Start of the part to keep, in seconds.")
     end: Positive | None = Field(
-        default=None, alias="to", description="Where it ends, in seconds; left out: where the target does."
+        default=None, alias="to", description="End of the part to keep, in seconds; left out: the end of the target."
     )
 
     @model_validator(mode="after")
@@ -59,27 +59,37 @@ class Stretch(Section):
 
 
 class RemoveMean(Section):
-    """Take the mean off."""
+    """Remove the mean."""
 
-    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Channels that are edited; left out: all.")
 
 
 class RemoveDrift(Section):
     """Take a slow polynomial off, and leave the mean."""
 
-    order: int = Field(default=1, ge=1, le=9, description="Of the polynomial; 1 is a straight line.")
-    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+    order: int = Field(default=1, ge=1, le=9, description="Order of the polynomial; 1 is a straight line.")
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Channels that are edited; left out: all.")
 
 
 class Filter(Section):
     """Butterworth, forward and backward: nothing moves in time, and a corner halves the amplitude."""
 
-    low_pass: Positive | None = Field(default=None, description="What lies below passes, in hertz.")
-    high_pass: Positive | None = Field(default=None, description="What lies above passes, in hertz.")
-    band_pass: Range | None = Field(default=None, strict=False, description="What lies between passes, in hertz.")
-    band_stop: Range | None = Field(default=None, strict=False, description="What lies between is removed, in hertz.")
-    order: int = Field(default=4, ge=1, le=12, description="Of one pass; the slope is that of twice the order.")
-    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+    low_pass: Positive | None = Field(default=None, description="Low-pass: upper cut-off frequency, in hertz.")
+    high_pass: Positive | None = Field(default=None, description="High-pass: lower cut-off frequency, in hertz.")
+    band_pass: Range | None = Field(
+        default=None, strict=False, description="Band-pass: lower and upper cut-off frequency, in hertz."
+    )
+    band_stop: Range | None = Field(
+        default=None, strict=False, description="Band-stop: lower and upper cut-off frequency, in hertz."
+    )
+    order: int = Field(
+        default=4,
+        ge=1,
+        le=12,
+        description="Order of the filter in one pass; it runs forward and backward, so the slope is that of "
+        "twice the order.",
+    )
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Channels that are edited; left out: all.")
 
     @model_validator(mode="after")
     def _check_one_kind(self) -> Self:
@@ -106,17 +116,17 @@ class Filter(Section):
 class Resample(Section):
     """Go over to another sample rate; what does not fit under half of it is removed."""
 
-    rate: Positive = Field(description="Samples per second, in hertz: that of the rig.")
+    rate: Positive = Field(description="Sample rate of the rig, in hertz.")
 
 
 class Despike(Section):
     """Find single wrong samples and put a smooth curve in their place."""
 
-    longest: Positive = Field(default=0.003, description="Of a spike, at half its height, in seconds.")
+    longest: Positive = Field(default=0.003, description="Largest width of a spike, at half its height, in seconds.")
     threshold: Positive = Field(
-        default=10.0, description="Height of the lowest spike, in standard deviations of what is usual around it."
+        default=10.0, description="Height of the lowest spike, in standard deviations of the signal around it."
     )
-    channels: tuple[str, ...] = Field(default=(), strict=False, description="Only of these; left out: of all.")
+    channels: tuple[str, ...] = Field(default=(), strict=False, description="Channels that are edited; left out: all.")
 
 
 class TaperLevel(StrEnum):
@@ -131,30 +141,35 @@ class Taper(Section):
 
     seconds: Positive = Field(description="Length of the fade at either end.")
     to: TaperLevel = Field(
-        default=TaperLevel.MEAN, strict=False, description="Each channel's mean, or zero, static loads and all."
+        default=TaperLevel.MEAN,
+        strict=False,
+        description="Level that the fade starts from: the mean of each channel, or zero, which also fades "
+        "static loads.",
     )
 
 
 class Segment(Stretch):
     """A stretch of the target, once or more often."""
 
-    repeat: int = Field(default=1, ge=1, le=10_000, description="How often it is played, one after the other.")
+    repeat: int = Field(default=1, ge=1, le=10_000, description="Number of times that the part is repeated.")
 
 
 class Join(Section):
     """Put stretches of the target together, in the order given."""
 
-    segments: tuple[Segment, ...] = Field(strict=False, min_length=1, description="The stretches.")
-    cross_fade: NotNegative = Field(default=0.2, description="How long one fades into the next, in seconds.")
+    segments: tuple[Segment, ...] = Field(strict=False, min_length=1, description="Parts, in this order.")
+    cross_fade: NotNegative = Field(default=0.2, description="Duration of the cross-fade between parts, in seconds.")
 
 
 class ShortenByDamage(Section):
     """Keep the sections that carry the damage of any channel."""
 
-    keep: Gain = Field(description="Least share of each channel's pseudo-damage, e.g. 0.95.")
+    keep: Gain = Field(description="Smallest share of each channel's pseudo-damage to keep, e.g. 0.95.")
     exponent: Positive = Field(default=5.0, le=20, description="Slope of the S-N line.")
-    window: Positive = Field(default=1.0, description="Sections are whole numbers of windows this long, in seconds.")
-    cross_fade: NotNegative = Field(default=0.2, description="How long one section fades into the next, in seconds.")
+    window: Positive = Field(
+        default=1.0, description="Length of a window, in seconds; each kept section is a whole number of windows."
+    )
+    cross_fade: NotNegative = Field(default=0.2, description="Duration of the cross-fade between sections, in seconds.")
 
 
 EditSettings = Stretch | RemoveMean | RemoveDrift | Filter | Resample | Despike | Taper | Join | ShortenByDamage
@@ -163,15 +178,15 @@ EditSettings = Stretch | RemoveMean | RemoveDrift | Filter | Resample | Despike 
 class EditStep(Section):
     """One step of editing; a step without settings may stand by its name alone."""
 
-    cut: Stretch | None = Field(default=None, description="Keep one stretch.")
-    remove_mean: RemoveMean | None = Field(default=None, description="Take the mean off.")
-    remove_drift: RemoveDrift | None = Field(default=None, description="Take a slow polynomial off.")
+    cut: Stretch | None = Field(default=None, description="Keep one part.")
+    remove_mean: RemoveMean | None = Field(default=None, description="Remove the mean.")
+    remove_drift: RemoveDrift | None = Field(default=None, description="Remove a polynomial trend.")
     filter: Filter | None = Field(default=None, description="Zero-phase filter.")
-    resample: Resample | None = Field(default=None, description="Go over to another sample rate.")
+    resample: Resample | None = Field(default=None, description="Resample to another sample rate.")
     despike: Despike | None = Field(default=None, description="Replace single wrong samples.")
-    taper: Taper | None = Field(default=None, description="Begin and end softly.")
-    join: Join | None = Field(default=None, description="Put stretches together.")
-    shorten_by_damage: ShortenByDamage | None = Field(default=None, description="Keep what carries the damage.")
+    taper: Taper | None = Field(default=None, description="Fade in and out.")
+    join: Join | None = Field(default=None, description="Join parts.")
+    shorten_by_damage: ShortenByDamage | None = Field(default=None, description="Keep the parts that carry the damage.")
 
     @model_validator(mode="before")
     @classmethod

@@ -98,7 +98,7 @@ def endpoint_of_lab(given: str | None) -> str:
     """Return the endpoint that is given, or that of the one lab that `duralab up` keeps running; refuse none."""
     if (endpoint := endpoint_if_any(given)) is None:
         raise InputError(
-            "No lab of yours runs on this machine; start one with `duralab up`, or name one with --connect ENDPOINT.",
+            "None of your labs runs on this machine; start one with `duralab up`, or name one with --connect ENDPOINT.",
             field="connect",
         )
     return endpoint

@@ -66,7 +66,7 @@ class Convergence:
     converging_share : float
         Share of those rigs that converge at every line, 0 to 1.
     sentence : str
-        All of it in words.
+        Summary as text.
     """
 
     frequency: np.ndarray
@@ -98,7 +98,7 @@ class LevelAdvice:
     rms : np.ndarray, shape (drives)
         Proposed for each drive, in its unit.
     wanted_rms : np.ndarray, shape (drives)
-        That would give responses like the target's, whatever the limits.
+        That would give responses like the target's, regardless of the limits.
     largest_rms : np.ndarray, shape (drives)
         At which the crest factor just reaches the drive's limit.
     identification_damage : np.ndarray or None, shape (responses, 3)

@@ -42,13 +42,13 @@ class IterationTable:
         Largest magnitude of the response over that of the target.
     damage_ratio : np.ndarray, shape (playbacks, channels, 3)
         Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8; not a number where an
-        older recording does not tell it.
+        older recording does not contain it.
     overall : np.ndarray, shape (playbacks)
         Root mean square over the judged channels of the relative RMS error.
     level : np.ndarray, shape (playbacks)
         Share of the target that was played for, which all figures are relative to; 1 is the whole.
     watched : np.ndarray of bool, shape (channels)
-        True for a channel that is told, but neither controlled nor judged; its figures are not a number where its
+        True for a channel that is reported, but neither controlled nor judged; its figures are not a number where its
         target is silent.
     energy_outside_band : np.ndarray, shape (channels)
         Share of the energy of the target's dynamic part outside the control band, 0 to 1; not a number in an older
@@ -57,8 +57,8 @@ class IterationTable:
         Number of the best playback as the iterator names it; 0 where it names none, see `best`.
     playback_damage : np.ndarray, shape (playbacks + confirmations, channels, 3)
         Damage that each playback, and then each confirmation, put into each channel of the specimen, in passes of the
-        target, for S-N lines of slope 3, 5 and 8: of the response as measured, whatever the control band, over that of
-        the target in it; the target at its level counts at least.
+        target, for S-N lines of slope 3, 5 and 8: of the response as measured, regardless of the control band, over
+        that of the target in it; the target at its level counts at least.
     damage_as_measured : bool
         Whether `playback_damage` is that; False for an older recording, which states the response in the band only.
     identification_damage : np.ndarray, shape (channels, 3)
@@ -67,9 +67,9 @@ class IterationTable:
         Relative RMS error that was predicted before each playback. Not a number for a watched channel; None, as the
         next two, in an older recording.
     prediction_uncertainty : np.ndarray, shape (playbacks, channels), optional
-        RMS of what a playback may differ by from its prediction, over the target's RMS, as stated before it.
+        RMS of the predicted uncertainty of a playback, over the target's RMS, as stated before it.
     prediction_missed : np.ndarray, shape (playbacks, channels), optional
-        RMS of what it did differ by.
+        RMS of the measured difference.
     """
 
     channels: tuple[str, ...]

@@ -90,9 +90,9 @@ class Model:
     frf_deviation : np.ndarray, shape (lines, responses, drives)
         Standard deviation of each element of `frf`; 0 where it is not known, as in older recordings.
     verdicts : tuple of str
-        How linear each response is, in words; empty in older recordings.
+        How linear each response is, as text; empty in older recordings.
     warnings : tuple of str
-        What the identifier found suspicious, in words.
+        What the identifier found suspicious, as text.
     distortion : Distortion or None
         None where the experiment does not tell noise and nonlinearity apart.
     drive_map : tuple of str
@@ -174,7 +174,8 @@ class Model:
         -------
         xarray.Dataset
             NaN where nothing was estimated. What is what and its unit are in the attributes `long_name` and `units`;
-            where elements of `frf` differ in it, the coordinates `response_unit` and `drive_unit` tell each one's.
+            where elements of `frf` differ in it, the coordinates `response_unit` and `drive_unit` give the unit of
+            each.
         """
         import xarray
 

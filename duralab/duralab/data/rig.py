@@ -51,7 +51,7 @@ class Rig:
     publishes_after_run : bool
         Its signal blocks are published when a run is over.
     cannot_be_stopped : bool
-        A run that has begun goes on to its end; a stop latches the rig all the same.
+        A run that has begun continues to its end; a stop latches the rig all the same.
     simulated : bool
         Nothing real moves; a campaign on any other rig waits before its first playback unless it says otherwise.
     """

@@ -52,7 +52,7 @@ class RigState:
     fraction : float
         Share of that run that is played, 0 to 1.
     goes_on : bool
-        The rig is latched, but its run cannot be stopped and goes on to its end; told by `Lab.stop_rig` and
+        The rig is latched, but its run cannot be stopped and continues to its end; reported by `Lab.stop_rig` and
         `duralab status`.
     reset_name, reset_reason : str
         Who cleared the last latch and why; empty where not given, and while the rig is latched.
@@ -88,7 +88,7 @@ class RigState:
 
     @property
     def why(self) -> str:
-        """The reason of the latch and, where its run goes on in spite of it, a sentence about that."""
+        """The reason of the latch and, where its run continues in spite of it, a sentence about that."""
         if not self.warning:
             return self.reason
         return f"{ended(self.reason)} {self.warning}" if self.reason else self.warning

@@ -54,7 +54,7 @@ class Channel:
     ac_coupled : bool
         Of a response: whether the sensor does not measure a constant value.
     sensor : Sensor, optional
-        Of a response: the sensor, where the rig says which.
+        Of a response: the sensor, if the rig states it.
     calculated : tuple of (str, float)
         Of a calculated channel: name and weight of each channel that it is the sum of.
     """

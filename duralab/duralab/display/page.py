@@ -17,7 +17,7 @@ def to_html(*results: object, title: str = "Duralab") -> str:
     Parameters
     ----------
     *results : object
-        What the SDK returns, or anything else: what has no look of its own is shown as text.
+        What the SDK returns, or anything else: objects without an HTML view are shown as text.
     title : str
         Of the page.
 

@@ -33,7 +33,7 @@ class ExportedDrive:
     path, page : Path
         The drive file, and the order page beside it.
     order : Order
-        What stands in the JSON file beside it.
+        Contents of the JSON file beside it.
     rig : str
         Name of the rig.
     limit_shares : tuple of float

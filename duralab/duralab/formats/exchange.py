@@ -261,7 +261,7 @@ def write_signals(
     format : str, optional
         Value of `Format` or name of a plug-in; by the suffix where left out.
     overwrite : bool
-        Replace a file that is there.
+        Replace an existing file.
     data_type : str, optional
         For RPC III: "SHORT_INTEGER" (the default) or "FLOATING_POINT".
 
@@ -273,7 +273,7 @@ def write_signals(
     Raises
     ------
     InputError
-        The file is there already, or the format does not hold these signals.
+        The file already exists, or the format does not hold these signals.
     """
     path = Path(path)
     form = format_of(path, format)

@@ -88,7 +88,7 @@ def write_frequency_response(response: FrequencyResponse, path: Path) -> None:
     response : FrequencyResponse
         Finite, at even frequencies.
     path : Path
-        Where to; what is there is replaced.
+        Path of the output; an existing file is replaced.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def read_frequency_response(path: str | Path) -> FrequencyResponse:
     Raises
     ------
     FormatError
-        There are none, they differ in their frequencies, or one of the matrix is missing.
+        The file holds no FRF, the FRFs differ in their frequencies, or one of the matrix is missing.
     """
     path = Path(path)
     columns: dict[tuple[str, str], np.ndarray] = {}

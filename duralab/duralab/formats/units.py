@@ -107,7 +107,7 @@ def add_calculated(signals: Signals, calculated: Iterable[CalculatedChannel]) ->
 
 
 def named_units(units: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Tell the units of single channels from those for all.
+    """Separate the units of single channels from those of all channels.
 
     Parameters
     ----------

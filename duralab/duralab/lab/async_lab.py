@@ -100,7 +100,7 @@ class AsyncLab:
         return self.lab.identifier
 
     rigs = _awaited(Lab.rigs)
-    """Return all rigs that are there; see `Lab.rigs`."""
+    """Return all rigs present; see `Lab.rigs`."""
     describe = _awaited(Lab.describe)
     """Return what a rig is; see `Lab.describe`."""
     state = _awaited(Lab.state)
@@ -158,7 +158,7 @@ class AsyncWatch(AsyncIterator[LabEvent]):
 
     @property
     def dropped(self) -> int:
-        """Events that gave way to newer ones because nobody took them."""
+        """Number of events dropped because the consumer was too slow."""
         return self._watch.dropped
 
     async def __anext__(self) -> LabEvent:

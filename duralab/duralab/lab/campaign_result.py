@@ -54,7 +54,7 @@ class CampaignResult:
         Parameters
         ----------
         path : str or Path, optional
-            Where to; what is there is replaced.
+            Path of the output; an existing file is replaced.
 
         Returns
         -------

@@ -194,7 +194,7 @@ def _whole_settings(settings: PartialSettings, parent: iterator_pb2.CampaignSpec
     if not same:
         raise InputError(
             f"The campaign file in the recording of {parent.id!r} does not give the settings that were recorded, as "
-            f"that of an older version; give a whole campaign file in place of {settings.name}.",
+            f"that of an older version; give a whole campaign file instead of {settings.name}.",
             field="settings",
         )
     return completed(settings, parent)

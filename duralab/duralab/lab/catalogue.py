@@ -67,7 +67,7 @@ class CatalogueEntry:
     result : Result
         How it ended.
     closed : bool
-        Whether nothing is written to it any more; `result` tells whether it was brought to its end.
+        Whether nothing is written to it any more; `result` shows whether it was brought to its end.
     steps, signal_blocks, missing_blocks : int
         What it holds, and what is known to be missing.
     files : tuple of str
@@ -220,7 +220,7 @@ class Catalogue:
         rig : str
             On this rig only.
         target : str
-            Where the target's source holds these characters, whatever their case.
+            Where the target's source holds these characters, regardless of their case.
         begun_from, begun_before : datetime, date or str, optional
             Begun then or later; before then. From 1970 to 2553; one without a time zone is local, a day without a time
             is its midnight, a text is as ISO 8601 writes it, e.g. 2026-05-04.
@@ -235,7 +235,7 @@ class Catalogue:
         Raises
         ------
         InputError
-            `begun_from` or `begun_before` is outside those years, or a value is none of those kinds.
+            `begun_from` or `begun_before` is outside those years, or a value has another type.
         """
         ended = _result(result)
         require_text(rig, field="rig")
@@ -304,7 +304,7 @@ class Catalogue:
         id : str
             The recording; it is not written any more.
         folder : Path
-            Made if it is not there.
+            Created if missing.
 
         Returns
         -------
@@ -332,7 +332,7 @@ class Catalogue:
     def signals(
         self, id: str, run: str, *, first_second: float, seconds: float, channels: Sequence[str] = ()
     ) -> tuple[Signals, Signals]:
-        """Read a part of what was played and measured; only that part is read from the disk and sent.
+        """Read a part of the drives and responses; only that part is read from the disk and sent.
 
         Parameters
         ----------
@@ -353,7 +353,7 @@ class Catalogue:
         Raises
         ------
         InputError
-            There is no such recording, run, time or channel, or a value is none of those kinds.
+            There is no such recording, run, time or channel, or a value has another type.
         """
         require_text(run, field="run")
         key = self._ask.key("id", self._ask.bus.keys.recording_signals, id)

@@ -66,7 +66,7 @@ class EnduranceProgress:
     phase : EndurancePhase
         What it does.
     activity : str
-        The same in words.
+        The same as text.
     repeats, played, unknown : int
         Repeats of the schedule, those counted as played, and those of them whose end is not known.
     remaining_seconds : float
@@ -253,7 +253,7 @@ class EnduranceTest:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> EnduranceProgress:
-        """Wait for its end; it goes on in the lab whatever ends the wait.
+        """Wait for its end; the test continues in the lab when the wait ends early.
 
         Parameters
         ----------
@@ -290,12 +290,12 @@ class EnduranceTest:
             time.sleep(POLL_SECONDS)
 
     def hold(self, *, reason: str = "") -> EnduranceProgress:
-        """Have it wait after the repeat that plays now.
+        """Hold the test after the current repeat.
 
         Parameters
         ----------
         reason : str
-            In words; kept in the recording.
+            Free text; kept in the recording.
 
         Returns
         -------
@@ -307,7 +307,7 @@ class EnduranceTest:
         return self._progress(key, sequencer_pb2.HoldEnduranceRequest(reason=reason))
 
     def resume(self) -> EnduranceProgress:
-        """Go on after a hold that a person or a fault made, or after a crash of the sequencer."""
+        """Continue after a hold that a person or a fault made, or after a crash of the sequencer."""
         key = self._ask.bus.keys.endurance_resume(self.id, self.rig)
         return self._progress(key, sequencer_pb2.ResumeEnduranceRequest())
 
@@ -353,7 +353,7 @@ class EnduranceTest:
         Parameters
         ----------
         reason : str
-            In words; kept in the recording.
+            Free text; kept in the recording.
 
         Returns
         -------

@@ -74,7 +74,7 @@ class Identifier:
         excitation, estimator : ExcitationSettings, EstimatorSettings
             As in a campaign file.
         seed : int
-            Of the excitation's phases and of what is random in a simulated rig.
+            Of the excitation's phases and of the random parts of a simulated rig.
         learn_drive_map : bool
             Whether to learn which drives follow products of others, as campaigns do. Where some do, `Model.frf` is from
             mapped drives, and `predict` maps a drive first.
@@ -88,7 +88,7 @@ class Identifier:
         Returns
         -------
         Model
-            Kept by the identifier, too, until newer ones take its place.
+            Also kept by the identifier until newer ones replace it.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Identifier:
     ) -> Convergence:
         """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz.
 
-        A `rig_model`, e.g. from a higher level, stands for the rig in place of the model itself.
+        A `rig_model`, e.g. from a higher level, stands for the rig instead of the model itself.
 
         Parameters
         ----------

@@ -72,7 +72,7 @@ class Lab:
         return self._bus.listening
 
     def failure(self) -> LabError | None:
-        """Return what happened to a service of this lab that ended by itself; None while all is well."""
+        """Return what happened to a service of this lab that ended unexpectedly; None while all is well."""
         return self._supervisor.failure() if self._supervisor is not None else None
 
     @property
@@ -86,11 +86,11 @@ class Lab:
         return Catalogue(self._ask)
 
     def health(self) -> list[ServiceHealth]:
-        """Ask every service how it is: queues, lag, loss, latches, progress; one that is silent says so."""
+        """Return the health of every service: queues, lag, loss, latches, progress; a silent service is marked."""
         return health_of(self._bus)
 
     def rig_names(self) -> list[str]:
-        """Return the names of all rigs that are there; one that cannot be used says why when it is asked."""
+        """Return the names of all rigs present; one that cannot be used says why when it is asked."""
         return sorted(instance for _, instance in self._ask.bus.live("rig_sim"))
 
     @property
@@ -99,7 +99,7 @@ class Lab:
         return Identifier(self._ask, self.describe)
 
     def rigs(self) -> Rigs:
-        """Return all rigs that are there, by name; raises `LabError` where one of them cannot be used."""
+        """Return all rigs present, by name; raises `LabError` where one of them cannot be used."""
         return Rigs(self.describe(name) for name in self.rig_names())
 
     def describe(self, rig: str) -> Rig:
@@ -147,13 +147,13 @@ class Lab:
         Raises
         ------
         LabError
-            It is not there.
+            The rig is missing.
         """
         key = self._ask.key("rig", self._bus.keys.rig_state, rig)
         return RigState.from_message(self._ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))
 
     def reset(self, rig: str, *, name: str = "", reason: str = "") -> RigState:
-        """Clear the latch of a rig, after somebody has looked at it; one that is not latched stays as it is.
+        """Clear the latch of a rig, after inspecting it; a rig that is not latched stays as it is.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class Lab:
         InputError
             `name` or `reason` is too long or holds control characters.
         LabError
-            It is not there, does not come to rest, or was stopped again while the reset waited.
+            The rig is missing, does not reach rest, or was stopped again while the reset waited.
         """
         key = self._ask.key("rig", self._bus.keys.rig_reset, rig)
         request = rig_pb2.ResetRequest(command=secrets.token_hex(16), name=name, reason=reason)
@@ -204,13 +204,13 @@ class Lab:
         run : str, optional
             Name of the playback, unique on the rig; a new one where not given.
         seed : int
-            Of what is random in a simulated rig, 0 to 2^63 - 1.
+            Seed of the random parts of a simulated rig, 0 to 2^63 - 1.
         real_time : bool
             Play no faster than real time.
         on_progress : callable, optional
             Called with a `RunProgress` about once a second.
         timeout_seconds : float, optional
-            Longest time to wait; then the rig is stopped and latched. However long it takes, where not given.
+            Longest time to wait; then the rig is stopped and latched. No limit if omitted.
         cancel : threading.Event, optional
             Set from another thread, it stops the rig and latches it.
 
@@ -226,7 +226,7 @@ class Lab:
         BusyError, NotReadyError
             It plays, or is latched.
         StoppedError, LabTimeoutError
-            Somebody stopped it, or the time was over.
+            The rig was stopped, or the time limit passed.
         LabError
             It met a limit, or is gone.
         """
@@ -278,7 +278,7 @@ class Lab:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> PreTest:
-        """Look at a rig at rest, then play small pulses on each drive in turn; say what is wrong with which channel.
+        """Check a rig at rest, then play small pulses on one drive after the other; report faulty channels.
 
         Parameters
         ----------
@@ -289,13 +289,13 @@ class Lab:
         level : float
             Largest share of limits and slew limits that is used, above 0 to 0.05.
         seed : int
-            Of what is random in a simulated rig, 0 to 2^63 - 1.
+            Seed of the random parts of a simulated rig, 0 to 2^63 - 1.
         real_time : bool
             Play no faster than real time.
         on_progress : callable, optional
             Called with a `RunProgress` about once a second; a calibration that is overdue comes before anything moves.
         timeout_seconds : float, optional
-            Longest time to wait; then the rig is stopped and latched. However long it takes, where not given.
+            Longest time to wait; then the rig is stopped and latched. No limit if omitted.
         cancel : threading.Event, optional
             Set from another thread, it stops the rig and latches it.
 
@@ -311,7 +311,7 @@ class Lab:
         BusyError, NotReadyError
             A campaign uses the rig, it plays, is latched, or plays too short drives.
         StoppedError, LabTimeoutError
-            Somebody stopped it, or the time was over.
+            The rig was stopped, or the time limit passed.
         LabError
             The rig or a service is gone, or nothing can be recorded.
         """
@@ -328,9 +328,9 @@ class Lab:
         )
 
     def stop_rig(self, rig: str, *, reason: str = "") -> RigState:
-        """Ramp a rig down and latch it, whatever it does; return when it rests.
+        """Ramp a rig down and latch it, in every state; return when it rests.
 
-        A rig whose run cannot be stopped answers at once: `goes_on` of the state is True, and the run goes on to its
+        A rig whose run cannot be stopped answers at once: `goes_on` of the state is True, and the run continues to its
         end.
 
         Parameters
@@ -338,7 +338,7 @@ class Lab:
         rig : str
             Its name.
         reason : str
-            In words; the rig tells it until it is reset.
+            Free text; the rig shows it until it is reset.
 
         Returns
         -------
@@ -348,7 +348,7 @@ class Lab:
         Raises
         ------
         LabError
-            It is not there, or does not come to rest.
+            The rig is missing, or does not reach rest.
         """
         return stop_rig(self._ask, rig, reason=reason)
 
@@ -371,7 +371,7 @@ class Lab:
         kinds : sequence of Watched
             What to listen to: signals, rig states, campaigns, endurance tests.
         timeout_seconds : float, optional
-            Longest silence; for ever where not given.
+            Longest silence; without limit where not given.
 
         Returns
         -------
@@ -432,7 +432,7 @@ class Lab:
         StoppedError, LabTimeoutError
             `cancel` was set, or the time was over.
         LabError
-            A service is not there or ended.
+            A service is missing or ended.
         """
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
         return run_campaign(
@@ -453,7 +453,7 @@ class Lab:
     ) -> str:
         """Begin a campaign and return: make the target, hand it to the iterator, do not wait for its end.
 
-        The campaign goes on without this script; `watch` follows it, `stop` ends it, `catalogue.fetch` brings its
+        The campaign continues without this script; `watch` follows it, `stop` ends it, `catalogue.fetch` brings its
         recording.
 
         Parameters
@@ -473,7 +473,7 @@ class Lab:
         StoppedError, LabTimeoutError
             `cancel` was set, or the time was over, while the target was made.
         LabError
-            A service is not there or ended.
+            A service is missing or ended.
         """
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
         deadline = deadline_of(timeout_seconds, cancel)
@@ -521,7 +521,7 @@ class Lab:
         StoppedError, LabTimeoutError
             `cancel` was set, or the time was over.
         LabError
-            A service is not there or ended.
+            A service is missing or ended.
         """
         plan = project if isinstance(project, Project) else load_project(project)
         return run_project(
@@ -549,7 +549,7 @@ class Lab:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> CampaignResult:
-        """Go on with a campaign that a crash broke off, or take up an ended one again; nothing committed is replayed.
+        """Continue a campaign that a crash interrupted, or resume an ended one; committed steps are not replayed.
 
         An ended campaign, one whose recorder ended too, and other settings make a new campaign that names its parent.
 
@@ -559,14 +559,14 @@ class Lab:
             The campaign, by the name of its recording; or the path of a recording, in a lab that this process started:
             a copy of it is resumed, the file stays as it is.
         settings : str, Path, Campaign or PartialSettings, optional
-            A file with `update`, `stop` or both, whose keys take the place of the campaign's own; or a whole campaign,
+            A file with `update`, `stop` or both, whose keys replace the campaign's own; or a whole campaign,
             whose sections `update` and `stop` do.
         from_iteration : int
             The last playback to build on, from 1; 0 is the last there is.
         out, on_progress, timeout_seconds, cancel
             As for `run`.
         replace : bool
-            False refuses to go on where an output would take the place of an existing file.
+            False refuses to continue where an output would replace an existing file.
 
         Returns
         -------
@@ -621,14 +621,14 @@ class Lab:
         id : str, optional
             Name of the test, which must be new; that of the schedule, with a number where it exists, if left out.
         seed : int
-            Of what is random in a simulated rig, 0 to 2^63 - 1.
+            Seed of the random parts of a simulated rig, 0 to 2^63 - 1.
         real_time : bool
             Play no faster than real time.
 
         Returns
         -------
         EnduranceTest
-            It goes on in the lab, whatever becomes of this process.
+            It continues in the lab, also after this process ends.
 
         Raises
         ------
@@ -765,15 +765,15 @@ class Lab:
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
         """Stop a campaign and return how far it got; one that has ended stays as it is.
 
-        The rig ramps down where it plays, and is latched whatever it does, also between two playbacks. Where its run
-        cannot be stopped, the activity says so.
+        The rig ramps down where it plays, and is latched in every state, also between two playbacks. Where its run
+        cannot be stopped, the activity reports it.
 
         Parameters
         ----------
         id : str
             The campaign.
         reason : str
-            In words; kept in the recording.
+            Free text; kept in the recording.
 
         Returns
         -------

@@ -56,7 +56,7 @@ def start(
     out : str or Path, optional
         Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, where not given.
         While the lab is open, `recordings` in it is the recorder's folder. It is removed at the end, except where it
-        holds the recording of a campaign that did not end well, or that nobody fetched: that is told and stays.
+        holds the recording of a campaign that failed, or that was not fetched: it is reported and kept.
     listen : str
         Endpoint on which others may connect; a free port of 127.0.0.1 where not given.
     recordings : str or Path, optional
@@ -66,7 +66,8 @@ def start(
     viewer : str, optional
         Address of a running Rerun viewer.
     real_time : bool
-        Play every drive in real time, whatever is asked: a rehearsal of a real rig. The responses are the same.
+        Play every drive in real time, also if a request asks for less: a rehearsal of a real rig. The responses are the
+        same.
     endurance : bool
         Start a sequencer as well, for `Lab.endure`.
     trace_folder : str or Path, optional
@@ -146,7 +147,7 @@ def connect(
     Yields
     ------
     Lab
-        Open until the `with` statement ends; the services go on.
+        Open until the `with` statement ends; the services continue.
 
     Raises
     ------

@@ -165,7 +165,7 @@ def _with_units(given: Signals, units: Sequence[str], *, path: Path, rig: Rig) -
     silent = [channel.name for channel in given.channels if not (channel.unit.strip() or channel.name in named)]
     if plain and not silent:
         raise InputError(
-            f"--unit is {plain[0]}, but {path} tells the unit of every drive; leave it out, or give CHANNEL=UNIT where "
+            f"--unit is {plain[0]}, but {path} shows the unit of every drive; leave it out, or give CHANNEL=UNIT where "
             "the file is wrong.",
             field="unit",
         )

@@ -41,7 +41,7 @@ class RunProgress:
     stage : Stage
         What it works on.
     activity : str
-        What is done now, in words.
+        What is done now, as text.
     fraction : float
         Share of the stage that is done, 0 to 1.
     remaining_seconds : float

@@ -37,7 +37,7 @@ class Watched(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class SignalsEvent:
-    """A piece of what a rig plays, up to its `block_samples`: some tenths of a second.
+    """A block of the signals that a rig plays, of at most `block_samples` samples.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Watch(Iterator[LabEvent]):
     """Live events of a lab; made by `Lab.watch`. Listens from its making to `close`, or the end of `with`.
 
     Live means: what a broken link lost is not fetched again; the recording has it. A script that is slower than the
-    lab gets the newest events, and `dropped` tells how many it did not get.
+    lab gets the newest events, and `dropped` shows how many it did not get.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class Watch(Iterator[LabEvent]):
                 return self._event(item)
             if time.monotonic() - began >= self._silence_seconds:
                 raise LabTimeoutError(
-                    f"The lab was silent for {self._silence_seconds:g} s; `duralab status` tells who is there."
+                    f"The lab was silent for {self._silence_seconds:g} s; `duralab status` shows which services run."
                 )
             if (ended := self._ask.failure()) is not None:
                 raise ended

@@ -68,7 +68,7 @@ class Recording:
     Raises
     ------
     InputError
-        It is no path, there is no such file, or it is no recording of a campaign.
+        It is not a path, the file does not exist, or it is not the recording of a campaign.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -81,12 +81,12 @@ class Recording:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Its files, in order: the one that was opened, and those in which it goes on."""
+        """Its files, in order: the one that was opened, and those in which it continues."""
         return tuple(self._file.paths)
 
     @property
     def begun(self) -> int:
-        """When its first step was stored, in nanoseconds since 1970 UTC; 0 where it has no index that says so."""
+        """When its first step was stored, in nanoseconds since 1970 UTC; 0 where it has no index that reports it."""
         statistics = index_of(self.path).statistics if self.whole else None
         return 0 if statistics is None else statistics.message_start_time
 
@@ -101,7 +101,7 @@ class Recording:
 
     @cached_property
     def open_end(self) -> str:
-        """Why it may go on in a file that is not here, in words; empty where it was closed, or a file not finished."""
+        """Why it may continue in a missing file, as text; empty where it was closed, or a file not finished."""
         if self.closed is not None or not self.whole:
             return ""
         return self._file.open_end()
@@ -277,7 +277,7 @@ class Recording:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was said of each playback: limits that its drive would have passed, targets out of reach."""
+        """Remarks on each playback: limits that its drive would have passed, unreachable targets."""
         return tuple(remark for _, _, remarks in self._iterations for remark in remarks)
 
     def playback(self, number: int) -> Playback:
@@ -334,8 +334,8 @@ class Recording:
         Raises
         ------
         InputError
-            It is no text, no block of that run was recorded, or a block is missing: the last one too, where the run
-            was broken off.
+            It is not a string, no block of that run was recorded, or a block is missing: the last one too, where the
+            run was broken off.
         """
         require_run_name(run, example="signal('demo.i01')")
         return self._whole_run(run)
@@ -372,7 +372,7 @@ class Recording:
             Names of runs of one length, e.g. `responses("demo.i01", "demo.i02")` or `responses(*names)`; where none is
             given, the iterations but those that a resumed campaign took over: their signals are in the recording of its
             parent, `specification.parent`. One run alone has no dimension `run`; one that was broken off is as long as
-            what there is of it.
+            the samples that exist.
         in_band : bool
             True for the responses as they are judged against the target: in the control band, without their static
             part, divided by the level of their playback. There are those of iterations, of all where no run is given,
@@ -382,7 +382,7 @@ class Recording:
         -------
         xarray.Dataset
             A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
-            coordinate `iteration` is 0 for a run that is none, and `level` NaN for one that was not judged.
+            coordinate `iteration` is 0 for a run that is not an iteration, and `level` NaN for one that was not judged.
             `responses().sel(time=slice(20, 30))` reads ten seconds. The coordinate `band` and the attributes
             `quantity`, `band`, `lowest_frequency`, `highest_frequency`, `static_part` and `level` say what they are:
             the difference with what is in another band raises InputError.
@@ -391,8 +391,8 @@ class Recording:
         Raises
         ------
         InputError
-            A run that is no text, no signals of such a run or of any iteration, runs of different lengths, or a file
-            that is damaged or was never finished; in band, a run that was not judged.
+            A run that is not a string, no signals of such a run or of any iteration, runs of different lengths, or a
+            file that is damaged or was never finished; in band, a run that was not judged.
         """
         from duralab.recording.arrays import Direction
 
@@ -418,7 +418,7 @@ class Recording:
         Raises
         ------
         InputError
-            A run that is no text or was not judged, or a file that is damaged.
+            A run that is not a string or was not judged, or a file that is damaged.
         """
         return self._judged(runs, quantity="error")
 
@@ -466,8 +466,8 @@ class Recording:
             require_run_name(run, example=f"{direction.value}s('demo.i01', 'demo.i02') or {direction.value}s(*names)")
         if not self.whole:
             raise InputError(
-                f"{self.path} was never finished and has no index; go on with it (`duralab resume`), start the "
-                "recorder on its folder anew, which repairs it, or read whole runs with `signal`."
+                f"{self.path} was never finished and has no index; continue with it (`duralab resume`), start the "
+                "recorder on its folder again, which repairs it, or read whole runs with `signal`."
             )
         is_drive = direction is Direction.DRIVE
         return signal_dataset(
@@ -529,7 +529,7 @@ class Recording:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the file, hexadecimal; raises InputError where it is not there any more."""
+        """SHA-256 of the file, hexadecimal; raises InputError where it is no longer present."""
         try:
             with self.path.open("rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -552,7 +552,7 @@ class Recording:
 def require_run_name(run: object, *, example: str) -> None:
     """Refuse what is no name of a run, e.g. a list of names; raises InputError with an example of how to ask."""
     if not isinstance(run, str):
-        raise InputError(f"A run is {run!r}; give the name of each as a text of its own, e.g. {example}.")
+        raise InputError(f"A run is {run!r}; give each name as a separate string, e.g. {example}.")
 
 
 def _true_or_false(in_band: object) -> bool:

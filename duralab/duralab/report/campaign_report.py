@@ -46,7 +46,7 @@ def write_report(source: str | Path | Recording, path: str | Path) -> Path:
     source : str, Path or Recording
         The recording.
     path : str or Path
-        Where the HTML file goes; one that is there is replaced when the new one is complete.
+        Where the HTML file goes; an existing file is replaced when the new one is complete.
 
     Returns
     -------

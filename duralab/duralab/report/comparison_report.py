@@ -24,7 +24,7 @@ def write_comparison(path: str | Path, recordings: Comparison | Sequence[str | P
     Parameters
     ----------
     path : str or Path
-        Where the HTML file goes; one that is there is replaced when the new one is complete.
+        Where the HTML file goes; an existing file is replaced when the new one is complete.
     recordings : Comparison or sequence of str, Path, Recording or Recorded
         What `compare` returned, or what it takes.
 

@@ -47,7 +47,7 @@ def write_pdf(source: str | Path | Recording | Comparison, path: str | Path, *, 
     source : str, Path, Recording or Comparison
         The recording, or what `compare` returned.
     path : str or Path
-        Where the file goes; one that is there is replaced when the new one is complete.
+        Where the file goes; an existing file is replaced when the new one is complete.
     browser : str or None
         A program of the Chromium family; None takes the first that is found on the search path.
 

@@ -171,7 +171,7 @@ def forecast_schedule(schedule: Schedule, *, recordings: Path | None = None) -> 
     Returns
     -------
     ScheduleForecast
-        What it comes to; `require_playable` says whether it may be started.
+        Totals of the schedule; `require_playable` checks that it may be started.
 
     Raises
     ------

@@ -112,7 +112,7 @@ def expect_free(folder: Path, name: str) -> None:
     """Raise InputError where there is a certificate or a key of that name."""
     for path in (folder / f"{name}.crt", folder / f"{name}.key"):
         if path.exists():
-            raise InputError(f"{path} is there already and is not overwritten; `duralab certs renew {name}` does so.")
+            raise InputError(f"{path} already exists and is not overwritten; `duralab certs renew {name}` does so.")
 
 
 def write_pair(

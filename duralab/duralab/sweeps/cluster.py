@@ -201,7 +201,7 @@ class PointRunner:
 
     def _outcome(self, point: Point, future: Any) -> Outcome:
         if future.cancelled():
-            raise LabError("The scheduler gave up the campaigns; see its log, and run the sweep again to go on.")
+            raise LabError("The scheduler abandoned the campaigns; see its log, and run the sweep again to continue.")
         error = future.exception()
         if error is None:
             return future.result()

@@ -59,7 +59,7 @@ def _step(place: Any, part: str, *, key: str, depth: int, what: str) -> Any:
     if isinstance(place, list) and (index := _index(place, part)) >= 0:
         return place[index]
     there = ".".join(key.split(".")[:depth]) or "the top"
-    raise InputError(f"The key {key!r} leads nowhere in {what}: at {there}, there is {_told(place)}.", field=key)
+    raise InputError(f"The key {key!r} does not exist in {what}: at {there}, there is {_told(place)}.", field=key)
 
 
 def _index(entries: list[Any], part: str) -> int:
@@ -122,7 +122,7 @@ class Specimens:
         self._documents: dict[str, dict[str, Any]] = {}
         for rig, path in self._own.items():
             if not path.is_file():
-                raise InputError(f"specimens.{rig} is {str(path)!r}, which is not there; give the rig's YAML.")
+                raise InputError(f"specimens.{rig} is {str(path)!r}, which is missing; give the rig's YAML.")
             name = self.document(rig).get("name")
             if name != rig:
                 raise InputError(f"specimens.{rig} is {str(path)!r}, whose name is {name!r}; call it that.")
@@ -135,7 +135,7 @@ class Specimens:
             answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout
             return json.loads(answer)
         except (OSError, subprocess.SubprocessError, ValueError) as error:
-            raise LabError(f"The simulator does not say which specimens it ships: {error}.") from error
+            raise LabError(f"The simulator does not report which specimens it ships: {error}.") from error
 
     def document(self, rig: str) -> dict[str, Any]:
         """Return what a rig's YAML says; raises InputError where there is no such rig."""

@@ -53,14 +53,14 @@ class Objective(StrEnum):
 class Counted(Section):
     """Whole numbers in a row, e.g. seeds."""
 
-    start: Seed = Field(alias="from", description="The first.")
-    count: int = Field(ge=1, le=MOST_POINTS, description="How many.")
+    start: Seed = Field(alias="from", description="First seed.")
+    count: int = Field(ge=1, le=MOST_POINTS, description="Number of seeds.")
 
 
 class Scaled(Section):
-    """Multiples of the number that stands in the file."""
+    """Multiples of the number in the file."""
 
-    scale: tuple[Number, ...] = Field(min_length=1, strict=False, description="The multiples, e.g. [0.9, 1.0, 1.1].")
+    scale: tuple[Number, ...] = Field(min_length=1, strict=False, description="Factors, e.g. [0.9, 1.0, 1.1].")
 
 
 Listed = Annotated[tuple[Setting, ...], Field(min_length=1, strict=False)]
@@ -85,7 +85,7 @@ class SearchedRange(Section):
     lowest: Number = Field(alias="from", description="Lower bound.")
     highest: Number = Field(alias="to", description="Upper bound.")
     whole: bool = Field(default=False, description="Whole numbers only.")
-    logarithmic: bool = Field(default=False, description="Even on a logarithmic scale; both bounds are above 0.")
+    logarithmic: bool = Field(default=False, description="Uniform on a logarithmic scale; both bounds must be above 0.")
 
     @model_validator(mode="after")
     def _check_bounds(self) -> Self:
@@ -119,14 +119,19 @@ class Search(Section):
     """What is searched for: settings with the smallest error, by a tree-structured Parzen estimator."""
 
     settings: dict[str, Searched] = Field(min_length=1, description="Bounds (from, to) or choices, by dotted key.")
-    budget: int = Field(ge=1, le=MOST_POINTS, description="Campaigns in all; the points below cost one each.")
-    seed: Seed = Field(description="Every choice of the search comes from this seed.")
-    startup: int = Field(default=10, ge=1, description="Settings that are drawn at random before the search begins.")
+    budget: int = Field(ge=1, le=MOST_POINTS, description="Total number of campaigns; each point below costs one.")
+    seed: Seed = Field(description="Seed of the search.")
+    startup: int = Field(default=10, ge=1, description="Number of settings drawn at random before the search begins.")
     together: int = Field(
-        default=4, ge=1, le=1000, description="Settings that are tried at once, however many workers there are."
+        default=4,
+        ge=1,
+        le=1000,
+        description="Number of settings tried at the same time, regardless of the number of workers.",
     )
     minimise: Objective = Field(
-        default=Objective.OVERALL_ERROR, strict=False, description="The figure; its mean where there are axes too."
+        default=Objective.OVERALL_ERROR,
+        strict=False,
+        description="Figure to minimise; its mean if axes are given, too.",
     )
 
 
@@ -134,28 +139,29 @@ class Sweep(Section):
     """The content of a sweep file."""
 
     name: str = Field(
-        pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$", description="Lower case letters, digits, '-' and '_'; names its folder."
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$",
+        description="Name of the sweep and its folder: lower case letters, digits, '-' and '_'.",
     )
     campaign: str = Field(description="A campaign file, relative to this one, or a shipped campaign.")
-    settings: Settings = Field(default_factory=dict, description="What differs from that file in every run.")
+    settings: Settings = Field(default_factory=dict, description="Settings that differ from that file in every run.")
     specimens: dict[str, Annotated[Path, Field(strict=False)]] = Field(
         default_factory=dict, description="YAML files of rigs that are not shipped, by the rig's name."
     )
     points: tuple[Settings, ...] = Field(
         default=(), strict=False, description="Settings that change together, one point for each entry."
     )
-    axes: dict[str, Axis] = Field(default_factory=dict, description="Values by dotted key: each with each other.")
-    search: Search | None = Field(default=None, description="Settings that are searched for.")
+    axes: dict[str, Axis] = Field(default_factory=dict, description="Values by dotted key; all combinations are run.")
+    search: Search | None = Field(default=None, description="Search for the best settings.")
     cell: CellKind = Field(
         default=CellKind.PROCESS,
         strict=False,
-        description="What a task runs in: process is quicker, lab is the real one.",
+        description="Environment of a task: process is quicker, lab starts a real lab.",
     )
     keep: Kept = Field(
         default=Kept.RECORDINGS, strict=False, description="recordings of every campaign, or its figures only."
     )
     compare_by: Objective = Field(
-        default=Objective.OVERALL_ERROR, strict=False, description="The figure the report compares by."
+        default=Objective.OVERALL_ERROR, strict=False, description="Figure by which the report compares."
     )
 
     _folder: Path = PrivateAttr(default=Path())

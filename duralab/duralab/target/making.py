@@ -54,7 +54,7 @@ class Tyre:
 
 
 def describe_target(target: Target) -> str:
-    """Return where a target comes from, in words, for the recording and the report.
+    """Return where a target comes from, as text, for the recording and the report.
 
     Parameters
     ----------

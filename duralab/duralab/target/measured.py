@@ -34,7 +34,8 @@ def read_target_file(
     rig : Rig
         Whose responses are wanted.
     channels : mapping of str to SourceChannel
-        Which channel of the file a response follows; one that is not named follows the channel of its own name.
+        Which channel of the file a response follows; a response that is not named follows the channel with the same
+        name.
     watched : collection of str
         Responses that the file need not have: their target is silent.
     calculated : sequence of CalculatedChannel

@@ -1,4 +1,4 @@
-"""What tests of scripts, rigs and services need: a rig with a known answer, a gateway of a stranger, a lab for a while.
+"""Test support: a rig with an analytic response, a gateway without this project's code, a temporary lab.
 
 `duralab.testing.fixtures` has the same as fixtures of pytest, which is not imported here.
 """

@@ -54,7 +54,7 @@ class ControllerFault(StrEnum):
 class FileController:
     """Plays drive files of an exchange folder on a rig, and saves response files.
 
-    A drive that the rig refuses is refused to the lab in turn, as a person does: by `inbox/<run>.refuse.txt`.
+    A drive that the rig refuses is refused to the lab as a person would do it: by `inbox/<run>.refuse.txt`.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class FileController:
     data_type : DataType
         Of the response files.
     faults : collection of ControllerFault
-        What goes wrong, all of them in every run; `faults` may be set anew between runs.
+        What goes wrong, all of them in every run; `faults` may be changed between runs.
     write_seconds : float
         How long a file that is half written stays so, 0 or more, in s.
     seed : int

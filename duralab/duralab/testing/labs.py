@@ -38,7 +38,7 @@ def lab(
     Parameters
     ----------
     *rigs : Rig
-        Rigs of one's own, each under the name in its description.
+        Custom rigs, each under the name in its description.
     out : Path
         Folder for results, recordings and logs.
     simulated : sequence of str
@@ -51,7 +51,7 @@ def lab(
     Yields
     ------
     Lab
-        On a free port of 127.0.0.1; its processes end with the block, whatever happens in it.
+        On a free port of 127.0.0.1; its processes end with the block, also after an exception.
 
     Raises
     ------

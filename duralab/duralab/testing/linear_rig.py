@@ -107,7 +107,7 @@ class LinearRig:
         Parameters
         ----------
         commands : (drives, samples)
-            Each row in its channel's unit; it goes on from the piece before.
+            Each row in its channel's unit; it continues from the piece before.
         run : Run
             The run under way; its seed is that of the noise.
 

@@ -144,7 +144,7 @@ def test_a_drive_without_units_is_refused_and_played_in_those_a_person_states(la
 @pytest.mark.parametrize(
     ("units", "said"),
     [
-        (("m",), "tells the unit of every drive"),
+        (("m",), "shows the unit of every drive"),
         (("odd=m",), "--unit names odd; the drives"),
         (("m", "mm"), "--unit gives m and mm for all"),
         ((f"{NAMES[0]}=kN",), "cannot be converted to 'm'"),

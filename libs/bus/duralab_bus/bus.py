@@ -143,7 +143,7 @@ class Bus:
         The handler is called with (request, call) on a worker thread, once per query and never again; anything but a
         `request_type` is refused before. It returns the response, or raises FaultError, or lets the ArrayError of the
         request's arrays and the KeyNameError of a name pass (they become INVALID_ARGUMENT); anything else is logged and
-        becomes INTERNAL. While it runs the client is told once a second.
+        becomes INTERNAL. While it runs, the client receives its progress once a second.
 
         A key has as many workers as the bus was opened with. Where `workers` are given, queries wait for one of them as
         long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
@@ -162,11 +162,11 @@ class Bus:
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
         cancel: Cancel | None = None,
     ) -> MessageT:
-        """Ask a service and wait for its one answer; progress is told on this thread.
+        """Ask a service and wait for its one answer; progress is reported on this thread.
 
         A service gives a sign of life every second; the wait ends after `silence_seconds` without one, once `cancel`
-        is set, such as a `threading.Event`, or after `longest_seconds`, whatever signs it gives: the service is told
-        but may finish all the same. Where no longest time is given, it is a minute for a read from memory, 6 h for
+        is set, such as a `threading.Event`, or after `longest_seconds`, also while it gives signs: the service is notified,
+        but may still finish. Where no longest time is given, it is a minute for a read from memory, 6 h for
         another read, 30 days for a change or a stop (`duralab_proto.access.longest_seconds_of`). Zenoh holds 0.8 kB of
         a query until that time is over: give a short one to a change that is asked often.
 
@@ -196,10 +196,10 @@ class Bus:
             raise BusError(f"The query on {key} has no answer: this bus is closed ({error}).") from error
 
     def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
-        """Return a publisher on one key, with an epoch of its own.
+        """Return a publisher on one key, with its own epoch.
 
-        `spools` keep the stream for replay, 64 MiB of memory of its own where not given; in a SpoolFolder it survives
-        this process. `durable` says that nothing may give way that the recorder has not marked as stored, wherever this
+        `spools` keep the stream for replay, in 64 MiB of memory if omitted; in a SpoolFolder it survives
+        this process. `durable` keeps every message until the recorder has marked it as stored, wherever this
         session has met one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
         """
         self._permission.expect(Operation.PUBLISH, key)
@@ -241,10 +241,10 @@ class Bus:
         `repair` its publisher is asked for it once more; where that cannot be read either, it is lost, and nothing
         waits for it.
 
-        `repair` delivers whatever publishers of these keys still keep, also of streams that have ended, and all that
-        follows: each message once and in order. What is lost on the way is fetched from the publishers' spools; what
-        nobody on the bus has is left out after 2 s, and delivered late should it turn up. Messages may be lost
-        otherwise.
+        `repair` delivers all messages that publishers of these keys still keep, also of streams that have ended, and
+        all that follows: each message once and in order. What is lost on the way is fetched from the publishers'
+        spools; what no process on the bus has is skipped after 2 s, and delivered late if it appears. Messages may be
+        lost otherwise.
         """
         self._permission.expect(Operation.RECEIVE, key_expression)
         subscription = Subscription(
@@ -278,11 +278,11 @@ class Bus:
         return token
 
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
-        """Return who is there now, as (service, instance); a new session has not met everyone yet: see `discover`."""
+        """Return the live services as (service, instance); a new session may not know all: see `discover`."""
         return self._tracker.live(service, instance)
 
     def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
-        """Return who is there, like `live`, but only when this session is old enough to have met everyone."""
+        """Return the live services as `live` does, but wait until this session has discovered all of them."""
         self._client.wait_until_discovered()
         return self._tracker.live(service, instance)
 
@@ -297,9 +297,9 @@ class Bus:
             )
 
     def stop_serving(self) -> None:
-        """Withdraw the liveliness tokens, take no more queries, tell the running handlers and wait a moment for them.
+        """Withdraw the liveliness tokens, take no more queries, notify the running handlers and wait a moment for them.
 
-        LabClient and publishing go on, so that a service can still bring its own work to an end.
+        LabClient and publishing continue, so that a service can still bring its own work to an end.
         """
         for token in list(self._tokens):
             token.close()

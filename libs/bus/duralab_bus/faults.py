@@ -41,7 +41,7 @@ class FaultError(Exception):
 
     @property
     def code_name(self) -> str:
-        """The code in words, e.g. "INVALID_ARGUMENT"; a code of a newer contract as its number."""
+        """The code as text, e.g. "INVALID_ARGUMENT"; a code of a newer contract as its number."""
         if self.code in query_pb2.FaultCode.values():
             return query_pb2.FaultCode.Name(self.code).removeprefix("FAULT_CODE_")
         return str(self.code)

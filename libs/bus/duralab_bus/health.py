@@ -59,7 +59,9 @@ def main() -> int:
     try:
         config = configured(_Joining, options.config)
         if not config.bus.connect:
-            raise ConfigError("The service connects to nobody, so nobody can look at it; name an endpoint in connect.")
+            raise ConfigError(
+                "The service connects to no endpoint, so its health cannot be read; name an endpoint in connect."
+            )
         check_health(config.bus, options.service, options.instance, timeout_seconds=options.timeout)
     except (ConfigError, BusError, FaultError) as error:
         sys.stderr.write(f"{error}\n")

@@ -117,7 +117,7 @@ class Metrics:
     ) -> None:
         """Register a function that is called whenever the metrics are read; several of one name stand side by side.
 
-        `name`: `duralab_…`, with the unit at its end. `what`: In words. `read`: Returns the values by the labels'
+        `name`: `duralab_…`, with the unit at its end. `what`: As text. `read`: Returns the values by the labels'
         values; called on any thread, returns at once. `labels`: Their names.
         """
         if _NAME.fullmatch(name) is None or name.endswith(_COUNTER_ENDING) != (kind is FigureKind.COUNTER):
@@ -125,7 +125,7 @@ class Metrics:
         with self._lock:
             family = self._families.setdefault(name, FigureFamily(name, kind, what, labels))
             if (family.kind, family.what, family.labels) != (kind, what, labels):
-                raise ValueError(f"The figure {name!r} is there already, as another kind, with other words or labels.")
+                raise ValueError(f"The figure {name!r} already exists, as another kind, with other words or labels.")
             family.readings.append(read)
 
     def families(self) -> list[FigureFamily]:
@@ -203,7 +203,7 @@ def serve_metrics(config: MetricsConfig, metrics: Metrics) -> Iterator[str]:
         server, thread = start_http_server(config.port, addr=config.host, registry=registry)
     except OSError as error:
         raise ConfigError(
-            f"The figures cannot be told at {config.host}:{config.port}: {error.strerror or error}; correct `metrics`."
+            f"No metrics can be served at {config.host}:{config.port}: {error.strerror or error}; correct `metrics`."
         ) from error
     try:
         yield f"http://{config.host}:{server.server_port}{PAGE}"

@@ -95,7 +95,7 @@ def router_configuration(
     lab : str
         Name of the lab.
     version : str
-        Of Zenoh, as the clients have it.
+        Zenoh configuration as used by the clients.
     certificates : str
         Folder with `ca.crt`, `router.<name>.crt` and `router.<name>.key`, as the router sees it.
     router : str
@@ -222,7 +222,7 @@ def run_router(configuration: str, *, listen: str) -> Iterator[None]:
     configuration : str
         As `router_configuration` returns it.
     listen : str
-        The endpoint it listens at, in place of the one in the configuration, e.g. "tls/127.0.0.1:7447".
+        The endpoint it listens at, instead of the one in the configuration, e.g. "tls/127.0.0.1:7447".
 
     Yields
     ------

@@ -64,7 +64,7 @@ def test_counter_with_another_name_is_refused(name):
 def test_figure_that_means_two_things_is_refused():
     metrics = Metrics()
     metrics.count("duralab_things_total", "Things")
-    with pytest.raises(ValueError, match="there already"):
+    with pytest.raises(ValueError, match="already exists"):
         metrics.count("duralab_things_total", "Other things")
 
 

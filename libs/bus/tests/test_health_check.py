@@ -43,7 +43,7 @@ def test_bus_that_is_away_is_sick():
 def test_configuration_that_connects_to_nobody_is_refused():
     checked = check("rig_sim", "bench")
     assert checked.returncode == 2
-    assert "connects to nobody" in checked.stderr
+    assert "connects to no endpoint" in checked.stderr
 
 
 def test_settings_of_the_service_itself_are_none_of_the_check(hub, bench, joining, tmp_path):

@@ -217,7 +217,7 @@ class MappedChannel:
 
 @dataclass(frozen=True)
 class ControllerMap:
-    """How a rig's drives and responses stand in the files of its controller.
+    """Layout of a rig's drives and responses in the files of its controller.
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ class ControllerMap:
         Raises
         ------
         DriveFileError
-            A unit of the file does not convert, or a channel stands in it twice.
+            A unit of the file does not convert, or a channel occurs in it twice.
         """
         there = [drive for drive in self.drives if drive.recorded_command in _labels(history)]
         return {drive.name: _row(history, drive.recorded_command, drive) for drive in there}
@@ -405,7 +405,7 @@ def _rows(history: TimeHistory, channels: Sequence[MappedChannel]) -> np.ndarray
 def _row(history: TimeHistory, name: str, channel: MappedChannel) -> np.ndarray:
     labels = _labels(history)
     if labels.count(name) > 1:
-        raise DriveFileError(f"the channel {name!r} stands in it {labels.count(name)} times; give each its own name.")
+        raise DriveFileError(f"the channel {name!r} is in it {labels.count(name)} times; give each its own name.")
     index = labels.index(name)
     # A file that names no unit is in that of the map.
     unit = history.units[index].strip() or channel.controller_unit
@@ -440,7 +440,7 @@ def read_controller_map(path: Path) -> ControllerMap:
         content = parse_yaml(read_yaml_text(path))
         section = _MapSection.model_validate({} if content is None else content)
     except OSError as error:
-        raise DriveFileError(f"it cannot be read ({error.strerror}); give a map that is there.", path=path) from error
+        raise DriveFileError(f"it cannot be read ({error.strerror}); give an existing map.", path=path) from error
     except UnicodeDecodeError as error:
         raise DriveFileError("it is not UTF-8 text.", path=path) from error
     except YamlError as error:

@@ -71,7 +71,7 @@ class Inbox:
     outbox : Outbox
         Of the same exchange folder.
     stable_seconds : float
-        A file that did not change for so long is whole, in s.
+        A file that did not change for that time is whole, in s.
     """
 
     def __init__(self, outbox: Outbox, *, stable_seconds: float = _STABLE_SECONDS) -> None:

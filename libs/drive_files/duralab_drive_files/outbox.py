@@ -42,7 +42,7 @@ class OrderedChannel:
 
 @dataclass(frozen=True)
 class Order:
-    """A drive file and what belongs to it, as `<run>.json` says beside it.
+    """A drive file and its order, as in `<run>.json` beside it.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Order:
     ended, response_sha256 : str
         How it ended, and which response was taken; empty while it waits.
     answered_run : str
-        Run that the response was given to, which may be another one that took up the wait.
+        Run that the response was given to, which may be a later one that resumed the wait.
     """
 
     run: str
@@ -135,7 +135,7 @@ class Outbox:
                 self._lock = lock_file(lock)
             except OSError as error:
                 raise DriveFileError(
-                    "another gateway uses this exchange folder; end it, or give this one a folder of its own.",
+                    "another gateway uses this exchange folder; end it, or give this one its own folder.",
                     path=folder,
                 ) from error
 
@@ -200,7 +200,7 @@ class Outbox:
         if (other := self.waiting()) is not None:
             raise DriveFileError(f"run {other.run!r} waits for its response; {other.ways_out}")
         if (self.done / f"{run}.json").exists():
-            raise DriveFileError(f"run {run!r} ended before; give every run a name of its own.")
+            raise DriveFileError(f"run {run!r} ended before; give every run its own name.")
         order, history = _ordered(self.map, run, drive, seed)
         path = self.folder / order.drive_file
         partial = path.with_name(f"{path.name}.part")
@@ -260,7 +260,7 @@ class Outbox:
 
 
 def read_order(path: Path) -> Order:
-    """Read what stands beside a drive file.
+    """Read the order file beside a drive file.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def write_rpc3(
     history : TimeHistory
         One channel and one sample or more, all finite.
     path : Path
-        Where to; a file that is there is replaced.
+        Path of the output; an existing file is replaced.
     settings : Rpc3Settings, optional
         How it is stored: 16-bit integers where not given.
     full_scales : sequence of float, optional

@@ -236,7 +236,7 @@ def test_a_file_without_the_channels_of_the_map_or_with_two_of_a_name_is_refused
     twice = TimeHistory(
         (*found.names, "x"), (*found.units, "kN"), 512.0, np.ones((9, 4)), labels=(*found.names, "RF Fx")
     )
-    with pytest.raises(DriveFileError, match="'RF Fx' stands in it 2 times"):
+    with pytest.raises(DriveFileError, match="'RF Fx' is in it 2 times"):
         mapped.responses_from_controller(twice)
     with pytest.raises(DriveFileError, match=r"cannot be converted to 'bar'.*correct the map"):
         mapped.responses_from_controller(controller_file(mapped, np.ones((8, 4)), ["g", "V", *found.units[2:]]))

@@ -224,7 +224,7 @@ def test_one_order_waits_and_a_name_is_used_once(box):
     with pytest.raises(DriveFileError, match=r"run 'one' waits for its response; play one\.drv"):
         box.put("two", gentle())
     box.end(order, "stopped")
-    with pytest.raises(DriveFileError, match="give every run a name of its own"):
+    with pytest.raises(DriveFileError, match="give every run its own name"):
         box.put("one", gentle())
 
 

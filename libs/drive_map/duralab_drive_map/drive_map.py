@@ -37,7 +37,7 @@ class DriveMap:
     `highest_frequency` and fades to 0 in the tenth above it. No drive follows itself, so `T⁻¹` is explicit.
 
     A wheel on arms moves on an arc: the lateral stroke follows the square of the vertical one. A rig whose actuators
-    hold the wheel off this arc answers with forces that no linear update can foresee.
+    hold the wheel off this arc answers with forces that no linear update can predict.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class DriveMap:
     ------
     ValueError
         Numbers of names, units and scales differ, a scale or a frequency is out of range, a term names a drive that
-        does not exist or stands twice, or the terms close a cycle.
+        does not exist or occurs twice, or the terms close a cycle.
     """
 
     names: tuple[str, ...]

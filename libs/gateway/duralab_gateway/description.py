@@ -22,7 +22,7 @@ def complete_description(told: rig_pb2.RigDescription) -> rig_pb2.RigDescription
     Parameters
     ----------
     told : rig_pb2.RigDescription
-        What a rig says of itself; not changed.
+        Description of the rig; not changed.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def _check_channels(rig: str, what: str, channels: Iterable[array_pb2.Channel]) 
         raise ConfigError(f"{rig}: {what} is empty; describe one channel or more.")
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice or "" in names:
-        raise ConfigError(f"{rig}: the names of {what} are {', '.join(names)}; each must have a name of its own.")
+        raise ConfigError(f"{rig}: the names of {what} are {', '.join(names)}; each must have its own name.")
     for channel in channels:
         if not channel.minimum < channel.maximum:
             raise ConfigError(

@@ -66,7 +66,7 @@ class Interlock:
             if run in self._runs:
                 raise FaultError(
                     query_pb2.FAULT_CODE_ALREADY_EXISTS,
-                    f"run {run!r} was played on {self._rig} before; give every playback a name of its own.",
+                    f"run {run!r} was played on {self._rig} before; give every playback its own name.",
                     field="run",
                 )
             _remember(self._runs, run)
@@ -107,8 +107,8 @@ class Interlock:
             if not self._changed.wait_for(lambda: not self._run, REST_SECONDS):
                 raise FaultError(
                     query_pb2.FAULT_CODE_DEADLINE_EXCEEDED,
-                    f"{self._rig} is told to stop but run {self._run!r} has not come to rest in {REST_SECONDS:g} s; "
-                    "look at the rig.",
+                    f"{self._rig} must stop, but run {self._run!r} has not reached rest in {REST_SECONDS:g} s; "
+                    "inspect the rig.",
                 )
             return self.state()
 
@@ -118,7 +118,7 @@ class Interlock:
             if command in self._resets:
                 raise FaultError(
                     query_pb2.FAULT_CODE_ALREADY_EXISTS,
-                    f"the reset {command!r} of {self._rig} was done before; give every command an id of its own.",
+                    f"the reset {command!r} of {self._rig} was done before; give every command its own id.",
                     field="command",
                 )
             _remember(self._resets, command)

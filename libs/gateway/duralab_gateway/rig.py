@@ -29,7 +29,7 @@ class Run:
     name : str
         Name of the run, unique on the rig.
     seed : int
-        Seed of whatever is random in the rig's answer, 0 or more.
+        Seed of the random parts of the response, 0 or more.
     real_time : bool
         Whether the drive is played in real time. A real rig always does.
     report : callable
@@ -83,14 +83,14 @@ class Run:
 
     @property
     def stopped(self) -> bool:
-        """Whether `play` has to end early: somebody stopped the rig, or nobody waits for the run any more.
+        """Whether `play` has to end early: the rig was stopped, or no client waits for the run any more.
 
         False on the way down, which is played to its end.
         """
         return self.wait_for_stop(0.0)
 
     def wait_for_stop(self, seconds: float) -> bool:
-        """Wait for at most so long, in s; return at once, and whether, the run is to end."""
+        """Wait for at most this time, in s; return True early if the run must end."""
         return self.phase is not Phase.RAMPING_DOWN and self._stopping(seconds)
 
 
@@ -114,8 +114,8 @@ class Rig(Protocol):
             Names, channels, units and hard limits, sample rate in Hz, longest drive in s. A `watchdog` of a response is
             watched. `static_response` is zero, `block_samples` a tenth of a second, and `content_hash` that of the
             description where they are not given. `publishes_after_run` makes the gateway give the whole drive to one
-            call of `play`; `cannot_be_stopped` makes a run go on to its end. Campaigns wait for a person before their
-            first playback unless it states `simulated`.
+            call of `play`; `cannot_be_stopped` makes a run continue to its end. Campaigns wait for a person before
+            their first playback unless it states `simulated`.
         """
         ...
 
@@ -125,8 +125,8 @@ class Rig(Protocol):
         Parameters
         ----------
         commands : (drives, samples)
-            Each row in its drive's unit, in the order of the description. The first piece goes on from zero, each other
-            from the last value of the piece before. At most `block_samples`, or all at once, see `describe`.
+            Each row in its drive's unit, in the order of the description. The first piece continues from zero, each
+            other from the last value of the piece before. At most `block_samples`, or all at once, see `describe`.
         run : Run
             The run under way: its seed, what people are to know, and whether it is stopped.
 
@@ -138,7 +138,7 @@ class Rig(Protocol):
         Raises
         ------
         RigFaultError
-            The rig cannot go on; one sentence. The gateway latches, and no way down is played.
+            The rig cannot continue; one sentence. The gateway latches, and no way down is played.
         """
         ...
 
@@ -151,7 +151,7 @@ class Rig(Protocol):
         Parameters
         ----------
         reason : str
-            Why, in words.
+            Why, as text.
         """
         ...
 
@@ -167,7 +167,7 @@ class Rig(Protocol):
 
 
 class PlaybackRig(Protocol):
-    """A rig that makes a playback of a drive by itself, as simulated ones do; `StepwiseRig` makes one of any `Rig`.
+    """A rig that makes a playback of a drive automatically, as simulated ones do; `StepwiseRig` makes one of any `Rig`.
 
     `approach`: Ways to the first sample and back. `watchdogs`: What makes it ramp down and latch while it plays.
     """

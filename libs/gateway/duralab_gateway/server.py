@@ -106,7 +106,7 @@ SERVICE: Final = "rig_sim"
 class RigServer:
     """Serves one rig: description, play, stop, reset, state, FRF, its signal stream and its poses.
 
-    Whoever makes one declares the rig live afterwards, and calls `close` before the bus closes.
+    Anyone who makes one declares the rig live afterwards, and calls `close` before the bus closes.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class RigServer:
     spool_wait_seconds : float
         How long a simulation waits for room there, in s.
     real_time : bool
-        Play every drive in real time, whatever its request says.
+        Play every drive in real time, regardless of what its request says.
     channels : ChannelTable
         Sensors and calculated channels that are added to the responses.
 

@@ -76,7 +76,7 @@ def test_a_stopped_piece_may_end_early_and_the_way_down_begins_there():
     [
         (np.zeros(20), r"array of shape \(20,\) at 0\.000 s; \(2, 20\) was commanded"),
         (np.zeros((2, 21)), r"array of shape \(2, 21\)"),
-        (np.zeros((2, 19)), r"measured 19 of 20 samples at 0\.000 s, and nobody stopped it"),
+        (np.zeros((2, 19)), r"measured 19 of 20 samples at 0\.000 s, and it was not stopped"),
         (np.full((2, 20), np.inf), r"the response of left is inf at 0\.000 s; every value must be finite"),
     ],
 )

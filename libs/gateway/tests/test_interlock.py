@@ -81,7 +81,7 @@ def test_rest_is_waited_for(interlock):
 def test_a_rig_that_does_not_come_to_rest_is_told_of(interlock, monkeypatch):
     monkeypatch.setattr(duralab_gateway.interlock, "REST_SECONDS", 0.05)
     interlock.begin("a")
-    with pytest.raises(FaultError, match=r"run 'a' has not come to rest in 0\.05 s") as caught:
+    with pytest.raises(FaultError, match=r"run 'a' has not reached rest in 0\.05 s") as caught:
         interlock.wait_for_rest()
     assert caught.value.code_name == "DEADLINE_EXCEEDED"
 

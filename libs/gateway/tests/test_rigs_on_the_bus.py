@@ -164,7 +164,7 @@ def test_words_of_the_rig_reach_the_commander():
     [
         (lambda c: np.zeros((3, c.shape[1])), "the rig measured an array of shape (3, 20) at 0.000 s; (2, 20) was"),
         (lambda c: np.zeros((2, c.shape[1] + 1)), "the rig measured an array of shape (2, 21)"),
-        (lambda c: c[:, 1:], "the rig measured 19 of 20 samples at 0.000 s, and nobody stopped it."),
+        (lambda c: c[:, 1:], "the rig measured 19 of 20 samples at 0.000 s, and it was not stopped."),
         (lambda c: np.where(c == c[0, 3], np.nan, c), "the response of a_force is nan at 0.015 s; every value must"),
     ],
     ids=["rows", "too_long", "too_short", "nan"],

@@ -32,7 +32,7 @@ class Shortened:
     sections : tuple of tuple of int
         First sample and the one after the last of each, with its fades, in the record that was given.
     kept : ndarray, shape (channels)
-        Pseudo-damage of the result over that of the record, counted anew; nan for a channel that does not move.
+        Pseudo-damage of the result over that of the record, counted again; nan for a channel that does not move.
     """
 
     samples: NDArray[np.float64]
@@ -90,7 +90,7 @@ def shorten_by_damage(
     Returns
     -------
     Shortened
-        The same sections whatever the order of the channels and whatever their units.
+        The same sections regardless of the order of the channels and regardless of their units.
 
     Raises
     ------

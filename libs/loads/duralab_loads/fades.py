@@ -80,7 +80,7 @@ def join_sections(samples: ArrayLike, sections: Sequence[tuple[int, int]], *, fa
     -------
     ndarray, shape (channels, joined samples)
         As long as the sections less one fade for each joint. Within a fade from `a` to `b` the slope is at most the
-        steeper of theirs and `pi / 2 |b - a| / fade`.
+        steeper slope of both and `pi / 2 |b - a| / fade`.
 
     Raises
     ------

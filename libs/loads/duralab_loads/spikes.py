@@ -53,7 +53,7 @@ def remove_spikes(samples: ArrayLike, *, longest: int, threshold: float = 10.0) 
     longest : int
         Samples of the longest spike, 1 or more.
     threshold : float
-        Height of the lowest spike, in standard deviations of what is usual, greater than 0.
+        Height of the lowest spike, in standard deviations of the signal without spikes, greater than 0.
 
     Returns
     -------

@@ -14,9 +14,9 @@ class AlarmLevel(IntEnum):
     """How severe an alarm is."""
 
     WARNING = 1
-    """The test goes on as its actions say."""
+    """The test continues as its actions say."""
     ABORT = 2
-    """The test must not go on without a decision."""
+    """The test must not continue without a decision."""
 
 
 class AlarmKind(StrEnum):
@@ -51,11 +51,11 @@ class Alarm:
     repeat : int
         Repeat of the schedule in which it was found.
     since : int
-        Repeat in which it began, as far as it can be told; `repeat` for a limit.
+        Repeat in which it began, as far as it can be determined; `repeat` for a limit.
     size : float
         Change as a share of the baseline; for an absolute limit the value of the statistic.
     sentence : str
-        All of it for people.
+        Report as text.
     """
 
     level: AlarmLevel

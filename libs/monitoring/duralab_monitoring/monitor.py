@@ -42,7 +42,7 @@ class Monitor:
     Raises
     ------
     ValueError
-        A name stands twice, a limit names a channel that the rig does not have, or a band lies above half the sample
+        A name occurs twice, a limit names a channel that the rig does not have, or a band lies above half the sample
         rate.
     """
 
@@ -82,7 +82,7 @@ class Monitor:
         response : array_like, shape (channels, samples)
             Whole response, as long in each repeat of the event.
         command : array_like, shape (drives, samples), optional
-            Commands that were recorded with the response, by the same clock. They tell how late the recording began;
+            Commands that were recorded with the response, by the same clock. They show how late the recording began;
             without them the responses do.
 
         Returns

@@ -153,7 +153,7 @@ def within_contract(path: Path) -> Iterator[None]:
     Raises
     ------
     RecordingError
-        In place of ArrayError.
+        Instead of ArrayError.
     """
     try:
         yield

@@ -90,7 +90,7 @@ def index_start(stream: IO[bytes]) -> int | None:
             raise McapError("its last eight bytes are not those of an MCAP file")
         return None
     if not is_footer:
-        raise McapError("the footer, which says where its index is, is none")
+        raise McapError("the footer, which locates the index, is not valid")
     position = start or footer
     while position < footer:
         kind, length = _head(stream, position)
@@ -204,7 +204,9 @@ def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
     kind, length, found, entries = _INDEX_HEAD.unpack(stream.read(_INDEX_HEAD.size))
     rest = _INDEX_HEAD.size - _RECORD_HEAD.size
     if (kind, length, found) != (Opcode.MESSAGE_INDEX, rest + entries, channel):
-        raise McapError(f"at byte {offset} is no message index of channel {channel}, though the file's index says so")
+        raise McapError(
+            f"at byte {offset} is no message index of channel {channel}, though the file's index reports it"
+        )
     return entries // _INDEX_ENTRY_BYTES
 
 

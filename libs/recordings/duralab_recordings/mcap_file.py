@@ -154,7 +154,7 @@ def parts_beside(path: Path) -> dict[int, Path]:
         return {}
     except OSError as error:
         raise RecordingError(
-            f"The folder of {path} cannot be listed ({error.strerror}), so that it is not known whether it goes on in "
+            f"The folder of {path} cannot be listed ({error.strerror}), so that it is unknown if it continues in "
             "other files; allow it to be read."
         ) from error
     return dict(sorted(found.items()))
@@ -199,7 +199,7 @@ def require_chain(parts: Sequence[Part]) -> None:
             )
     if last.next_file:
         raise RecordingError(
-            f"The recording {first.path} goes on in {part_path(first.path, len(parts) + 1).name}, which is missing; "
+            f"The recording {first.path} continues in {part_path(first.path, len(parts) + 1).name}, which is missing; "
             "copy all its parts beside it."
         )
 
@@ -270,7 +270,7 @@ class McapFile:
         return found
 
     def open_end(self) -> str:
-        """Return in a clause that the last file is whole and the recording may go on in another; see `open_end`."""
+        """Return in a clause that the last file is whole and the recording may continue in another; see `open_end`."""
         reason = self.metadata().get(SUMMARY_METADATA, {}).get("reason", "")
         return open_end(self.path, parts=len(self._files), reason=reason)
 

@@ -106,7 +106,7 @@ class RecordReader(StreamReader):
 
 
 def is_finished(path: Path) -> bool:
-    """Tell whether a file ends as a complete MCAP file does; nothing else of it is checked.
+    """Return whether a file ends as a complete MCAP file does; the rest is not checked.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def scan(path: Path, take: Take) -> Unfinished:
     path : Path
         A file that was written in chunks; where it has an ending, that is left out.
     take : callable
-        Called with what is read; an error of its own ends the scan.
+        Called with each record; an error that it raises ends the scan.
 
     Returns
     -------

@@ -115,7 +115,7 @@ class WindowCache:
             return self._kept[key]
 
     def keep(self, key: tuple[str, int, int], window: Window) -> None:
-        """Keep a window with arrays of its own, in place of those not used for longest; its arrays become read-only."""
+        """Keep a window with its own arrays, instead of the least recently used one; its arrays become read-only."""
         # Who changes a kept window in place changes what is read later; here it is an error instead.
         window.drive.setflags(write=False)
         window.response.setflags(write=False)
@@ -217,7 +217,7 @@ class RunSignals:
             repair = "" if finished else "start the recorder on its folder, which repairs it, then "
             raise MissingSamplesError(
                 f"{self._files[0]} holds the run {run!r} up to sample {reached - 1} ({reached / rate:g} s) only and "
-                f"not its last block; {repair}read what is there with `responses({run!r})` and `drives({run!r})`."
+                f"not its last block; {repair}read the others with `responses({run!r})` and `drives({run!r})`."
             )
         return window, rate
 

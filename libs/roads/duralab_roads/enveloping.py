@@ -77,7 +77,7 @@ def effective_inputs(
     lead_in_seconds
         Duration of the fade at either end [s], above 0, at most half of the drive.
     axle_distances
-        How far each axle rolls behind the first one [m], 0 or more; before its start the road goes on flat.
+        How far each axle rolls behind the first one [m], 0 or more; before its start the road continues flat.
 
     Returns
     -------
@@ -213,7 +213,7 @@ def _line(road: Road, position: float, along: NDArray[np.float64]) -> NDArray[np
     if np.any(np.isnan(line)):
         raise ValueError(
             f"The road has no elevation (NaN) at u = {np.flatnonzero(np.isnan(line))[0] * road.spacing:.3f} m, "
-            f"v = {position:.3f} m, in the way of a tyre; move the track or fill the grid."
+            f"v = {position:.3f} m, below a tyre; move the track or fill the grid."
         )
     return np.interp(along, road.spacing * np.arange(rows), line)
 

@@ -31,7 +31,7 @@ class RoadFileError(ValueError):
     offset
         The byte at which it is wrong, from 0.
     sentence
-        What is there, and what was expected.
+        The value found, and the value expected.
     """
 
     def __init__(self, path: Path, offset: int, sentence: str) -> None:
@@ -144,8 +144,8 @@ SLOPE, BANKING = "reference line slope", "reference line banking"
 def read_opencrg(path: str | os.PathLike[str], *, maximum_cells: int = 50_000_000) -> Road:
     """Read the elevation grid of an OpenCRG file.
 
-    The curved grid is unrolled: u becomes the distance along the road, whatever the heading. That stretches a track at
-    v by curvature times v, which is allowed up to 10 % at the outermost column.
+    The curved grid is unrolled: u becomes the distance along the road, regardless of the heading. That stretches a
+    track at v by curvature times v, which is allowed up to 10 % at the outermost column.
 
     Parameters
     ----------

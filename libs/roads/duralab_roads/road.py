@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 class Road:
     """Elevations of a road over a regular longitudinal and a free lateral grid.
 
-    Between grid points the surface is bilinear, as in OpenCRG. A NaN is a point that nobody measured.
+    Between grid points the surface is bilinear, as in OpenCRG. A NaN is a point that was not measured.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class EventLoad:
     drives, responses : int
         Channels that are recorded.
     damage : mapping of str to float, optional
-        Damage by response; None where nothing tells it.
+        Damage by response; None where nothing shows it.
     """
 
     samples: int

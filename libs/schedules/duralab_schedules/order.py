@@ -15,11 +15,11 @@ class Order(StrEnum):
     IN_ORDER = "in_order"
     """All repeats of the first event, then all of the second, and so on."""
     INTERLEAVED = "interleaved"
-    """Each event evenly over the whole schedule."""
+    """Repeats of each event spread evenly over the whole schedule."""
     SHUFFLED = "shuffled"
     """A random order, from the seed of the schedule."""
     NESTED = "nested"
-    """Blocks, each some times: the events of a block in their order, each with its repeats."""
+    """Blocks, each repeated: the events of a block in their order, each with its repeats."""
 
 
 def in_order(repeats: Sequence[int]) -> NDArray[np.int64]:

@@ -45,12 +45,12 @@ class Event(Section):
         min_length=1, description="Drive: a file or a recording, relative to the schedule, or the id of a recording."
     )
     repeats: Repeats | None = Field(
-        default=None, description="How often it is played; left out: designed from the damage plan, or set by blocks."
+        default=None, description="Number of repeats; left out: designed from the damage plan, or set by blocks."
     )
-    at_least: Repeats = Field(default=0, description="Fewest repeats that a design may choose.")
-    at_most: Repeats | None = Field(default=None, description="Most repeats that a design may choose.")
+    at_least: Repeats = Field(default=0, description="Smallest number of repeats that a design may choose.")
+    at_most: Repeats | None = Field(default=None, description="Largest number of repeats that a design may choose.")
     missed_target_accepted: bool = Field(
-        default=False, description="Whether a drive is played although its recording says that it missed its target."
+        default=False, description="Play the drive also if its recording missed the target."
     )
     target: str | None = Field(
         default=None,
@@ -68,7 +68,7 @@ class Event(Section):
 class Block(Section):
     """Events of a nested schedule that are played together."""
 
-    times: int = Field(default=1, ge=1, le=MOST_REPEATS, description="How often the block is played.")
+    times: int = Field(default=1, ge=1, le=MOST_REPEATS, description="Number of repeats of the block.")
     events: dict[EventName, Annotated[int, Field(ge=1, le=MOST_REPEATS)]] = Field(
         min_length=1, description="Repeats of each event in one block, in this order."
     )
@@ -77,7 +77,7 @@ class Block(Section):
 class CustomerEvent(Section):
     """How often a customer meets one event."""
 
-    count: Positive = Field(description="How often the customer meets it.")
+    count: Positive = Field(description="Number of times that the customer meets the event.")
     target: str | None = Field(
         default=None,
         min_length=1,
@@ -94,7 +94,7 @@ class DamagePlan(Section):
         description="Damage by response, in its unit to the power of monitoring.damage_exponent.",
     )
     mix: dict[EventName, CustomerEvent] | None = Field(
-        default=None, min_length=1, description="How often a customer meets each event."
+        default=None, min_length=1, description="Number of times that a customer meets each event."
     )
     largest_ratio: Annotated[float, Field(ge=1)] = Field(
         default=1.5, description="Largest damage of a channel over its planned damage; a schedule above it is refused."
@@ -110,7 +110,7 @@ class DamagePlan(Section):
 class KeepRule(Section):
     """Which repeats are recorded with all samples; of all others the statistics are kept."""
 
-    first: Repeats = Field(default=3, description="The first repeats of each event.")
+    first: Repeats = Field(default=3, description="Number of first repeats of each event that are kept.")
     every: Annotated[int, Field(ge=1, le=MOST_REPEATS)] | None = Field(
         default=500, description="Every n-th repeat of each event; null: none."
     )
@@ -138,13 +138,13 @@ class AlarmAction(StrEnum):
     """What the sequencer does after an alarm."""
 
     LOG = "log"
-    """The alarm is recorded, and the test goes on."""
+    """The alarm is recorded, and the test continues."""
     HOLD = "hold"
     """The test waits for a decision before the next repeat."""
     STOP = "stop"
     """The test ends, and the rig is latched."""
     ITERATE_AGAIN = "iterate_again"
-    """The drive of the event is corrected in a campaign, and the test goes on with the new one."""
+    """The drive of the event is corrected in a campaign, and the test continues with the new one."""
 
 
 class Actions(Section):
@@ -157,7 +157,7 @@ class Actions(Section):
         default=AlarmAction.HOLD, strict=False, description="After an abort: log, hold, stop or iterate_again."
     )
     playbacks: Annotated[int, Field(ge=1, le=20)] = Field(
-        default=3, description="Most playbacks of the campaign that iterate_again makes."
+        default=3, description="Largest number of playbacks of a campaign of iterate_again."
     )
 
 
@@ -166,20 +166,20 @@ class Schedule(Section):
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
-        description="Lower case letters, digits, '-' and '_'; names the endurance test and its recording.",
+        description="Name of the endurance test and its recording: lower case letters, digits, '-' and '_'.",
     )
-    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="The rig that plays it.")
+    rig: str = Field(pattern=r"^[a-z0-9][a-z0-9_]{0,59}$", description="Name of the rig.")
     events: dict[EventName, Event] = Field(min_length=1, description="Events by name.")
     order: Order = Field(
         default=Order.INTERLEAVED, strict=False, description="in_order, interleaved, shuffled or nested."
     )
-    seed: Seed = Field(default=0, description="The shuffled order comes from this seed.")
+    seed: Seed = Field(default=0, description="Seed of the shuffled order.")
     blocks: tuple[Block, ...] = Field(
         default=(), strict=False, description="Blocks of a nested schedule, in the order they are played."
     )
-    keep: KeepRule = Field(default=KeepRule(), description="Which repeats are recorded with all samples.")
-    monitoring: MonitoringSettings = Field(default=MonitoringSettings(), description="How the repeats are monitored.")
-    actions: Actions = Field(default=Actions(), description="What is done after an alarm.")
+    keep: KeepRule = Field(default=KeepRule(), description="Repeats that are recorded with all samples.")
+    monitoring: MonitoringSettings = Field(default=MonitoringSettings(), description="Monitoring of the repeats.")
+    actions: Actions = Field(default=Actions(), description="Actions after an alarm.")
     plan: DamagePlan | None = Field(default=None, description="Damage that the endurance test is to reach.")
 
     _folder: Path = PrivateAttr(default=Path())
@@ -295,7 +295,7 @@ class Schedule(Section):
                 raise ValueError("has repeats of an event beside blocks, which set them; leave repeats out")
             given = list(self.repeats.values())
             if idle := [name for name, count in self.repeats.items() if not count]:
-                raise ValueError(f"{', '.join(idle)} stands in no block; name it in one, or leave the event out")
+                raise ValueError(f"{', '.join(idle)} is in no block; name it in one, or leave the event out")
         total = sum(given)
         if total > MOST_REPEATS:
             raise ValueError(f"has {total} repeats; {MOST_REPEATS} are allowed, so divide it into several schedules")

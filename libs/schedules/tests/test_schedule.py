@@ -149,7 +149,7 @@ def test_no_repeats_at_all_are_refused():
 def test_repeats_beside_blocks_and_events_in_no_block_are_refused():
     events = {"a": Event(drive="a.drv"), "b": Event(drive="b.drv")}
     blocks = (Block(events={"a": 1}),)
-    with pytest.raises(SettingsError, match="b stands in no block"):
+    with pytest.raises(SettingsError, match="b is in no block"):
         Schedule(name="some", rig="rig", events=events, order=Order.NESTED, blocks=blocks)
     with pytest.raises(SettingsError, match="has repeats of an event beside blocks"):
         Schedule(name="some", rig="rig", events={"a": Event(drive="a", repeats=1)}, order=Order.NESTED, blocks=blocks)

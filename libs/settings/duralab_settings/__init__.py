@@ -3,7 +3,7 @@
 A section as a user writes it (`ExcitationSettings`, `UpdateSection`) names channels; `resolved` gives it one value for
 each channel of a rig, which is what a message holds. The other sections are the same in both. The converter to messages
 has its own face, `duralab_settings.messages`, so that a core that takes settings knows no message. Strict YAML is here,
-too, for rigs, campaigns, sweeps and configurations alike.
+too, for rigs, campaigns, sweeps and configurations.
 """
 
 from duralab_settings.estimator import BlockSettings, EstimatorKind, EstimatorSettings

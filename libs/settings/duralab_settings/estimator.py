@@ -13,9 +13,9 @@ class EstimatorKind(StrEnum):
     """How the frequency response is estimated."""
 
     H1 = "h1"
-    """Noise on the responses averages out."""
+    """H1: noise on the responses averages out."""
     H2 = "h2"
-    """Noise on the drives averages out; as many responses as drives only."""
+    """H2: noise on the drives averages out; only for equal numbers of responses and drives."""
     HV = "hv"
     """Total least squares of each response: noise on both."""
     LOCAL_POLYNOMIAL = "local_polynomial"
@@ -34,7 +34,10 @@ class BlockSettings(Section):
 
     block_samples: int = Field(ge=256, le=2**20, multiple_of=2, description="Samples in a block, even.")
     overlap: float = Field(
-        default=0.5, ge=0, lt=1, description="Overlap of neighbouring blocks, as a share of one; of pure random only."
+        default=0.5,
+        ge=0,
+        lt=1,
+        description="Overlap of neighbouring blocks, as a share of a block; for pure random excitation only.",
     )
 
 
@@ -42,12 +45,12 @@ class EstimatorSettings(BlockSettings):
     """How the rig's frequency response is estimated from the experiment."""
 
     kind: EstimatorKind = Field(
-        default=EstimatorKind.H1, strict=False, description="The estimator; local ones are free of leakage."
+        default=EstimatorKind.H1, strict=False, description="Estimator of the FRF; local ones are free of leakage."
     )
     local_order: int | None = Field(default=None, ge=1, le=6, description="Local methods: order of the polynomials.")
     local_half_width: int | None = Field(
         default=None,
         ge=1,
         le=1000,
-        description="Local methods: lines on either side of each that are fitted; left out: chosen at each line.",
+        description="Local methods: number of lines fitted on either side of each line; left out: chosen at each line.",
     )

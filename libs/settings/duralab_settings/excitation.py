@@ -66,7 +66,7 @@ class LevelKind(Enum):
     """What the levels of the drives are."""
 
     RMS = "rms"
-    """Root mean square over the samples that are used."""
+    """RMS over the samples that the estimator uses."""
     PEAK = "peak"
     """Largest magnitude of the whole drive."""
 
@@ -95,7 +95,9 @@ class TabulatedSpectrum(Section):
     """PSD given at frequencies, straight between them on logarithmic axes; zero outside the table."""
 
     frequency: Annotated[tuple[Positive, ...], AS_TUPLE] = Field(
-        min_length=2, description="In hertz, rising, each greater than 0; the first and the last are the band."
+        min_length=2,
+        description="Frequencies in hertz, rising, each greater than 0; the first and the last are the edges of "
+        "the band.",
     )
     density: Annotated[tuple[Positive, ...], AS_TUPLE] = Field(
         min_length=2, description="Density at each frequency, in any unit, greater than 0; only their ratios count."
@@ -163,35 +165,43 @@ class Spectrum(Section):
 
 
 class ExcitationMethod(Section):
-    """What an excitation is, whatever the rig."""
+    """What an excitation is, regardless of the rig."""
 
     kind: ExcitationKind = Field(
         default=ExcitationKind.RANDOM_ORTHOGONAL,
         strict=False,
-        description="How the drives are made; random_orthogonal tells noise, distortion and FRF apart.",
+        description="Kind of excitation; random_orthogonal separates noise, distortion and FRF.",
     )
     duration: Positive = Field(
-        le=36000, description="Length of the experiment, in seconds; of multisines as many realisations as fit into it."
+        le=36000,
+        description="Length of the experiment, in seconds; multisines use as many realisations as fit into it.",
     )
     fade: NotNegative = Field(description="Linear fade at its start and end, in seconds.")
     delay_blocks: Annotated[Count, Wire(zero=1)] = Field(
-        default=1, description="Multisines: blocks that die out before each capture."
+        default=1, description="Multisines: delay blocks before each capture, in which the transient decays."
     )
     # Two in a file that does not say; a message that does not say means one.
     capture_blocks: Annotated[Count, Wire(zero=1)] = Field(
-        default=2, description="Multisines: blocks used of each capture; from 2 on noise and distortion are told apart."
+        default=2,
+        description="Multisines: blocks of each capture; with 2 or more, noise and distortion are distinguished.",
     )
     repeats: Annotated[Count, Wire(zero=1)] = Field(
-        default=1, description="Multisines: how often each realisation is played."
+        default=1, description="Multisines: number of times that each realisation is played."
     )
-    realisations: Count | None = Field(default=None, description="Multisines: independent phases; as many as fit.")
+    realisations: Count | None = Field(
+        default=None,
+        description="Multisines: number of realisations with independent phases; left out: as many as fit.",
+    )
     odd_lines: bool = Field(default=False, description="Multisines: excite odd lines only.")
     detection_share: float = Field(
-        default=0.0, ge=0, le=0.5, description="Multisines: share of the lines left out to see distortion there."
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="Multisines: share of the lines that are not excited, to measure distortion there.",
     )
     minimise_crest_factor: bool = Field(default=False, description="Multisines: choose phases with small peaks.")
     burst_share: Annotated[float, Field(gt=0, le=1), Wire(zero=0.5)] = Field(
-        default=0.5, description="Bursts and sweeps: share of a block in motion."
+        default=0.5, description="Bursts and sweeps: share of a block with motion."
     )
     static_hold: float = Field(
         default=0.0,
@@ -227,16 +237,14 @@ class ResolvedExcitation(ExcitationMethod):
     spectrum: WhitePinkSpectrum | None = Field(
         default=None, description="PSD of every drive; left out where drive_spectra is given."
     )
-    drive_spectra: tuple[Spectrum, ...] = Field(
-        default=(), description="PSD of each drive, where they differ; the bare shape may stand for it."
-    )
+    drive_spectra: tuple[Spectrum, ...] = Field(default=(), description="PSD of each drive, if they differ.")
     rms: Levels | None = Field(
         default=None, description="RMS of each drive, in its unit; left out where peak is given."
     )
     peak: Levels | None = Field(
         default=None, description="Largest magnitude of each drive, in its unit; given instead of rms."
     )
-    seed: int = Field(default=0, ge=0, lt=2**64, description="Of everything random.")
+    seed: int = Field(default=0, ge=0, lt=2**64, description="Seed of all random numbers.")
 
     @model_validator(mode="after")
     def _check_drives(self) -> Self:
@@ -349,7 +357,7 @@ class ExcitationSettings(ExcitationMethod):
         drives : sequence of str
             The names of the rig's drives, in its order.
         seed : int
-            Of what is random in it, 0 to 2^64 - 1.
+            Seed of its random parts, 0 to 2^64 - 1.
 
         Returns
         -------

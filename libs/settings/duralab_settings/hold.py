@@ -18,13 +18,13 @@ class HoldPoint(StrEnum):
     """Before which playbacks a campaign waits for a decision."""
 
     NEVER = "never"
-    """Before none."""
+    """No hold points."""
     FIRST = "first"
-    """Before the first that the campaign makes."""
+    """A hold point before the first playback."""
     EACH = "each"
-    """Before each playback of the target."""
+    """A hold point before each playback of the target."""
     PREDICTED = "predicted"
-    """Before each playback of which the prediction passes a bound."""
+    """A hold point before each playback whose prediction passes a bound."""
 
 
 _HeldAbove = Annotated[float, Field(gt=0, le=1e6)]
@@ -33,9 +33,9 @@ _HeldAbove = Annotated[float, Field(gt=0, le=1e6)]
 class HoldSettings(Section):
     """Hold points of a campaign: the message `duralab.v1.HoldSettings`; in a file a word or bounds."""
 
-    when: HoldPoint = Field(strict=False, description="Before which playbacks the campaign waits.")
+    when: HoldPoint = Field(strict=False, description="Playbacks before which the campaign waits.")
     predicted_peak: _HeldAbove | None = Field(
-        default=None, description="Wait where a response's predicted peak over its target's passes this."
+        default=None, description="Largest predicted peak of a response over its target's; the campaign waits above it."
     )
     predicted_damage: _HeldAbove | None = Field(
         default=None,
@@ -90,14 +90,14 @@ def _said(text: str) -> str:
 class Decision(Section):
     """Decision on a proposal: the message `duralab.v1.Decision`, as far as a person gives it."""
 
-    proposal: int = Field(ge=1, lt=2**32, description="Number of the proposal that is decided on.")
-    kind: DecisionKind = Field(strict=False, description="What is decided.")
-    name: Annotated[str, AfterValidator(_said)] = Field(max_length=80, description="Who decides.")
-    reason: Annotated[str, AfterValidator(_said)] = Field(max_length=_LONGEST_REASON, description="Why.")
-    update: ResolvedUpdate | None = Field(default=None, description="Change: how drives are made from now on.")
-    control_band: ControlBandSettings | None = Field(
-        default=None, description="Change: where the target is reproduced and judged from now on."
+    proposal: int = Field(ge=1, lt=2**32, description="Number of the proposal.")
+    kind: DecisionKind = Field(strict=False, description="Decision.")
+    name: Annotated[str, AfterValidator(_said)] = Field(max_length=80, description="Name of the person who decides.")
+    reason: Annotated[str, AfterValidator(_said)] = Field(
+        max_length=_LONGEST_REASON, description="Reason of the decision."
     )
+    update: ResolvedUpdate | None = Field(default=None, description="Change: new settings of the update.")
+    control_band: ControlBandSettings | None = Field(default=None, description="Change: new control band.")
     from_iteration: int = Field(
         default=0, ge=0, lt=2**32, description="Back: the playback that the next drive is made from."
     )

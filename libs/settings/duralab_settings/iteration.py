@@ -45,25 +45,25 @@ class CorrectionPrediction(StrEnum):
     """What Adaptive Modelling compares."""
 
     FORWARD = "forward"
-    """The response that the model predicts of the drive, with the measured one."""
+    """Compare the response that the model predicts from the drive with the measured response."""
     BACKWARD = "backward"
-    """The drive that the model predicts from the response, with the one played."""
+    """Compare the drive that the model predicts from the response with the drive that was played."""
 
 
 class CorrectionShape(StrEnum):
     """Which elements of a correction Adaptive Modelling estimates."""
 
     DIAGONAL = "diagonal"
-    """Channel by channel."""
+    """Correct each channel separately."""
     FULL = "full"
-    """All channels with each other."""
+    """Correct with a full matrix of all channels."""
 
 
 class LimitPolicy(StrEnum):
     """What is done with a next drive that would pass a limit of the rig."""
 
     REFUSE = "refuse"
-    """The campaign ends with a fault that says which gain would fit."""
+    """The campaign ends with a fault that states the gain that would fit."""
     PROJECT = "project"
     """A near drive that the rig can play is played, and each change is reported."""
 
@@ -81,11 +81,15 @@ class SecantSettings(Section):
 
     forgetting: float = Field(default=0.7, ge=1e-3, le=1, description="Weight of a step relative to the one after it.")
     prior_strength: float = Field(default=1.0, ge=1e-6, le=1e6, description="Weight of the identified model.")
-    caution: float = Field(default=1.0, ge=0, le=1e6, description="Share of the model's uncertainty that is minded.")
-    regularisation: float = Field(default=1e-5, ge=0, le=1e6, description="Of the inverse, relative to the model.")
+    caution: float = Field(
+        default=1.0, ge=0, le=1e6, description="Share of the model's uncertainty that is taken into account."
+    )
+    regularisation: float = Field(
+        default=1e-5, ge=0, le=1e6, description="Regularisation of the inverse, relative to the model."
+    )
     odd_terms: bool = Field(
         default=True,
-        description="Learn what cubes and signed squares of the drives do, and use them while they foresee the "
+        description="Learn what cubes and signed squares of the drives do, and use them while they predict the "
         "playbacks better than the drives alone.",
     )
 
@@ -129,33 +133,36 @@ class UpdatePlugin(Section):
 
 
 class UpdateMethod(Section):
-    """What an update is, whatever the rig."""
+    """What an update is, regardless of the rig."""
 
-    kind: UpdateKind = Field(default=UpdateKind.SECANT, strict=False, description="The update of the drive.")
+    kind: UpdateKind = Field(default=UpdateKind.SECANT, strict=False, description="Kind of update.")
     gain_schedule: Gains = Field(
         default=(),
-        description="Shares of the gain for the first drive, the second and so on, e.g. [0.7, 1.0]; the last holds on.",
+        description="Shares of the gain for the first drive, the second and so on, e.g. [0.7, 1.0]; the last "
+        "one is kept.",
     )
     smallest_correction: float = Field(default=0.5, gt=0, le=1, description="Least factor on the inverse model.")
     largest_correction: float = Field(default=2.0, ge=1, le=100, description="Greatest factor on the inverse model.")
     weigh_by_coherence: bool = Field(
-        default=True, description="Correct less where the response is not what the model foresees."
+        default=True, description="Correct less where the response is not what the model predicts."
     )
     lowest_coherence: float = Field(
         default=0.7,
         ge=0,
         lt=1,
-        description="Coherence of measured with foreseen response below which nothing is corrected.",
+        description="Coherence of measured with predicted response below which nothing is corrected.",
     )
     prediction: Annotated[CorrectionPrediction, Wire(zero=CorrectionPrediction.FORWARD)] = Field(
         default=CorrectionPrediction.FORWARD,
         strict=False,
-        description="Correct the responses' side of the model or the drives'.",
+        description="Side of the model that is corrected: responses or drives.",
     )
     correction: Annotated[CorrectionShape, Wire(zero=CorrectionShape.DIAGONAL)] = Field(
-        default=CorrectionShape.DIAGONAL, strict=False, description="Correct channel by channel or all with each other."
+        default=CorrectionShape.DIAGONAL,
+        strict=False,
+        description="Correct each channel separately or with a full matrix.",
     )
-    secant: SecantSettings = Field(default=SecantSettings(), description="What the secant update learns by.")
+    secant: SecantSettings = Field(default=SecantSettings(), description="Weights of the secant update.")
     drive_map: DriveMapSettings = Field(
         default=DriveMapSettings(), description="Change of drive coordinates after which the rig is nearly linear."
     )
@@ -171,7 +178,7 @@ class ResolvedUpdate(UpdateMethod):
         min_length=1, description="Share of the error of each response that a playback corrects, above 0 to 1."
     )
     accept_segments: bool = Field(
-        default=False, description="Start each drive from the best so far, stretch by stretch, not from the last."
+        default=False, description="Start each segment of a drive from the best playback so far, not from the last."
     )
     gain_curve_frequency: Annotated[tuple[NotNegative, ...], AS_TUPLE, Field(min_length=1)] | None = Field(
         default=None, description="Points of the gain over frequency, in hertz, rising."
@@ -180,7 +187,7 @@ class ResolvedUpdate(UpdateMethod):
         default=None, description="Share of the gain at each point, for each response, above 0 to 1."
     )
     weights: Annotated[tuple[NotNegative, ...], AS_TUPLE] | None = Field(
-        default=None, description="How much each response counts beside the others; 0 is watched only. Left out: all 1."
+        default=None, description="Weight of each response; 0: monitored only. Left out: all 1."
     )
 
     @model_validator(mode="before")
@@ -220,16 +227,20 @@ class ResolvedUpdate(UpdateMethod):
 class GainPoint(Section):
     """A point of the gain over frequency."""
 
-    frequency: NotNegative = Field(description="In hertz.")
-    share: GainPerChannel = Field(description="Share of the gain there, above 0 to 1: one, or one for each response.")
+    frequency: NotNegative = Field(description="Frequency, in hertz.")
+    share: GainPerChannel = Field(
+        description="Share of the gain at this frequency, above 0 to 1: one number, or one for each response."
+    )
 
 
 class ResponseGroup(Section):
     """Responses that share a gain, a weight or both."""
 
-    channels: Annotated[tuple[str, ...], AS_TUPLE] = Field(min_length=1, description="Which responses.")
-    iteration_gain: Gain | None = Field(default=None, description="Takes the place of the update's gain for them.")
-    weight: Positive | None = Field(default=None, description="How much each counts beside the other responses.")
+    channels: Annotated[tuple[str, ...], AS_TUPLE] = Field(min_length=1, description="Responses of the group.")
+    iteration_gain: Gain | None = Field(
+        default=None, description="Iteration gain of these responses, instead of that of the update."
+    )
+    weight: Positive | None = Field(default=None, description="Weight of each of these responses.")
 
     @model_validator(mode="after")
     def _check_what_is_shared(self) -> Self:
@@ -249,14 +260,15 @@ class UpdateSection(UpdateMethod):
     )
     watch: Annotated[tuple[str, ...], AS_TUPLE] = Field(
         default=(),
-        description="Responses that are reported, but not controlled or judged; their target may be silent or missing.",
+        description="Monitored responses: reported, but neither controlled nor judged; their target may be zero "
+        "or missing.",
     )
     weights: dict[str, Positive] = Field(
         default_factory=dict,
         description="How much a response counts beside the others where there are more than drives; left out: 1.",
     )
     groups: dict[str, ResponseGroup] = Field(
-        default_factory=dict, description="Responses that share a gain, a weight or both, under a name of your own."
+        default_factory=dict, description="Responses that share a gain, a weight or both, under a name that you choose."
     )
     accept_segments: bool | None = Field(
         default=None,
@@ -361,9 +373,9 @@ class UpdateSection(UpdateMethod):
 class StopCriteria(Section):
     """When the iteration ends: the message `duralab.v1.StopCriteria`."""
 
-    iterations: int = Field(ge=1, le=1000, description="Most playbacks of the target.")
+    iterations: int = Field(ge=1, le=1000, description="Largest number of playbacks of the target.")
     relative_rms_error: NotNegative = Field(
-        default=0.0, description="End when every channel's relative RMS error is at most this; 0: not asked."
+        default=0.0, description="End when every channel's relative RMS error is at most this; 0: off."
     )
     divergence_ratio: NotNegative = Field(
         default=0.0, description="End when a channel's error exceeds this multiple of its best, above 1; 0: never."
@@ -386,18 +398,18 @@ class StopCriteria(Section):
         "predicted by the model; a rig at rest has 1; null: no bound.",
     )
     peak_bound: Annotated[Bound | None, Wire(zero=3.0, none=inf)] = Field(
-        default=3.0, description="The same for a channel's peak over the target's; null: no bound."
+        default=3.0, description="Bound on a channel's peak over the target's; null: no bound."
     )
     damage_bound: Annotated[Bound | None, Wire(zero=250.0, none=inf)] = Field(
         default=250.0,
-        description="The same for a channel's damage in one playback over the target's, at damage_exponent; null: no "
-        "bound.",
+        description="Bound on a channel's damage in one playback over the target's, at damage_exponent; null: "
+        "no bound.",
     )
     smallest_improvement: float = Field(
         default=0.0, ge=0, lt=1, description="End when the last playbacks did not lower the best error by this share."
     )
     improvement_playbacks: Annotated[int, Field(ge=1, le=1000), Wire(zero=2)] = Field(
-        default=2, description="How many playbacks those are."
+        default=2, description="Number of playbacks for stop.least_progress."
     )
 
     @model_validator(mode="after")
@@ -417,7 +429,7 @@ class PlaybackSettings(Section):
     limit_policy: Annotated[LimitPolicy, Wire(zero=LimitPolicy.REFUSE)] = Field(
         default=LimitPolicy.PROJECT,
         strict=False,
-        description="What becomes of a drive past a limit: project plays a near one and says so, refuse ends the "
+        description="Handling of a drive past a limit: project plays a near one and reports it, refuse ends the "
         "campaign.",
     )
     largest_overrun: Annotated[float, Field(ge=1, le=1000), Wire(zero=1.25)] = Field(
@@ -434,17 +446,17 @@ class PlaybackSettings(Section):
         default=0,
         ge=0,
         le=100,
-        description="How often the best drive is played again, each time with other seeds; the result then tells how "
+        description="Number of extra playbacks of the best drive, each with other seeds; the result then shows how "
         "far the rig repeats itself.",
     )
     real_time: bool = Field(
         default=False,
-        description="Whether the rig plays in real time, as a rehearsal of a real one; left out: as fast as it can.",
+        description="Play in real time, as a rehearsal of a real rig; left out: as fast as possible.",
     )
 
     pre_test: Annotated[float | None, Field(gt=0, le=8760), Wire()] = Field(
         default=None,
-        description="Age, in hours, up to which a passed pre-test of the rig counts; left out: none is needed.",
+        description="Largest age of a passed pre-test of the rig, in hours; left out: no pre-test is needed.",
     )
 
     @model_validator(mode="after")

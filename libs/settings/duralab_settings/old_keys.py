@@ -38,7 +38,7 @@ def with_new_keys(content: dict[Any, Any], *, name: str = "") -> tuple[dict[Any,
     content : dict
         With new keys only, as far as the old ones are known.
     remarks : tuple of str
-        One sentence that names every old key and its new one; empty where there was none.
+        One sentence that names every old key and its new one; empty if there was no old key.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def require_regular(path: Path) -> os.stat_result:
     Raises
     ------
     OSError
-        There is no such file, or it is a FIFO, a socket, a device or a directory; `strerror` says which.
+        The file does not exist, or is a FIFO, a socket, a device or a directory; `strerror` names the reason.
     ValueError
         No file can have this name.
     """

@@ -35,7 +35,7 @@ class Section(BaseModel):
         __init__.__pydantic_base_init__ = True
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with other values, which are not checked; raise SettingsError for a key that is none."""
+        """Return a copy with other values, which are not checked; raise SettingsError for an unknown key."""
         if unknown := [key for key in update or {} if key not in type(self).model_fields]:
             allowed = ", ".join(type(self).model_fields)
             raise SettingsError(f"unknown key {unknown[0]!r}; allowed: {allowed}.", field=unknown[0])

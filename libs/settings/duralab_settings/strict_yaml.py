@@ -69,7 +69,7 @@ def read_yaml_text(path: Path) -> str:
     Raises
     ------
     OSError
-        It cannot be read, is not a regular file or is larger; `strerror` says which.
+        It cannot be read, is not a regular file or is larger; `strerror` names the reason.
     UnicodeDecodeError
         It is not UTF-8.
     """
@@ -93,7 +93,7 @@ def parse_yaml(text: str) -> Any:
     Raises
     ------
     YamlError
-        It is no YAML, is too large, holds a key twice, a date or number that is none, is nested deeper than `DEEPEST`,
+        It is not YAML, is too large, holds a key twice, an invalid date or number, is nested deeper than `DEEPEST`,
         or holds more than `MOST_VALUES` values or `LARGEST_TEXT` characters when its aliases are written out.
     """
     if len(text) > LARGEST_TEXT:

@@ -67,7 +67,7 @@ def _base(unit: pint.Unit) -> str:
 
 
 def base_unit(text: str, channel: str) -> str:
-    """Return a unit's base units: unlike its dimension, they tell an angle from a strain, and rpm from Hz.
+    """Return a unit's base units: unlike its dimension, they distinguish an angle from a strain, and rpm from Hz.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def explained(
     error : ValidationError
         What was found.
     root : type
-        The model that all keys stand in.
+        The model that holds all keys.
     name : str
         Beginning of the sentence, e.g. the name of a file.
     place : tuple of str

@@ -81,7 +81,7 @@ def inverse_frf(
     Notes
     -----
     Source: the dagger of Eq. 2, Cornelis et al., ISMA 2014. Outside the identified band ``S_uu`` is singular and H1 is
-    noise, which no limit on the condition number of ``H`` recognises: hence the mask.
+    noise, which no limit on the condition number of ``H`` detects; therefore the mask.
     """
     matrix = as_frf(frf)
     lines, n_y, n_u = matrix.shape

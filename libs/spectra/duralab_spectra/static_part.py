@@ -36,7 +36,9 @@ def static_levels(samples: ArrayLike, *, lowest: float, sample_rate: float) -> N
     values = as_record(samples)
     require_sample_rate(sample_rate)
     if not lowest > 0.0:
-        raise ValueError(f"The band begins at {lowest} Hz; a static part is told from a band that begins above 0.")
+        raise ValueError(
+            f"The band begins at {lowest} Hz; a static part is defined only for a band that begins above 0."
+        )
     count = values.shape[1]
     ends = min(count, max(1, round(_END_PERIODS * sample_rate / lowest)))
     parts = slice(0, ends), slice(count - ends, count)

@@ -90,7 +90,7 @@ class FileRig(PlaybackRig):
         if run.name in (each.run for each in ended):
             raise RunEndedError(
                 query_pb2.FAULT_CODE_ALREADY_EXISTS,
-                f"run {run.name!r} was ordered before; give every playback a name of its own.",
+                f"run {run.name!r} was ordered before; give every playback its own name.",
                 field="run",
             )
         return self.outbox.put(run.name, drive, seed=run.seed)
@@ -182,7 +182,7 @@ class _FilePlayback(DrivePlayback):
                 return accepted
             if self._run.wait_for_stop(_POLL_SECONDS):
                 if rig.is_leaving or not rig.stopped.is_set():
-                    raise _cancelled(f"run {order.run!r} still waits, and nobody for it; {order.ways_out}")
+                    raise _cancelled(f"run {order.run!r} still waits, but no client waits for it; {order.ways_out}")
                 self._end("stopped")
                 raise _cancelled(
                     f"run {order.run!r} was stopped while it waited; where the controller plays it, stop it there."

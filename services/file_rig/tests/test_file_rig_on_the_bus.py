@@ -111,7 +111,7 @@ def test_after_a_restart_a_name_is_answered_again_for_its_own_drive_only(lab):
         assert lab.play("same", drive).response == first.response
         lab.end(kill=True)
         lab.start()
-        with pytest.raises(FaultError, match="give every playback a name of its own") as refused:
+        with pytest.raises(FaultError, match="give every playback its own name") as refused:
             lab.play("same", gentle(seed=9))
         assert refused.value.code_name == "ALREADY_EXISTS"
         assert controller.played == ["same"]

@@ -13,7 +13,7 @@ class Window(Enum):
     """Weight on each block before its spectrum is taken."""
 
     HANN = "hann"
-    """For excitations that go on over the block's edges; blocks may overlap."""
+    """For excitations that continue over the block's edges; blocks may overlap."""
     NONE = "none"
     """For blocks that are periodic, or that begin and end at rest: nothing leaks, and a window would only blur."""
 
@@ -56,7 +56,7 @@ class Capture:
 
 @dataclass(frozen=True)
 class Layout:
-    """What an estimator has to know of a drive besides its samples.
+    """Layout of a drive for the estimator: everything but its samples.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ class IdentifierService:
         if not request.model_id:
             raise FaultError(
                 query_pb2.FAULT_CODE_INVALID_ARGUMENT,
-                "No model is named, and without one nobody knows what a drive does to the rig: identify it at a low "
+                "No model is named, and without one the effect of a drive on the rig is unknown: identify it at a low "
                 "level first, e.g. with an RMS of a hundredth of each drive's limit, and ask with that model's id.",
                 field="model_id",
             )

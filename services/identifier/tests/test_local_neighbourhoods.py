@@ -91,7 +91,7 @@ def test_drives_that_are_copies_around_a_line_are_named(denominator_order):
     drive = np.random.default_rng(1).standard_normal((1, 30_000)) * [[1.0], [2.0]]
     sums = LocalSums(noise_layout(30_000), drives=2, responses=1, model=model_of(denominator_order))
     sums.add(drive, drive[:1])
-    with pytest.raises(ValueError, match=r"drive 1 cannot be told from the others"):
+    with pytest.raises(ValueError, match=r"drive 1 is not separable from the others"):
         solve_local(sums)
 
 

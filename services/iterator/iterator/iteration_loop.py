@@ -84,7 +84,7 @@ def iterate(
         The first playbacks, where they were made before: they are gone through again and not played, so that what
         follows is what would have followed then. Only after the last of them it may end.
     update : callable, optional
-        `(history, model, settings) -> NextDrive`, used in place of the update of `settings.update.kind`. It sees the
+        `(history, model, settings) -> NextDrive`, used instead of the update of `settings.update.kind`. It sees the
         controlled responses only, each playback divided by its level, and cannot write to the history. A function that
         steps from `step_start` honours the acceptance of its settings. Its drives are mapped ones where there is a map.
     drive_map : DriveMap or MapFromFirstPlayback, optional
@@ -356,7 +356,7 @@ def run_campaign(
     limits : DriveLimits, optional
         Of the rig.
     update : callable, optional
-        Used in place of the update of `settings.update.kind`, see `iterate`.
+        Used instead of the update of `settings.update.kind`, see `iterate`.
     drive_map : DriveMap or MapFromFirstPlayback, optional
         Change of drive coordinates that the update works in, see `iterate`.
 

@@ -31,7 +31,7 @@ SHORTEST_PASSWORD = 10
 def main() -> int:
     """Read the password from a terminal, or one line of standard input, and write the file."""
     parser = argparse.ArgumentParser(prog="python -m operator_page.add_account", description=__doc__)
-    parser.add_argument("file", type=Path, metavar="FILE", help="the accounts file; made if it is not there")
+    parser.add_argument("file", type=Path, metavar="FILE", help="the accounts file; created if missing")
     parser.add_argument("name", metavar="NAME", help="who signs in")
     parser.add_argument("role", choices=[role.value for role in PageRole])
     parser.add_argument(

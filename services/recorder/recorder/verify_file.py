@@ -14,7 +14,7 @@ from recorder.reading import audit
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the findings of a recording, a list of sentences as JSON; 1 where it cannot be read at all."""
-    parser = argparse.ArgumentParser(description="Read a recording from end to end and say what is wrong with it.")
+    parser = argparse.ArgumentParser(description="Read a recording from end to end and report each error in it.")
     parser.add_argument("file", type=Path, help="its first file; those that follow lie beside it")
     first = parser.parse_args(arguments).file
     try:

@@ -154,7 +154,7 @@ def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
-        (["sdf"], "other.sdf", ["the SDF other.sdf is not there"]),
+        (["sdf"], "other.sdf", ["the SDF other.sdf is missing"]),
         (["struts", 0, "body_a"], "left_arm", ["body 'left_arm' is not in the specimen", "left_lower_arm"]),
         (["rubber", 0, "frame_c"], "left_eye", ["frame 'left_eye' is not in the specimen"]),
         (["rubber", 0, "frame_c"], "left_lower_rear_mount", ["has both frames on 'body'"]),

@@ -179,5 +179,5 @@ def test_two_bodies_of_one_name_are_refused(tmp_path):
 
 
 def test_a_missing_sdf_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"the SDF nowhere\.sdf is not there"):
+    with pytest.raises(ValueError, match=r"the SDF nowhere\.sdf is missing"):
         load_plant(tmp_path / "nowhere.sdf")

@@ -74,8 +74,8 @@ def catalogue(
 def _show(entries: Sequence[CatalogueEntry], output: Output) -> None:
     """Print them in lines as long as they must be: an id and a number are whole or of no use.
 
-    The target gives way first: to a terminal it is shortened into what the others leave, or left out where that is next
-    to nothing. Then times and results take two lines; then the lines are longer than the terminal.
+    The column of the target is shortened first: on a terminal to the width that the others leave, or left out where
+    that is next to nothing. Then times and results take two lines; then the lines are longer than the terminal.
     """
     from rich.cells import cell_len
 
@@ -92,7 +92,7 @@ def _show(entries: Sequence[CatalogueEntry], output: Output) -> None:
     console.width = max(columns, _width(table, console))
     console.print(table, soft_wrap=True)
     if not target_width:
-        output.say(f"The targets are left out, for which {columns} columns are too few; --json tells them.")
+        output.say(f"The targets are left out, for which {columns} columns are too few; --json contains them.")
 
 
 def _width(table: Table, console: Console) -> int:

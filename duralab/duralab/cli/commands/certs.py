@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from duralab.security import CertificateFile
 
 FOLDER = Path("certificates")
-Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the certificates are.")]
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the certificates.")]
 LabName = Annotated[str, typer.Option("--lab", metavar="NAME", help="Name of the lab.")]
 MEMBERS = Path("members.yaml")
-Members = Annotated[Path, typer.Option("--members", metavar="FILE", help="The members of the lab.")]
+Members = Annotated[Path, typer.Option("--members", metavar="FILE", help="File of the lab's members.")]
 _EXPIRES_SOON_DAYS = 30.0
 _WATCH_SECONDS = 0.25
 
@@ -43,11 +43,11 @@ def init(folder: Folder = FOLDER, lab: LabName = "local", as_json: Json = False)
 def issue(
     members: Members = MEMBERS,
     *,
-    days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="How long they are valid.")] = 365,
+    days: Annotated[int, typer.Option("--days", min=1, metavar="N", help="Validity of the certificates.")] = 365,
     folder: Folder = FOLDER,
     as_json: Json = False,
 ) -> None:
-    """Issue a certificate with a new private key to every member that has none."""
+    """Issue a certificate with a new private key to every member without one."""
     from duralab import security
 
     issued = security.issue_missing(folder, security.read_members(members), days=days)
@@ -61,7 +61,7 @@ def issue(
 
 def renew(
     name: Annotated[str, typer.Argument(metavar="ROLE.NAME", help="Common name, e.g. operator.anna; or ca.")],
-    days: Annotated[int | None, typer.Option("--days", min=1, metavar="N", help="How long it is valid.")] = None,
+    days: Annotated[int | None, typer.Option("--days", min=1, metavar="N", help="Validity of the certificate.")] = None,
     folder: Folder = FOLDER,
     members: Members = MEMBERS,
     as_json: Json = False,
@@ -113,7 +113,7 @@ def router(
             "--certificates", metavar="DIR", help="Folder of the certificates on the router; as --folder if left out."
         ),
     ] = None,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where the router listens.")] = 7447,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Endpoint of the router.")] = 7447,
     lab: LabName = "local",
     replace: Replace = False,
     as_json: Json = False,
@@ -142,9 +142,9 @@ def run_router(
     *,
     members: Members = MEMBERS,
     host: Annotated[
-        str, typer.Option("--host", metavar="ADDRESS", help="Where it listens; 0.0.0.0 for other machines too.")
+        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on; 0.0.0.0 to accept other machines.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where it listens.")] = 7447,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port to listen on.")] = 7447,
     lab: LabName = "local",
     as_json: Json = False,
 ) -> None:

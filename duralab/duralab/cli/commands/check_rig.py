@@ -69,7 +69,7 @@ def doctor(
     ] = Path("recordings"),
     as_json: Json = False,
 ) -> None:
-    """Check this machine for what keeps a lab from working, with a remedy for each finding."""
+    """Check if a lab can run on this machine; each finding has a remedy."""
     from rich.text import Text
 
     from duralab.diagnosis import Severity, examine

@@ -87,7 +87,7 @@ def say_written(
     origin: Sequence[str] = (),
     origin_document: Mapping[str, object] | None = None,
 ) -> None:
-    """Say what a file of signals holds, where its signals come from, and what its format could not keep."""
+    """Print the content of a signal file, the origin of its signals, and losses of its format."""
     import numpy as np
 
     content = {

@@ -30,8 +30,10 @@ def decide(
     ] = None,
     *,
     proposal: Annotated[int, typer.Option("--proposal", min=0, metavar="N", help="Number of the proposal.")] = 0,
-    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Who decides; kept in the recording.")] = "",
-    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why; kept in the recording.")] = "",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Name of the person who decides; kept in the recording.")
+    ] = "",
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Reason; kept in the recording.")] = "",
     settings: Annotated[
         Path | None,
         typer.Option("--settings", metavar="FILE", help="change: YAML with the keys of update and control_band."),

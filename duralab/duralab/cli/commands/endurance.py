@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from duralab.lab import EnduranceProgress
 
 EnduranceId = Annotated[str, typer.Argument(metavar="ID", help="Id of the endurance test: that of its schedule.")]
-Reason = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why; kept in the recording.")]
+Reason = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Reason; kept in the recording.")]
 
 
 class Choice(StrEnum):
@@ -37,7 +37,7 @@ def start(
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """Start an endurance test in the running lab; it goes on there."""
+    """Start an endurance test in the running lab."""
     from duralab.lab import connect
 
     output = Output(as_json)
@@ -47,7 +47,7 @@ def start(
 
 
 def status(id: EnduranceId, *, endpoint: Connect = None, as_json: Json = False) -> None:
-    """Show how far an endurance test is: repeats, damage, alarms, what it waits for."""
+    """Show the progress of an endurance test: repeats, damage, alarms, reason of a hold."""
     from duralab.lab import connect
 
     output = Output(as_json)
@@ -56,7 +56,7 @@ def status(id: EnduranceId, *, endpoint: Connect = None, as_json: Json = False) 
 
 
 def hold(id: EnduranceId, *, reason: Reason = "", endpoint: Connect = None, as_json: Json = False) -> None:
-    """Have an endurance test wait after the repeat that plays now."""
+    """Hold an endurance test after the current repeat."""
     from duralab.lab import connect
 
     output = Output(as_json)
@@ -65,7 +65,7 @@ def hold(id: EnduranceId, *, reason: Reason = "", endpoint: Connect = None, as_j
 
 
 def resume(id: EnduranceId, *, endpoint: Connect = None, as_json: Json = False) -> None:
-    """Go on after a hold that a person or a fault made, or after a crash, at the next repeat."""
+    """Continue an endurance test after a hold or a crash, at the next repeat."""
     from duralab.lab import connect
 
     output = Output(as_json)
@@ -75,15 +75,17 @@ def resume(id: EnduranceId, *, endpoint: Connect = None, as_json: Json = False) 
 
 def decide(
     id: EnduranceId,
-    choice: Annotated[Choice, typer.Argument(metavar="[continue|iterate_again|relearn|end]", help="What is done.")],
+    choice: Annotated[Choice, typer.Argument(metavar="[continue|iterate_again|relearn|end]", help="Action to take.")],
     *,
-    hold: Annotated[int, typer.Option("--hold", min=1, metavar="N", help="Number of the hold that is decided on.")],
-    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Who decides; kept in the recording.")],
+    hold: Annotated[int, typer.Option("--hold", min=1, metavar="N", help="Number of the hold.")],
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Name of the person who decides; kept in the recording.")
+    ],
     reason: Reason,
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """Decide how an endurance test goes on that an alarm made wait."""
+    """Decide how to continue an endurance test that waits after an alarm."""
     from duralab.lab import connect
 
     output = Output(as_json)

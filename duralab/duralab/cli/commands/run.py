@@ -68,7 +68,7 @@ def run(
         raise InputError("--profile belongs to a private lab; leave out --connect, or --profile.", field="profile")
     if (view or page) and endpoint is not None:
         option = "--view" if view else "--page"
-        raise InputError(f"{option} belongs to the lab: start the lab at --connect with `duralab up {option}`.")
+        raise InputError(f"{option} is an option of the lab: start the lab at --connect with `duralab up {option}`.")
     if is_project(campaign):
         alone = {"--view": view, "--page": page, "--profile": profile, "--replace": replace, "--real-time": real_time}
         _run_project(campaign, output, out=out, endpoint=endpoint, alone=alone)
@@ -243,7 +243,7 @@ def stop(
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:
-    """Stop a campaign; its rig ramps down if it plays, and is latched."""
+    """Stop a campaign; its rig ramps down and is latched."""
     from duralab.lab import connect
 
     output = Output(as_json)

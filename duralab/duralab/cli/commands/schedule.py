@@ -25,7 +25,7 @@ Recordings = Annotated[
 
 
 def show(schedule: ScheduleFile, *, recordings: Recordings = None, as_json: Json = False) -> None:
-    """Show what a schedule comes to: duration, damage against the plan, bytes on disk; refuse one not to be started."""
+    """Show duration, damage against the plan and disk space of a schedule; refuse one that cannot be started."""
     from duralab.schedule import forecast_schedule, load_schedule
 
     output = Output(as_json)

@@ -64,7 +64,7 @@ def status(endpoint: Connect = None, as_json: Json = False) -> None:
         if not as_json:
             _print(output, place, found)
     if not output.document({"labs": documents}) and not asked:
-        output.say("No lab of yours runs on this machine; `duralab up` starts one.")
+        output.say("None of your labs runs on this machine; `duralab up` starts one.")
     if not whole:
         raise typer.Exit(int(ExitCode.FAILED))
 

@@ -81,7 +81,7 @@ def up(
         services = ", ".join(f"{name} ({pid})" for name, pid in lab.process_ids.items())
         output.say(f"The lab is up at {', '.join(lab.endpoints)}: {services}")
         if real_time:
-            output.say("The rigs play in real time, whatever is asked.")
+            output.say("All rigs play in real time.")
         output.say(f"Recordings go to {recordings}/, logs to {recordings / 'logs'}/. Ctrl-C or `duralab down` ends it.")
         if fault is not None:
             output.say(fault)
@@ -105,7 +105,7 @@ def down(
             end_lab(lab)
         output.say(f"The lab at {lab.endpoint} is down.")
     if not labs:
-        output.say("No lab of yours runs on this machine.")
+        output.say("None of your labs runs on this machine.")
     output.document({"ended": [{"endpoint": lab.endpoint, "process_id": lab.process_id} for lab in labs]})
 
 

@@ -84,7 +84,7 @@ class RecordingLog:
         self._next_step += 1
 
     def confirm(self, last: Message) -> None:
-        """Have the recorder acknowledge the last step once more: proof that it goes on with this recording."""
+        """Have the recorder acknowledge the last step once more: proof that it continues with this recording."""
         self._send(self._next_step - 1, last)
 
     def _send(self, step: int, message: Message) -> None:

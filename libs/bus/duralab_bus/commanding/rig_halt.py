@@ -21,7 +21,7 @@ _UNKNOWN: Final = "it is not known whether the rig rests; look at it"
 
 
 def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
-    """Stop a rig, whatever it does: it ramps down where it plays, and is latched in any case.
+    """Stop a rig, in every state: it ramps down where it plays, and is latched in any case.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
     run : str
         The run that the caller waits for; a rig that plays another one is left alone. Empty where it waits for none.
     reason : str
-        Why, in words; the rig keeps it.
+        Why, as text; the rig keeps it.
 
     Returns
     -------
     str
-        What is the matter with the rig afterwards, in words; empty where it rests.
+        State of the rig afterwards, as text; empty where it rests.
     """
     try:
         state = _state_of(bus, rig)
@@ -65,7 +65,7 @@ def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> str:
     Returns
     -------
     str
-        What is the matter with the rig afterwards, in words; empty where it rests.
+        State of the rig afterwards, as text; empty where it rests.
     """
     begun = time.monotonic()
     until, resting_since = begun + _PATIENCE_SECONDS, begun

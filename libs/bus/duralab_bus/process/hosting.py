@@ -22,7 +22,7 @@ GROUP: Final = "duralab.services"
 
 @dataclass(frozen=True)
 class HostedService:
-    """What a service is made of, whether it has a process of its own or not.
+    """What a service is made of, whether it has its own process or not.
 
     Parameters
     ----------

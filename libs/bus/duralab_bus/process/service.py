@@ -69,7 +69,7 @@ _EXIT_SECONDS: Final = 2.8
 
 
 class ServiceConfig(BaseModel):
-    """What every service is told; services add their own fields in a subclass."""
+    """Settings that all services share; services add their own fields in a subclass."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -248,7 +248,7 @@ def keep_few_arenas(count: int) -> bool:
     """Have all threads that begin from now on share so many heaps.
 
     The GNU C library gives threads up to eight heaps a core. A service that begins a thread for each piece of work,
-    tens of megabytes each, holds that much in every heap in the end: hundreds of megabytes that nobody uses.
+    tens of megabytes each, holds that much in every heap in the end: hundreds of unused megabytes.
 
     Parameters
     ----------

@@ -88,9 +88,9 @@ class Call:
 
     @property
     def cancelled(self) -> bool:
-        """Whether nobody waits for the answer any more: the client ended or gave up, or this bus closes.
+        """Whether the answer is no longer wanted: the client ended or stopped waiting, or this bus closes.
 
-        Known 0.3 s after the client let go; never for a client that sends no id with its query.
+        Known 0.3 s after the client withdrew; never for a client that sends no id with its query.
         """
         return self._cancelled.is_set()
 
@@ -105,9 +105,9 @@ class Call:
             )
 
     def progress(self, phase: str, fraction: float, *, remaining_seconds: float = -1.0, detail: str = "") -> None:
-        """Tell the client how far it is; may be called as often as one likes, more than 20 a second are thinned out.
+        """Report progress to the client; at most 20 reports a second are sent, the others are dropped.
 
-        The phase is what is done now, in words; the time to the result is negative where unknown.
+        The phase is what is done now, as text; the time to the result is negative where unknown.
         """
         if not 0.0 <= fraction <= 1.0 or not math.isfinite(remaining_seconds):
             raise ValueError(
@@ -160,7 +160,7 @@ class QueryJob(Generic[MessageT]):
         """Decode, call the handler, answer."""
         try:
             if self._cancelled.is_set():
-                raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The client gave up before the query began.")
+                raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The client cancelled before the query began.")
             if "*" in self.key:
                 raise FaultError(
                     query_pb2.FAULT_CODE_INVALID_ARGUMENT,

@@ -26,7 +26,7 @@ class BusMode(StrEnum):
     """What a session is to the others."""
 
     PEER = "peer"
-    """Talks to every other peer directly; goes on when the one it first connected to ends."""
+    """Talks to every other peer directly; continues when the one it first connected to ends."""
     ROUTER = "router"
     """Passes messages on between sessions that do not reach each other."""
     CLIENT = "client"
@@ -80,7 +80,7 @@ class TlsConfig(BaseModel):
 
 
 class BusConfig(BaseModel):
-    """How a session joins the bus; the default is a peer on loopback that nobody else is told of."""
+    """How a session joins the bus; the default is a peer on loopback that only this machine can reach."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -67,7 +67,7 @@ def check_identity(tls: TlsConfig) -> Identity:
     try:
         key = load_pem_private_key(_read(tls.key, "private key"), password=None)
     except (ValueError, TypeError) as error:
-        raise BusError(f"{tls.key} is not a private key in PEM without a password; issue one anew.") from error
+        raise BusError(f"{tls.key} is not a private key in PEM without a password; issue a new one.") from error
     form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
     if key.public_key().public_bytes(*form) != own.public_key().public_bytes(*form):
         raise BusError(f"The private key {tls.key} is not that of the certificate {tls.certificate}; they go in pairs.")
@@ -195,7 +195,7 @@ def _member(certificate: Certificate, path: Path) -> Member:
     try:
         return member_of(certificate)
     except MemberError as error:
-        raise BusError(f"{error} It stands in {path}; have one issued with `duralab certs issue`.") from error
+        raise BusError(f"{error} It is in {path}; have one issued with `duralab certs issue`.") from error
 
 
 # A free port is found by asking the system and giving it back; another process may take it in between.

@@ -257,13 +257,13 @@ class LeftSpool(NamedTuple):
 class SpoolFolder(SpoolSpace):
     """A bounded folder of spools, shared by all publishers of a process that are given it. Safe for threads.
 
-    Each process works in a subfolder of its own, locked while it lives; so several may share the folder, and each may
+    Each process works in its own subfolder, locked while it runs; so several may share the folder, and each may
     take over what dead ones left.
 
     Parameters
     ----------
     folder : Path
-        Made where it is not there.
+        Created if missing.
     largest_bytes : int
         Bound of all spools of this process together, 16 MiB or more, counted in segments of 4 MiB.
 

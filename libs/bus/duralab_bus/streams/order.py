@@ -44,7 +44,7 @@ class Continuity:
     def accept(self, seq: int) -> list[range]:
         """Take note of a message; return the numbers found missing by it: those it jumped over.
 
-        There are none for the next in order, for one that fills a gap, and for one that was received before.
+        Empty for the next in order, for one that fills a gap, and for one that was received before.
         """
         if seq == self._next:
             # The rule, of which there are thousands a second.
@@ -66,7 +66,7 @@ class Continuity:
         return []
 
     def fill(self, seqs: range) -> None:
-        """Take note of all messages of a range, however long it is."""
+        """Note all messages of a range of any length."""
         if seqs.start >= self._next:
             # Behind all gaps: thousands of ranges in order take no longer for those before them.
             if seqs.start > self._next:
@@ -112,14 +112,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class StreamProof:
-    """What a receiver knows of one epoch of a stream."""
+    """State of one epoch of a stream at a receiver."""
 
     received: int
     """How many different messages were delivered."""
     next: int
     """How many were published, as far as is known."""
     done: bool
-    """Whether that is all: its publisher closed it, or whoever counted them said so."""
+    """Whether the stream is complete: its publisher closed it, or the expected count was received."""
     missing: tuple[range, ...]
     """Published, and neither delivered nor lost: still asked for."""
     lost: tuple[range, ...]

@@ -36,8 +36,8 @@ class StreamPublisher:
     """Publishes on one key; made by `Bus.publisher`. May be used from several threads.
 
     No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool,
-    from where receivers ask for it on `<key>/@replay`. Where nobody marks what is stored, the oldest gives way, and
-    the spool outlives `close` by a minute, but no more than three publishers closed later. Where somebody does,
+    from where receivers ask for it on `<key>/@replay`. If no receiver marks messages as stored, the oldest are dropped,
+    and the spool outlives `close` by a minute, but no more than three publishers closed later. Where a client does,
     everything that is not marked is kept: `shortage` says when to stop, and a full spool refuses.
     """
 
@@ -121,7 +121,7 @@ class StreamPublisher:
                 raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
 
     def close(self) -> None:
-        """Publish no more. What was put is still sent, and replayed for a while."""
+        """Stop publishing. Messages already put are still sent, and replayed for a limited time."""
         with self._lock:
             if self._closed:
                 return

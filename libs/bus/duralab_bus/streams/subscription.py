@@ -71,7 +71,7 @@ class Subscription(Generic[MessageT]):
         self._thread.start()
 
     def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
-        """Tell the publishers that messages are stored, or will never be: they need not keep them any longer.
+        """Acknowledge messages that are stored, or never will be: publishers need not keep them any longer.
 
         Only for the one receiver that stores a stream, which then has to mark everything that it was given, by
         `StreamItem.position` in any order: publishers wait for it. What was refused, or is lost, is marked with the
@@ -84,7 +84,7 @@ class Subscription(Generic[MessageT]):
         self._repaired.expect(key, epoch, count)
 
     def proof(self, key: str, epoch: int) -> StreamProof:
-        """Return what is known of an epoch of a stream: whether every message of it was delivered."""
+        """Return the state of an epoch of a stream: whether every message of it was delivered."""
         return self._repaired.proof(key, epoch)
 
     @property
@@ -94,7 +94,7 @@ class Subscription(Generic[MessageT]):
 
     @property
     def lost(self) -> int:
-        """Messages that nobody has any more, and those that came and were refused."""
+        """Messages that are lost on the bus, and those that were received and refused."""
         return 0 if self._repair is None else self._repair.lost
 
     @property

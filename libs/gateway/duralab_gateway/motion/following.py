@@ -78,8 +78,8 @@ class FollowedDrive(DrivePlayback):
             )
         if response.shape[1] < samples and not self._stopped():
             raise RigFaultError(
-                f"the rig measured {response.shape[1]} of {samples} samples {when(first / self._rate)}, and nobody "
-                "stopped it."
+                f"the rig measured {response.shape[1]} of {samples} samples {when(first / self._rate)}, and it "
+                "was not stopped."
             )
         if not np.isfinite(response).all():
             row, sample = np.argwhere(~np.isfinite(response))[0]

@@ -45,7 +45,7 @@ def play_experiment(
     given_up = threading.Event()
     if call.cancelled:
         raise FaultError(
-            query_pb2.FAULT_CODE_CANCELLED, f"Run {request.run!r} was given up before it was played; nothing moved."
+            query_pb2.FAULT_CODE_CANCELLED, f"Run {request.run!r} was cancelled before it was played; nothing moved."
         )
     begin, end = progress
 

@@ -73,7 +73,7 @@ class SpectralSums:
         Parameters
         ----------
         drive
-            Shape (drives, samples), as `duralab_spectra.as_record` returns it: finite, which is not looked at again.
+            Shape (drives, samples), as `duralab_spectra.as_record` returns it: finite, which is not checked again.
         response
             Shape (responses, samples), likewise, sampled at the same instants.
 

@@ -30,7 +30,7 @@ from identifier.layout import Layout, Window
 
 @dataclass(frozen=True)
 class EstimatorOptions:
-    """What a local method may be told; the spectral ones need nothing besides the layout.
+    """Options of a local method; the spectral ones need nothing besides the layout.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Estimation:
     options
         Of the local methods.
     taken_off
-        Shapes (drives) and (responses): what was taken off the channels before, for what is said of them; nothing where
+        Shapes (drives) and (responses): offsets removed from the channels before, used in messages; zero where
         not given.
 
     Raises
@@ -128,7 +128,7 @@ class Estimation:
         Raises
         ------
         ValueError
-            Where the shapes do not agree, a value is not finite, or the record is longer than its layout; begin anew
+            Where the shapes do not agree, a value is not finite, or the record is longer than its layout; begin again
             with the whole record then.
         """
         inputs, outputs = shaped_record(drive, name="drive"), shaped_record(response, name="response")

@@ -28,7 +28,7 @@ class WarningCode(Enum):
 
 @dataclass(frozen=True)
 class ModelWarning:
-    """One suspicion, in words and in figures.
+    """One suspicion, as text and in figures.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class ModelWarning:
 
 @dataclass(frozen=True)
 class FrfEstimate:
-    """An estimated FRF matrix with what tells how good it is.
+    """An estimated FRF matrix with figures of its quality.
 
     At lines that are not valid nothing is estimated: FRF, coherence, condition number, residual, degrees of freedom and
     averages are 0 there. The covariance of row ``i`` is ``S_ee,i S_uu^-1 / averages`` at each valid line.

@@ -32,8 +32,8 @@ def hv(
     if np.any(np.abs(of_response) < np.finfo(np.float64).eps):
         line, channel = np.argwhere(np.abs(of_response) < np.finfo(np.float64).eps)[0]
         raise ValueError(
-            f"Total least squares has no solution for response {channel} at line {line}: the drives are more alike "
-            "than the response is explained by them; take H1."
+            f"Total least squares has no solution for response {channel} at line {line}: the drives are too strongly "
+            "correlated; use H1."
         )
     row = -smallest[..., :n_u] / of_response[..., None]
     return row * amplitude[:, :, None] / scale[:, None, :]

@@ -114,6 +114,6 @@ def _require_independent(sums: LocalSums, unknowns: int) -> None:
     if weak.size:
         line, column = weak[0]
         raise ValueError(
-            f"Around excited line {sums.lines[line]} drive {column % sums.drives} cannot be told from the others; take "
-            "drives that are independent of each other, or a larger half-width."
+            f"Around excited line {sums.lines[line]} drive {column % sums.drives} is not separable from the others; "
+            "use drives that are independent of each other, or a larger half-width."
         )

@@ -1,6 +1,6 @@
 """Excitations: PSDs, random noise, sweeps, multisines, what keeps the drives of several actuators apart, and levels.
 
-`design_experiment` makes the drive and says where its captures lie; `plan_experiment` says what it takes and gives
+`design_experiment` makes the drive and the positions of its captures; `plan_experiment` states its duration and gives
 before it is made.
 """
 

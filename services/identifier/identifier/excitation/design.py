@@ -23,7 +23,7 @@ from identifier.layout import Capture, Layout
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is played, and what an estimator has to know of it.
+    """The drive to play, and its layout for the estimator.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate:
     Parameters
     ----------
     settings
-        Sound by themselves.
+        Valid when constructed.
     drives
         Of the rig, 1 or more.
     sample_rate

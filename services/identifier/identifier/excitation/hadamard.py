@@ -23,7 +23,7 @@ def hadamard_matrix(order: int) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Where none of these constructions gives the order; `nearest_hadamard_order` tells the next one that exists.
+        Where none of these constructions gives the order; `nearest_hadamard_order` returns the nearest one.
 
     Notes
     -----

@@ -52,7 +52,7 @@ def plan_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: f
     Parameters
     ----------
     settings
-        Sound by themselves.
+        Valid when constructed.
     drives
         Of the rig, 1 or more.
     sample_rate

@@ -22,7 +22,7 @@ def white(lowest_frequency: float, highest_frequency: float) -> WhitePinkSpectru
     Raises
     ------
     ValueError
-        Where the band is not one.
+        If the band is not valid.
     """
     return WhitePinkSpectrum(
         lowest_frequency=lowest_frequency,

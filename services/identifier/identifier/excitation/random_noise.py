@@ -24,7 +24,7 @@ def pure_random(
 ) -> NDArray[np.float64]:
     """Gaussian noise shaped to a PSD, independent for every drive.
 
-    Every line of the record gets a complex Gaussian amplitude, so nothing but the fades reaches beyond the band.
+    Every line of the record gets a complex Gaussian amplitude, so only the fades reaches beyond the band.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def schedule_experiment(settings: ExperimentSettings, *, drives: int, sample_rat
     Parameters
     ----------
     settings
-        Sound by themselves.
+        Valid when constructed.
     drives
         Of the rig, 1 or more.
     sample_rate

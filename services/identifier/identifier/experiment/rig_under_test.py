@@ -20,7 +20,7 @@ LARGEST_AVERAGED_SAMPLES = 2**28
 
 @dataclass(frozen=True)
 class RigUnderTest:
-    """What the identifier needs to know of a rig.
+    """Properties of a rig that the identifier uses.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
     Parameters
     ----------
     settings
-        Sound by themselves.
+        Valid when constructed.
     rig
         What it is for.
 

@@ -8,7 +8,7 @@ from identifier.excitation import ExperimentSettings
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """One identification, sound by itself.
+    """Settings of one identification, valid when constructed.
 
     Parameters
     ----------

@@ -62,9 +62,9 @@ class IdentifiedModel:
     warnings
         What is suspicious.
     verdicts
-        How linear each response is, in words.
+        How linear each response is, as text.
     distortion
-        Noise and nonlinear distortion apart; None where the experiment does not tell them apart.
+        Noise and nonlinear distortion apart; None where the experiment does not distinguished.
     drive_map
         Change of drive coordinates, which ``H`` goes with; None where none was asked for.
     response_damage

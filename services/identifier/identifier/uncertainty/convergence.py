@@ -114,7 +114,7 @@ def predict_convergence(
         Shape (responses), greater than 0: what an error of each response is measured by, in the inverse and in the
         singular value.
     rig
-        Complex, shape (lines, responses, drives): what is to stand for the rig in place of the model itself, e.g. a
+        Complex, shape (lines, responses, drives): what is to stand for the rig instead of the model itself, e.g. a
         model from another level; the uncertainty is drawn about it.
     seed
         Of the rigs drawn.

@@ -41,8 +41,8 @@ def row_covariance(s_uu: NDArray[np.complex128], *, averages: NDArray[np.float64
     """Covariance of the elements of a row of the FRF, for a residual of unit density.
 
     A row (one response) that is fitted by least squares through `N` averages of the drives has the covariance
-    ``E[d_j conj(d_k)] = S_ee [S_uu^-1]_kj / N``, ``d`` its error and ``S_ee`` the density of what the drives do not
-    explain, without the bias of the fit. One matrix serves all rows; `element_variance` puts both together.
+    ``E[d_j conj(d_k)] = S_ee [S_uu^-1]_kj / N``, ``d`` its error and ``S_ee`` the density of the part that the drives
+    do not explain, without the bias of the fit. One matrix serves all rows; `element_variance` puts both together.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def element_variance(residual_psd: NDArray[np.float64], row_covariance: NDArray[
     Parameters
     ----------
     residual_psd
-        Shape (lines, responses), one-sided density of what the drives do not explain.
+        Shape (lines, responses), one-sided density of the part that the drives do not explain.
     row_covariance
         Shape (lines, drives, drives), see the function of that name.
 

@@ -115,7 +115,7 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
     Raises
     ------
     ValueError
-        Where the experiment does not tell them apart, experiments have different numbers of periods, or the drives are
+        Where the experiment does not distinguished, experiments have different numbers of periods, or the drives are
         dependent at an excited line.
 
     Notes
@@ -198,7 +198,7 @@ def _least_squares(
     worst = int(np.argmax(condition))
     if not condition[worst] < 1.0 / np.sqrt(np.finfo(float).eps):
         raise ValueError(
-            f"The drives are dependent at {frequency[worst]:.4g} Hz, so no linear approximation can be told; "
+            f"The drives are dependent at {frequency[worst]:.4g} Hz, so no linear approximation can be estimated; "
             "play more experiments, or drives with other phases."
         )
     return np.matmul(pseudo_inverse(u), y).transpose(0, 2, 1)

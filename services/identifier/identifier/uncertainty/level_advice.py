@@ -68,7 +68,7 @@ def advise_levels(
     crest_factor
         Peak over RMS that is left room for, 1 or more.
     laid
-        Shape (lines): lines of the FRF that were not estimated but laid between others. None: there are none.
+        Shape (lines): lines of the FRF that were interpolated, not estimated. None: no such lines.
 
     Returns
     -------

@@ -45,7 +45,7 @@ def predict_response(
     residual_psd, row_covariance
         Shapes (lines, responses) and (lines, drives, drives): covariance of the model's rows, see `row_covariance`.
     laid
-        Shape (lines): lines of the FRF that were not estimated but laid between others. None: there are none.
+        Shape (lines): lines of the FRF that were interpolated, not estimated. None: no such lines.
 
     Returns
     -------

@@ -56,7 +56,7 @@ class ValidBand:
             Shape (lines, ...), real or complex, at the model's lines.
         frequency
             Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value
-            stands in.
+            is in.
 
         Returns
         -------
@@ -75,7 +75,7 @@ class ValidBand:
     ) -> NDArray[np.complex128]:
         """Lay an FRF to other frequencies along a cubic spline.
 
-        A straight line cuts the corner of a phase that turns from line to line: of what a rig answers late it would
+        A straight line cuts the corner of a phase that turns from line to line: for a response with a delay it would
         leave the share ``sinc^2`` of the delay over the block.
 
         Parameters
@@ -84,10 +84,10 @@ class ValidBand:
             Complex, shape (lines, ...), at the model's lines.
         frequency
             Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value
-            stands in: a cubic would extrapolate.
+            is in: a cubic would extrapolate.
         laid
             Shape (lines): lines that were not estimated but laid straight between others. The spline passes over them,
-            but for the first and the last line of the band. None: there are none.
+            but for the first and the last line of the band. None: no such lines.
 
         Returns
         -------

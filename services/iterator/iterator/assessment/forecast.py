@@ -26,13 +26,13 @@ class Forecast:
     metrics : IterationMetrics
         Of this response.
     uncertainty : ndarray, shape (n_y,)
-        RMS of what the playback may differ by from `response`, over the target's RMS: the last forecast's miss, less
-        of it for a smaller step; before the first playback what the model left unexplained of its own record. Not a
-        number where the model does not state that.
+        RMS of the predicted uncertainty of `response`, over the target's RMS: the last forecast's miss, less
+        of it for a smaller step; before the first playback the part of its record that the model does not explain. Not
+        a number where the model does not state that.
     step : ndarray, shape (n_y,)
         RMS of the predicted change, over the target's RMS.
     missed : ndarray, shape (n_y,), optional
-        RMS of what the playback differed by, over the target's RMS; None before it was made.
+        RMS of the difference to the playback, over the target's RMS; None before it was made.
     """
 
     response: NDArray[np.float64]

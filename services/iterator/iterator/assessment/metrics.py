@@ -30,8 +30,8 @@ class IterationMetrics:
     damage_ratio : ndarray, shape (n_y, exponents)
         Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
     specimen_damage : ndarray, shape (n_y, exponents)
-        Damage spent by this playback, in passes of the target: pseudo-damage of the response as measured, whatever the
-        control band and the level, over that of the target as measured. The target at its level counts at least: a
+        Damage spent by this playback, in passes of the target: pseudo-damage of the response as measured, regardless of
+        the control band and the level, over that of the target as measured. The target at its level counts at least: a
         dead sensor does not mean an unharmed specimen.
     controlled : ndarray of bool, shape (n_y,), optional
         False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
@@ -171,7 +171,7 @@ def best_iteration(metrics: tuple[IterationMetrics, ...]) -> int:
     Returns
     -------
     int
-        From 1; 0 where there is none.
+        From 1; 0 if there is no playback.
     """
     if not metrics:
         return 0

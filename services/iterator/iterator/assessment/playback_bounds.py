@@ -50,7 +50,7 @@ class PassedBound:
     bound: float
 
     def sentence(self, name: str) -> str:
-        """Return the value and the bound in words, without a full stop."""
+        """Return the value and the bound as text, without a full stop."""
         return (
             f"the {_WORDS[self.quantity]} of {name} is {self.value:.3g}, past stop.{self.quantity.value} of "
             f"{self.bound:g}"
@@ -74,7 +74,7 @@ class PlaybackBoundError(ValueError):
         super().__init__(self.sentence(f"response {passed.response}"))
 
     def sentence(self, name: str) -> str:
-        """Return the error in words, with the name of its response."""
+        """Return the error as text, with the name of its response."""
         return (
             f"Playback {self.number} is not played: by the model's prediction {self.passed.sentence(name)}; look at "
             "the target and the model there, begin at partial levels, or take a smaller gain."

@@ -26,7 +26,7 @@ class Repeatability:
     relative_rms_error : ndarray, shape (n_y,)
         Root mean square over the playbacks of the relative RMS error.
     systematic_error : ndarray, shape (n_y,)
-        Estimate of what is left of it without the noise: `sqrt(e² - n²)`, 0 where the noise explains all of it.
+        Estimate of the error without the noise: `sqrt(e² - n²)`, 0 where the noise explains the whole error.
     """
 
     playbacks: int

@@ -62,7 +62,7 @@ def standstills(
         By response, the first stretch of each: all samples equal for longer than one period of the band's lower edge,
         or throughout, while the target moves there by more than a fifth of its RMS and by more than twenty of the
         response's smallest steps, peak to peak. Within such a period all that is in the band moves; quantisation holds
-        a response for so long only where its target is small beside one step.
+        a response for that time only where its target is small beside one step.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def judge_end(
     *,
     earlier: tuple[IterationMetrics, ...] = (),
 ) -> Outcome | None:
-    """Say whether the iteration ends after the last playback; watched responses have no say in it.
+    """Decide if the iteration ends after the last playback; watched responses are not considered.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def judge_end(
     Returns
     -------
     Outcome or None
-        None: go on.
+        None: continue.
     """
     errors = np.array([figures.judged(figures.relative_rms_error) for figures in metrics])
     if _reached(metrics[-1], criteria):

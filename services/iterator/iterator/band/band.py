@@ -160,7 +160,7 @@ class ControlBand:
         return math.ceil(_PADDING_PERIODS * self.sample_rate / (0.5 * narrower))
 
     def transform_samples(self, samples: int) -> int:
-        """Length of a transform in which a record of so many samples is filtered without wrap-around.
+        """Length of a transform that filters a record of this length without wrap-around.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ class ControlBand:
         return 4 * cast(int, next_fast_len(quarter, real=True))
 
     def transform(self, samples: int) -> BandedTransform:
-        """Transform of records of so many samples, to the lines of the band and back, without wrap-around.
+        """Transform of records of one length to the lines of the band and back, without wrap-around.
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ class ControlBand:
         Parameters
         ----------
         drive : ndarray, shape (n_u, samples)
-            With whatever it has outside the band.
+            Including its parts outside the band.
 
         Returns
         -------
@@ -259,7 +259,7 @@ class ControlBand:
         Raises
         ------
         ValueError
-            The record is none, or has not one channel for each value of `static_response`.
+            The record is not valid, or has not one channel for each value of `static_response`.
         """
         if self.static_response is not None:
             record = as_record(samples, name="record")

@@ -37,7 +37,7 @@ def segments_of(holds: NDArray[np.bool_], *, sample_rate: float, largest_gap: fl
     Returns
     -------
     tuple of Segment
-        In order, apart from one another; empty where it holds nowhere.
+        In order, except one another; empty where it holds nowhere.
     """
     where = np.flatnonzero(holds)
     if where.size == 0:

@@ -132,8 +132,8 @@ def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
             raise
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"The recorder cannot go on with the recording of campaign {recorded.spec.id!r} "
-            f"({fault.message.rstrip('.')}); name a new_id to take the campaign up again.",
+            f"The recorder cannot continue the recording of campaign {recorded.spec.id!r} "
+            f"({fault.message.rstrip('.')}); name a new_id to resume the campaign under.",
             field="new_id",
         ) from fault
     if recorded.final is not None:

@@ -116,7 +116,7 @@ def new_campaign(
     if recorded.model is None:
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"Campaign {parent!r} ended before its rig was identified; there is nothing to take up, start a new one.",
+            f"Campaign {parent!r} ended before its rig was identified; there is nothing to resume, start a new one.",
             field="new_id",
         )
     if request.from_iteration > there:
@@ -127,8 +127,8 @@ def new_campaign(
     if any(decision.HasField("control_band") for decision in recorded.decisions):
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"Campaign {parent!r} changed its control band at a hold point, so that its playbacks are not judged "
-            "alike; start a new campaign.",
+            f"Campaign {parent!r} changed its control band at a hold point, so its playbacks are not judged by one "
+            "rule; start a new campaign.",
             field="new_id",
         )
     # What was changed for the playback after the last one counts for a campaign that goes on there.
@@ -189,7 +189,7 @@ def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
     ]
     if given:
         raise _invalid(
-            f"{given[0]} is given without a new_id; a campaign goes on as it was specified, other settings make a new "
+            f"{given[0]} is given without a new_id; a campaign continues as specified, other settings make a new "
             "one: name it.",
             "new_id",
         )

@@ -157,7 +157,7 @@ def require_within_limits(
     limits: DriveLimits,
     iteration_gain: NDArray[np.float64],
 ) -> None:
-    """Refuse a drive that passes a limit, and say which share of the gains would fit.
+    """Refuse a drive that passes a limit, and state the share of the gains that would fit.
 
     Parameters
     ----------

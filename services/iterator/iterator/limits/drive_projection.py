@@ -67,7 +67,7 @@ class DriveProjection:
     passings : tuple of LimitPassing
         Every limit that the given drive passed; empty where it fitted.
     change : ndarray, shape (n_u,)
-        RMS of what was taken away, over the RMS of the given drive; 0 where it fitted.
+        RMS of the removed part, over the RMS of the given drive; 0 where it fitted.
     saturated : ndarray of bool, shape (n_u, samples)
         Where the given drive was past a limit.
     clipped : ndarray, shape (n_u,)
@@ -85,7 +85,7 @@ class DriveProjection:
 def project_drive(drive: NDArray[np.float64], *, limits: DriveLimits, band: ControlBand) -> DriveProjection:
     """Carry a drive to a near one that holds peak and slew limits exactly, changed in the control band only.
 
-    A clipped drive has corners, and corners excite what lies above the band. The excess over the limits is taken away
+    A clipped drive has corners, and corners excite what lies above the band. The excess over the limits is removed
     in the band instead, again and again, each time as far as the excess' own half-space allows; what is left after a
     number of steps is clipped, and said in `DriveProjection.clipped`.
 

@@ -50,7 +50,7 @@ class RigModel:
     identified : slice
         Lines at which the experiment's drives had energy.
     response_weight : ndarray, shape (n_y,), optional
-        Weights of the pseudo-inverse; 0 for a response that is watched but not controlled. None: all count alike.
+        Weights of the pseudo-inverse; 0 for a response that is watched but not controlled. None: equal weights.
     uncertainty : ModelUncertainty, optional
         Of the identification.
     identified_frf : ndarray, shape (lines, n_y, n_u), optional
@@ -63,7 +63,7 @@ class RigModel:
         What they add to the responses, term after term, response unit per drive unit to the power of 2 or 3; None
         where there are no terms.
     foreseen_steps : tuple of ForeseenStep
-        How well the models before each of the seen steps foresaw it.
+        How well the models before each of the seen steps predicted it.
     earlier : tuple of tuple of Playback
         Playbacks of earlier campaigns on the same rig, one tuple for each campaign: an update that learns from steps
         learns from theirs, too, in this order before its own.

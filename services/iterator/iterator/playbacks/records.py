@@ -94,7 +94,7 @@ class Iteration:
     model : RigModel
         What the drive was made with.
     outcome : Outcome or None
-        Why this is the last one; None where it goes on.
+        Why this is the last one; None where it continues.
     level : float
         Share of the target that was played for.
     projection : DriveProjection or None

@@ -122,7 +122,7 @@ class _Recording:
             )
 
         if call.cancelled:
-            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The pre-test was given up before anything moved.")
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The pre-test was cancelled before anything moved.")
         self._moving = True
         played = self._bus.query(
             self._bus.keys.rig_play(request.rig),

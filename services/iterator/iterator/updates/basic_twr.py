@@ -46,7 +46,7 @@ class StepStart:
     response : ndarray, shape (n_y, samples)
         Of that drive.
     step_gain : ndarray, shape (samples,), or None
-        Share of the step that is made at each instant; all of it where None.
+        Share of the step that is made at each instant; the whole step if None.
     """
 
     model: RigModel

@@ -30,7 +30,7 @@ class AcceptanceSettings:
     smallest_step : float
         Step gain that is never gone below, in (0, 1].
     least_progress : float
-        Share of the progress that a step promised below which the next one is smaller, 0 to below 1; 0 judges by
+        Share of the predicted progress of a step below which the next one is smaller, 0 to below 1; 0 judges by
         `tolerance` alone.
     doubted_step : float
         Factor of the step gain there, in (0, 1].
@@ -109,8 +109,8 @@ def accept_segments(
 ) -> AcceptedIterate:
     """Compose the best drive so far from all playbacks, stretch by stretch.
 
-    A step with the gain `g` promises to leave `(1 - g)²` of the error's energy. Where it was worse than the best so
-    far, drive and error go back and the next step is halved. Where far less came of it than it promised, the drive
+    A step with the gain `g` is predicted to leave `(1 - g)²` of the error's energy. Where it was worse than the best so
+    far, drive and error go back and the next step is halved. Where the progress was far less than predicted, the drive
     stays and the next step is a little smaller: something acts there that the model does not know.
 
     Parameters

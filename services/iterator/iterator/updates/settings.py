@@ -63,7 +63,7 @@ class UpdateSettings(ResolvedUpdate):
     def _require_kind(cls, kind: object) -> UpdateKind:
         if not isinstance(kind, UpdateKind):
             raise TypeError(
-                f"The kind of update is {kind!r}; it must be an UpdateKind: pass a function of your own as "
+                f"The kind of update is {kind!r}; it must be an UpdateKind: pass your function as "
                 "`run_campaign(..., update=function)`."
             )
         return kind

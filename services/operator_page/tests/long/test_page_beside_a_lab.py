@@ -53,8 +53,9 @@ def test_the_command_line_says_where_the_page_of_a_lab_is_and_refuses_one_of_ano
     command = [sys.executable, "-m", "duralab", "run", "c.yaml", "--page", "--connect", "tcp/127.0.0.1:1"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "--page belongs to the lab: start the lab at --connect with `duralab up --page`." in done.stderr.replace(
-        "\n", " "
+    assert (
+        "--page is an option of the lab: start the lab at --connect with `duralab up --page`."
+        in done.stderr.replace("\n", " ")
     )
     command = [
         sys.executable,

@@ -67,7 +67,7 @@ def _check_description(message: rig_pb2.RigDescription) -> None:
     for field, channels in (("drives", message.drives), ("responses", message.responses)):
         names = [channel.name for channel in channels]
         if not names or "" in names or len(set(names)) != len(names):
-            raise ArrayError(f"{field} has the names {names}; each channel needs a name of its own.", field=field)
+            raise ArrayError(f"{field} has the names {names}; each channel needs its own name.", field=field)
     from_array(message.static_response, field="static_response", shape=(len(message.responses),), dtype=np.float64)
 
 

@@ -200,7 +200,7 @@ def _run_of(entry: Mapping[str, object], recording: str) -> tuple[tuple[str, str
         case {"rig": str(rig), "run": str(name), "played": played, "stored": dict(stored)}:
             run = PlannedRun(recording)
         case _:
-            raise ValueError(f"The summary's run {str(entry)[:80]!r} is none.")
+            raise ValueError(f"The summary's run {str(entry)[:80]!r} is not a valid entry.")
     if isinstance(played, list):
         epoch, blocks = played
         run.played = recorder_pb2.RunPlayed(run=name, rig=rig, epoch=epoch, blocks=blocks)
@@ -217,7 +217,7 @@ def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) ->
     continuity = Continuity()
     for first, stop in pairs:
         if not 0 <= first <= stop <= most:
-            raise ValueError(f"The summary's {what} from {first} to {stop} are none.")
+            raise ValueError(f"The summary's {what} from {first} to {stop} are not a valid range.")
         continuity.fill(range(first, stop))
     return continuity
 

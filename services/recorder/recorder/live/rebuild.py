@@ -177,7 +177,7 @@ def _check_end(path: Path, found: Unfinished) -> None:
             raise McapError(f"the record at byte {found.end} is not what was written")
         # 0 where its writer worked none out.
         if DataEnd.read(data).data_section_crc not in (0, found.crc):
-            raise McapError("its checksum is not that of what it holds")
+            raise McapError("its checksum does not match its contents")
 
 
 def _unreadable(path: Path, error: Exception, *, messages: int = 0) -> UnreadableFileError:

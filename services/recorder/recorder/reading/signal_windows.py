@@ -112,7 +112,7 @@ def _refuse_unfinished(folder: Path, name: str) -> None:
             raise RefusedError(
                 query_pb2.FAULT_CODE_FAILED_PRECONDITION,
                 f"Recording {name!r} is not finished: {path.name} has no end, and signals are read from finished "
-                f"files; go on with it (`duralab resume {name}`), or end the lab and start it again, which ends the "
+                f"files; continue it (`duralab resume {name}`), or end the lab and start it again, which ends the "
                 "file where it is whole.",
                 field="recording",
             )
@@ -157,7 +157,7 @@ def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> t
     if min(samples, bound.samples - first) * row_bytes > LARGEST_WINDOW_BYTES:
         most = LARGEST_WINDOW_BYTES // row_bytes / rate
         raise invalid(
-            f"seconds is {request.seconds:g}; at most {most:g} s of this run are read at once, of however many of its "
+            f"seconds is {request.seconds:g}; at most {most:g} s of this run are read at once, for any number of its "
             "channels; ask for one part after the other.",
             field="seconds",
         )

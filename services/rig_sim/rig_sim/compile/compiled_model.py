@@ -98,7 +98,7 @@ class Playback:
     state : ndarray, (states,)
         At the instant after the last sample, or where the model diverged: the start of the next chunk.
     diverged_at : int or None
-        The sample whose state was not finite or out of bounds, 0 to samples; None when there is none.
+        The sample whose state was not finite or out of bounds, 0 to samples; None if there is no such sample.
     diverged_states : tuple of str
         Which states these were.
     """

@@ -1,6 +1,6 @@
 """The player's loop: an explicit Runge-Kutta method with a fixed step, as LLVM IR.
 
-It stands in the same module as the model it integrates: no second compiler, no cache on disk, no Python in the loop.
+It is in the same module as the model it integrates: no second compiler, no cache on disk, no Python in the loop.
 Calling it through ctypes releases the GIL.
 
 Two functions of the model are expected, both of ``n`` states and ``n_u`` inputs::

@@ -92,7 +92,7 @@ class FmuPlayer:
                 now = self._taken * self._step
                 self._check("do a step", self._do_step(instance, now, self._step, True, *self._step_tail))
                 if self._flags is not None and (self._flags[1] or self._flags[2]):
-                    raise RuntimeError(f"ended its simulation by itself at its time {now:.3f} s")
+                    raise RuntimeError(f"ended its simulation automatically at its time {now:.3f} s")
                 self._taken += 1
             if time.monotonic() > alive:
                 self._alive()

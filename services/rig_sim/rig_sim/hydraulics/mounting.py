@@ -60,7 +60,7 @@ ActuatorKind = Annotated[
 
 
 class ActuatorPart(BaseModel):
-    """An actuator on a prismatic joint of the SDF; takes the drive of its own name, a wanted stroke or force."""
+    """An actuator on a prismatic joint of the SDF; takes the drive with the same name, a desired stroke or force."""
 
     model_config = STRICT
 

@@ -46,7 +46,7 @@ def load_plant(sdf: Path) -> MultibodyPlant:
     """
     kind = "URDF" if sdf.suffix == ".urdf" else "SDF"
     if not sdf.is_file():
-        raise ValueError(f"the {kind} {sdf.name} is not there; it belongs beside the specimen's YAML.")
+        raise ValueError(f"the {kind} {sdf.name} is missing; it belongs beside the specimen's YAML.")
     check_model_file(sdf)
     plant = MultibodyPlant(time_step=0.0)
     parser = Parser(plant)
@@ -85,7 +85,7 @@ def read_tree(plant: MultibodyPlant) -> MultibodyTree:
             bushings.append(_bushing(element))
         else:
             raise ValueError(
-                f"force element {type(element).__name__} is not known to the player; "
+                f"force element {type(element).__name__} is not supported by the player; "
                 "use linear_spring_damper and linear_bushing_rpy in the SDF and the elements of the YAML."
             )
     return MultibodyTree(
@@ -103,7 +103,7 @@ def read_tree(plant: MultibodyPlant) -> MultibodyTree:
 def _check_names(what: str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ValueError(f"two {what} of the SDF are called {twice[0]!r}; give each a name of its own.")
+        raise ValueError(f"two {what} of the SDF are called {twice[0]!r}; give each its own name.")
 
 
 def _frames(plant: MultibodyPlant) -> dict[str, tuple[int, Pose]]:
@@ -246,7 +246,7 @@ def check_model_file(path: Path) -> None:
         if not _is_positive(said):
             raise ValueError(
                 f"{path.name}: link {name!r} has the mass {said!r}; what moves needs a mass above 0 kg, what stands "
-                "still a frame in place of a link."
+                "still a frame instead of a link."
             )
     for kind in _NUMBERS:
         for element in [*root.iter(f"{_DRAKE}{kind}"), *root.iter(f"drake:{kind}")]:

@@ -84,7 +84,7 @@ class ValveSaturation(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Say it in words."""
+        """Say it as text."""
         return f"valves of kind {self.actuator_kind} open to {100.0 * self.opening:g} % only"
 
 
@@ -99,7 +99,7 @@ class SupplySag(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Say it in words."""
+        """Say it as text."""
         which = "supply" if self.supply is None else f"supply {self.supply}"
         return f"{which} sagged to {100.0 * self.share:g} % of its pressure"
 

@@ -187,7 +187,7 @@ class Rig:
         condition : Condition, optional
             What the specimen has lost; as new where not given. See `condition` and `changed`.
         at_end : callable
-            Called with the playback when its run is over, whatever its end.
+            Called with the playback when its run is over, regardless of how they end.
 
         Returns
         -------
@@ -224,7 +224,7 @@ class Rig:
     def changed(
         self, lost: Mapping[str, Lost] = MappingProxyType({}), gains: Mapping[str, float] = MappingProxyType({})
     ) -> Condition:
-        """Return a specimen that has lost what is said, whatever its laws of wear; for studies of detection.
+        """Return a specimen with the given losses, regardless of its laws of wear; for studies of detection.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ class WearState(BaseModel):
     Parameters
     ----------
     runs : int
-        Runs that moved it, whatever their end.
+        Runs that moved it, regardless of their end.
     hours : float
         Played time in h, ways in and out among it.
     damage : dict of str to float

@@ -182,7 +182,7 @@ class StrutPart(MirroredPart):
     @model_validator(mode="after")
     def _has_two_ends(self) -> Self:
         if self.body_a == self.body_b or self.point_a == self.point_b:
-            raise ValueError(f"{self.name!r} must join two points of two bodies, apart from each other")
+            raise ValueError(f"{self.name!r} must join two points of two bodies, except each other")
         return self
 
 

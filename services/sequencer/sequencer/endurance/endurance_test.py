@@ -142,7 +142,7 @@ class EnduranceTest:
         self.stop("the sequencer was told to end", latch=False)
 
     def hold(self, reason: str) -> None:
-        """Have it wait after the repeat that plays now. Return at once."""
+        """Hold the test after the current repeat. Return at once."""
         self._holds.ask(reason)
 
     def resume(self, call: Call) -> None:
