@@ -74,8 +74,8 @@ class EnduranceProgress:
     events : dict of str to tuple of int
         Repeats played and planned of each event.
     damage, planned, planned_whole : dict of str to float
-        Damage by response: counted so far, planned of what was played, and planned of the whole schedule; the last two
-        are empty where they are not known.
+        Damage by response: counted so far, planned for the repeats played, and planned for the whole schedule; the last
+        two are empty where they are not known.
     alarms : int
         Alarms so far.
     last_alarms : tuple of str
@@ -236,7 +236,7 @@ class EnduranceTest:
         return self._rig
 
     def history(self) -> EnduranceHistory:
-        """Return a reader of what is recorded of it, from its first repeat on.
+        """Return a reader of its recordings, from its first repeat on.
 
         Returns
         -------

@@ -99,7 +99,9 @@ def start(
     require_switch(endurance, field="endurance")
     require_path(trace_folder, of="a folder", field="trace_folder")
     if trace_folder is not None and not Path(trace_folder).is_dir():
-        raise InputError(f"trace_folder is {str(trace_folder)!r}, which is no folder; make it.", field="trace_folder")
+        raise InputError(
+            f"trace_folder is {str(trace_folder)!r}, which is not an existing folder; make it.", field="trace_folder"
+        )
     with ExitStack() as stack:
         bus = stack.enter_context(_open(listen=(listen,), connect=()))
         if recordings is None:

@@ -165,12 +165,12 @@ class Bus:
         """Ask a service and wait for its one answer; progress is reported on this thread.
 
         A service gives a sign of life every second; the wait ends after `silence_seconds` without one, once `cancel`
-        is set, such as a `threading.Event`, or after `longest_seconds`, also while it gives signs: the service is notified,
-        but may still finish. Where no longest time is given, it is a minute for a read from memory, 6 h for
+        is set, such as a `threading.Event`, or after `longest_seconds`, also while it gives signs: the service is
+        notified, but may still finish. Where no longest time is given, it is a minute for a read from memory, 6 h for
         another read, 30 days for a change or a stop (`duralab_proto.access.longest_seconds_of`). Zenoh holds 0.8 kB of
         a query until that time is over: give a short one to a change that is asked often.
 
-        Raises `FaultError` PERMISSION_DENIED when this member may not ask it, UNAVAILABLE when the service is not there
+        Raises `FaultError` PERMISSION_DENIED when this member may not ask it, UNAVAILABLE when the service is missing
         or vanishes, DEADLINE_EXCEEDED when it is silent or works beyond the longest time (then with that as its field),
         CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS when it ends without a result or
         with something else, and what it answers. UNAVAILABLE also where the connection was lost or is younger than

@@ -167,7 +167,7 @@ class UpdateMethod(Section):
         default=DriveMapSettings(), description="Change of drive coordinates after which the rig is nearly linear."
     )
     plugin: UpdatePlugin | None = Field(
-        default=None, description="An update of your own that the iterator loads; takes the place of kind."
+        default=None, description="Your own update, which the iterator loads; it replaces kind."
     )
 
 

@@ -80,7 +80,8 @@ def load_plugin(group: str, name: str, *, field: str, shipped: Collection[str] =
     sources = sorted(_source(entry) for entry in found)
     if len(found) > 1:
         raise SettingsError(
-            f"{field} is {name!r}, which {' and '.join(sources)} offer in {group}; uninstall all but one.", field=field
+            f"{field} is {name!r}, which {' and '.join(sources)} offer in {group}; keep one and uninstall the others.",
+            field=field,
         )
     if name in shipped:
         raise SettingsError(

@@ -268,7 +268,8 @@ class RecorderService:
             if call.cancelled:
                 # Neither given up nor stored: a step that is sent again waits for its blocks again.
                 raise RefusedError(
-                    query_pb2.FAULT_CODE_CANCELLED, f"The client gave up while {missing} signal blocks were missing."
+                    query_pb2.FAULT_CODE_CANCELLED,
+                    f"The client stopped waiting while {missing} signal blocks were missing.",
                 )
             if now >= deadline:
                 self._given_up[name] = wanted

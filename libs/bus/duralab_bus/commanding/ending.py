@@ -86,7 +86,7 @@ def halt_rig(bus: Bus, rig: str, final: EndStatus, *, run: str, reason: str, lat
     reason : str
         Why it is stopped.
     latch : bool
-        Latch it whatever it does.
+        Latch it in every state.
     """
     why = final.fault.message or reason
     halt: Callable[..., str] = latch_rig if latch else bring_to_rest

@@ -43,7 +43,7 @@ export function EnduranceScreen() {
     <${Log} lines=${15} />`;
 }
 
-const CHOICES = [["continue", "Go on"], ["iterate_again", "Iterate again, then go on with the corrected drive"], ["relearn", "Learn all baselines again, as after a repair, and go on"], ["end", "End the test; the rig is not latched"]];
+const CHOICES = [["continue", "Continue"], ["iterate_again", "Iterate again, then continue with the corrected drive"], ["relearn", "Learn all baselines again, as after a repair, and continue"], ["end", "End the test; the rig is not latched"]];
 
 function Waiting({ test }) {
   const [kind, setKind] = useState("continue");

@@ -27,7 +27,7 @@ export function BeginEndurance() {
       <${Deliberate} label="Begin the test" action="/api/endurance" values=${{ name, real_time: pace === "real" }} ready=${forecast !== null} /> <span role="status">${busy}</span></div>
     ${forecast && html`<${Forecast} forecast=${forecast} />`}
     <${MakeSchedule} known=${known} saved=${async (made) => { await read(); choose(made); }} />
-    ${known.open.length > 0 && html`<details><summary>Go on with a test that was broken off</summary><p>Its sequencer ended before the test did. It goes on at its next repeat; nothing is played twice.</p>
+    ${known.open.length > 0 && html`<details><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
       ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label="Go on" action=${`/api/endurance/${id}/resume`} values=${{}} /></p>`)}</details>`}
   </section>`;
 }
