@@ -46,7 +46,8 @@ def last_drive_of(ask: LabClient, id: str, playback: int) -> Signals | None:
     keys, kind = ask.bus.keys, iterator_pb2.IterationStep.DESCRIPTOR.full_name
     total = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
     # It is nearly always among the last steps; from the beginning on only where somebody went back.
-    for first in (max(0, total - _LAST_STEPS), 0) if playback else ():
+    for begin in (max(0, total - _LAST_STEPS), 0) if playback else ():
+        first = begin
         while first < total:
             request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)
             steps = ask.query(keys.recording_steps(id), request, recorder_pb2.RecordedSteps).steps
