@@ -47,9 +47,9 @@ def last_drive_of(ask: LabClient, id: str, playback: int) -> Signals | None:
     total = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
     # It is nearly always among the last steps; from the beginning on only where somebody went back.
     for begin in (max(0, total - _LAST_STEPS), 0) if playback else ():
-        next_step = begin
-        while next_step < total:
-            request = recorder_pb2.ReadStepsRequest(first=next_step, with_samples=True)
+        first = begin
+        while first < total:
+            request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)
             steps = ask.query(keys.recording_steps(id), request, recorder_pb2.RecordedSteps).steps
             for step in steps:
                 if step.message_type != kind:
@@ -59,7 +59,7 @@ def last_drive_of(ask: LabClient, id: str, playback: int) -> Signals | None:
                     return _drive(ask, id, found, step)
             if not steps:
                 break
-            next_step = steps[-1].step + 1
+            first = steps[-1].step + 1
     return None
 
 
