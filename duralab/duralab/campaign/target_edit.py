@@ -137,7 +137,7 @@ class TaperLevel(StrEnum):
 
 
 class Taper(Section):
-    """Let the target begin and end softly."""
+    """Fade the target in and out."""
 
     seconds: Positive = Field(description="Length of the fade at either end.")
     to: TaperLevel = Field(

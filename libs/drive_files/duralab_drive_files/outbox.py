@@ -144,7 +144,7 @@ class Outbox:
         os.close(self._lock)
 
     def waiting(self) -> Order | None:
-        """Return the order that waits for its response, also one of a process before.
+        """Return the order that waits for its response, also one of an earlier process.
 
         Returns
         -------

@@ -12,7 +12,7 @@ _CHUNK = 20_000
 
 
 def sampled_at(samples: np.ndarray, rate: float, instants: np.ndarray, *, new_rate: float) -> np.ndarray:
-    """Return a record at other instants; what lies above half the lower of both rates is removed.
+    """Resample a record; components above half the lower of both rates are removed.
 
     Parameters
     ----------

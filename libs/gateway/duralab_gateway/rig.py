@@ -143,7 +143,7 @@ class Rig(Protocol):
         ...
 
     def stop(self, reason: str) -> None:
-        """Make a `play` that waits return soon; called on every latch, also at rest, from any thread.
+        """End a waiting `play` soon; called on every latch, also at rest, from any thread.
 
         The gateway plays the way down to zero afterwards: do not take the pressure away here. What keeps people safe is
         the controller's emergency stop and never this.

@@ -173,7 +173,7 @@ def _checksum(stream: IO[bytes], covered: range) -> int:
 
 
 def forget_indexes() -> None:
-    """Read every index again, as a process that has just begun does."""
+    """Read every index again, as a new process does."""
     _index.cache_clear()
 
 

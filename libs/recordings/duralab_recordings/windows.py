@@ -185,7 +185,7 @@ class RunSignals:
         return self._ends[run]
 
     def size(self, run: str) -> tuple[int, float]:
-        """Return the number of samples that are here, and the sample rate in hertz."""
+        """Return the number of existing samples and the sample rate in hertz."""
         samples, rate, _ = self.end(run)
         return samples, rate
 

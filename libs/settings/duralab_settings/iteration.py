@@ -225,7 +225,7 @@ class ResolvedUpdate(UpdateMethod):
 
 
 class GainPoint(Section):
-    """A point of the gain over frequency."""
+    """Point of the curve of gain over frequency."""
 
     frequency: NotNegative = Field(description="Frequency, in hertz.")
     share: GainPerChannel = Field(

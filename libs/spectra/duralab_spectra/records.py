@@ -30,7 +30,7 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
 
 
 def shaped_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float64]:
-    """Check the shape of a record and return it as `as_record` does; its values are not looked at.
+    """Check the shape of a record and return it as `as_record` does; its values are not checked.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def view(
 
 
 def open_viewer(stack: ExitStack, output: Output) -> Viewer:
-    """Open the live viewer until `stack` is closed and say where it is."""
+    """Open the live viewer until `stack` is closed, and print its address."""
     from duralab.errors import InputError
     from duralab.processes import Viewer
 
@@ -61,7 +61,7 @@ def open_viewer(stack: ExitStack, output: Output) -> Viewer:
 
 
 def open_page(stack: ExitStack, output: Output, lab: Lab, *, folder: Path, viewer: Viewer | None) -> OperatorPage:
-    """Open the operator page of a lab until `stack` is closed and say where it is."""
+    """Open the operator page of a lab until `stack` is closed, and print its address."""
     from duralab.errors import InputError
     from duralab.processes import PAGE_PORT, OperatorPage
 

@@ -35,7 +35,7 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
 
 @dataclass(frozen=True)
 class StepStart:
-    """Where a step starts, and how large it may be.
+    """Start and largest size of a step.
 
     Parameters
     ----------
