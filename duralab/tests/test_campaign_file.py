@@ -151,7 +151,7 @@ def test_every_field_says_what_it_is():
             ["unknown key 'form' in target.edit.0.cut", "allowed: from, to", "did you mean 'from'?"],
         ),
         ("target.edit", [{"cut": {"from": 9, "to": 3}}], ["target.edit.0.cut goes from 9 to 3 s"]),
-        ("target.edit", ["remove_mean", {"cut": {"from": -1}}], ["target.edit.1.cut.from is -1", "(Where it starts"]),
+        ("target.edit", ["remove_mean", {"cut": {"from": -1}}], ["target.edit.1.cut.from is -1", "(Start of the part"]),
         ("target.edit", [{"cut": {}, "taper": {"seconds": 1}}], ["target.edit.0 has cut and taper"]),
         ("target.edit", [{"filter": {}}], ["target.edit.0.filter has none of low_pass"]),
         ("target.edit", [{"filter": {"band_stop": [52, 48]}}], ["has band_stop [52, 48]", "first must be below"]),

@@ -190,7 +190,7 @@ def test_json_knows_no_nan_and_no_paths(capsys):
 def test_the_version_is_told():
     code, stdout, _ = invoke("--version")
     assert code == 0
-    assert re.fullmatch(r"duralab \d+\.\d+\.\d+\n", stdout)
+    assert re.fullmatch(r"duralab \d+\.\d+\.\d+(\.dev\d+\+g[0-9a-f]+)?\n", stdout)
 
 
 def completed(words):

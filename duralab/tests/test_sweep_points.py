@@ -85,7 +85,7 @@ def test_other_versions_make_other_points(sweep, monkeypatch):
     [
         ({"axes": {"update.gian": [0.5]}}, "did you mean 'iteration_gain'"),
         ({"axes": {"update.iteration_gain": [1.5]}}, "update.iteration_gain: 1.5"),
-        ({"axes": {"seed.of": [1]}}, "leads nowhere"),
+        ({"axes": {"seed.of": [1]}}, "does not exist in the campaign"),
         ({"axes": {"update..gain": [1]}}, "empty part"),
         ({"axes": {"hold": ["first"]}}, "hold is first, and a sweep has no person who decides"),
         ({"axes": {"rig": {"scale": [1.0]}}}, "only a number can be scaled"),
@@ -141,7 +141,7 @@ def test_specimens_are_changed_by_name_and_told_apart(sweep, tmp_path):
     assert shipped == ("front_axle",)
     assert yaml.safe_load(text.text)["masses"] == [{"name": "tip", "value": 3.0}, {"name": "root", "value": 4.0}]
     assert specimens.of(["beam"], {})[1][0].content != text.content
-    with pytest.raises(InputError, match="leads nowhere"):
+    with pytest.raises(InputError, match="does not exist in specimen beam"):
         specimens.of(["beam"], {"beam": {"masses.middle.value": 3.0}})
     with pytest.raises(InputError, match="rigs are front_axle"):
         specimens.of(["front_axle"], {"beam": {"masses.tip.value": 3.0}})

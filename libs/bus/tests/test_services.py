@@ -27,7 +27,7 @@ def ended(process, seconds=WAIT):
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        ("colour: red", ["unknown key 'colour'; allowed: bus, exit_with_parent, metrics, workers, rigs"]),
+        ("colour: red", ["unknown key 'colour'; allowed: bus, exit_with_parent, metrics, workers, trace_folder, rigs"]),
         ("bus: {listen: [nonsense]}", ["bus.listen.0", "'nonsense'", "tcp/<host>:<port>"]),
         ("workers: none", ["workers is 'none'"]),
         ("workers: 0\nbus: 3", ["workers is 0", "bus is 3"]),

@@ -211,7 +211,7 @@ def open_end(path: Path, *, parts: int, reason: str) -> str:
     """
     why = f"{reason[:1].lower()}{reason[1:]}".rstrip(".") or "it was not closed"
     following = part_path(path, parts + 1).name
-    return f"{why}, and the recording may go on in {following} and further, which are not beside {path.name}."
+    return f"{why}, and the recording may continue in {following} and further, which are not beside {path.name}."
 
 
 MessageT = TypeVar("MessageT", bound=Message)

@@ -8,7 +8,6 @@ from typing import Final, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
-from scipy.signal.windows import tukey
 
 from duralab_settings import SettingsError, UpdateKind, UpdatePlugin, explained, load_plugin, one_line
 from iterator.band import ControlBand
@@ -81,6 +80,9 @@ def _guarded(made: _UpdateModel, name: str) -> Update:
 
 def _require_in_band(drive: NDArray[np.float64], band: ControlBand, *, name: str) -> None:
     """Refuse a drive with content above the band, which the model knows nothing of and the rig may not bear."""
+    # It takes a second to import, and most campaigns have no plug-in.
+    from scipy.signal.windows import tukey
+
     tapered = drive * tukey(drive.shape[1], _TAPER)
     energy = np.abs(np.fft.rfft(tapered, axis=1)) ** 2
     above = np.fft.rfftfreq(drive.shape[1], 1.0 / band.sample_rate) > band.highest_driven
