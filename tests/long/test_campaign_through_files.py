@@ -166,7 +166,7 @@ def test_the_example_ends_well_and_says_where_the_files_are(tmp_path: Path):
         [sys.executable, "-W", "error", str(EXAMPLE / "rehearse.py"), str(tmp_path / "out")],
         capture_output=True,
         text=True,
-        timeout=WAIT_SECONDS,
+        timeout=300.0,
         check=False,
     )
     assert done.returncode == 0, done.stderr

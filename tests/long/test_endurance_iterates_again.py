@@ -25,9 +25,8 @@ SCHEDULE = {
 
 @pytest.mark.timeout(600)
 def test_iterating_again_gives_the_event_another_drive_and_the_test_goes_on(short_document, tmp_path: Path):
-    short_document["name"] = "made"
     campaign, schedule = tmp_path / "made.yaml", tmp_path / "schedule.yaml"
-    campaign.write_text(yaml.safe_dump(short_document))
+    campaign.write_text(yaml.safe_dump(short_document | {"name": "made"}))
     schedule.write_text(yaml.safe_dump(SCHEDULE))
     recordings = tmp_path / "recordings"
     with duralab.start(tmp_path / "out", rigs=(RIG, "predecessor"), recordings=recordings, endurance=True) as lab:

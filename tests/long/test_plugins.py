@@ -178,7 +178,7 @@ def test_a_campaign_iterates_with_the_update_of_a_plugin_and_shows_it(plugin_lab
     ("plugin", "said"),
     [
         ({"name": "momentun"}, "update.plugin.name is 'momentun'; installed plug-ins of duralab.updates are "),
-        ({"name": "twice"}, "'twice', which lab-plugins 1.0 and other-plugins 1.0 offer in duralab.updates; uninstall"),
+        ({"name": "twice"}, "'twice', which lab-plugins 1.0 and other-plugins 1.0 offer in duralab.updates; keep one"),
         ({"name": "broken"}, "'broken' of lab-plugins 1.0 cannot be imported: AttributeError"),
         ({"name": "function"}, "its entry point must name a pydantic model of its settings"),
         ({"name": "momentum", "settings": {"beta": 2}}, "update.plugin.settings.beta"),
