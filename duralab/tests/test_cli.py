@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import synthetic_campaign
 import yaml
@@ -45,17 +46,10 @@ def quick(tmp_path, path="target.road.duration", value=4.0):
     return file
 
 
-def children_of(parent):
-    """Return the process ids of a process's children."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            fields = (folder / "stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == parent:
-            found.append(int(folder.name))
-    return found
+def services_of(parent):
+    """Return the process ids of the services that a command started, in the order of their start."""
+    family = psutil.Process(parent).children(recursive=True)
+    return [child.pid for child in family if "duralab.processes.fork_server" not in child.cmdline()]
 
 
 def start_up(tmp_path, *options):
@@ -256,7 +250,7 @@ def test_interrupt_stops_the_campaign_and_ends_the_lab(fake_services, tmp_path, 
     for line in process.stdout:
         if "identifying the rig" in line:
             break
-    started = children_of(process.pid)
+    started = services_of(process.pid)
     assert len(started) == 4
     process.send_signal(signal.SIGINT)
     code, _, stderr = finish(process)

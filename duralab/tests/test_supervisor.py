@@ -5,6 +5,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 import duralab.processes.supervisor as supervisor_module
@@ -56,7 +57,7 @@ def test_services_compute_on_one_thread_unless_told_otherwise(
         monkeypatch.setenv("OMP_NUM_THREADS", given)
     with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path / "logs") as supervisor:
         supervisor.start(timeout_seconds=60)
-        (pid,) = supervisor.process_ids.values()
+        (pid,) = (psutil.Process(pid).ppid() for pid in supervisor.process_ids.values())
         assert f"OMP_NUM_THREADS={threads}".encode() in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
 
 
@@ -128,6 +129,39 @@ def test_no_service_outlives_a_supervisor_that_is_killed(fake_services, tmp_path
     process.wait()
     process.stdout.close()
     assert wait_until_gone(pids) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
+def test_services_outlive_the_process_that_forked_them_and_are_ended(bus, fake_services, tmp_path):
+    with Supervisor([ServicePlan("steady"), ServicePlan("silent")], bus=bus, logs=tmp_path) as supervisor:
+        with pytest.raises(LabError):  # the silent one never comes
+            supervisor.start(timeout_seconds=5.0)
+        pids = supervisor.process_ids
+        (server,) = {psutil.Process(pid).ppid() for pid in pids.values()}
+        assert server != os.getpid()
+        os.kill(server, signal.SIGKILL)
+        assert wait_until_gone([server]) == []
+        assert supervisor.failure() is None
+        os.kill(pids["silent"], signal.SIGKILL)
+        wait_until_gone([pids["silent"]])
+        assert "exit code unknown" in supervisor.failure().message
+        assert alive(pids["steady"])
+    assert wait_until_gone(pids.values(), seconds=0.0) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
+def test_a_service_started_again_keeps_its_own_log_folder_and_arguments(bus, fake_services, tmp_path, monkeypatch):
+    for count in range(3):
+        (tmp_path / str(count)).mkdir()
+        monkeypatch.chdir(tmp_path / str(count))
+        with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path / str(count) / "logs") as supervisor:
+            supervisor.start(timeout_seconds=60)
+            log = tmp_path / str(count) / "logs" / "steady.log"
+            # The bus may still know the one before.
+            while "ready" not in log.read_text() and supervisor.failure() is None:
+                time.sleep(0.02)
+            assert psutil.Process(supervisor.process_ids["steady"]).cwd() == str(tmp_path / str(count))
+        assert log.read_text().count("ready") == 1
 
 
 def test_viewer_guard_takes_its_program_with_it():

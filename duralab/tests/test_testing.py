@@ -114,7 +114,7 @@ def test_a_lab_plays_rigs_of_this_process_and_of_a_stranger_and_leaves_no_proces
         with foreign_gateway(started.endpoints[0]) as process:
             started._bus.wait_for_live({("rig_sim", FOREIGN_RIG)}, 30.0)
             assert started.describe(FOREIGN_RIG).engine == "somebody's own"
-        children = psutil.Process().children(recursive=True)
+        children = [child for child in psutil.Process().children(recursive=True) if "--config" in child.cmdline()]
         assert len(children) == 3
     assert not psutil.pid_exists(process)
     assert psutil.wait_procs(children, 10.0)[1] == []

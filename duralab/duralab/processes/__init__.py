@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         the_running_lab,
     )
     from duralab.processes.page import PAGE_PORT, OperatorPage
+    from duralab.processes.service_process import import_ahead
     from duralab.processes.service_programs import (
         findings_of,
         is_recording,
@@ -39,6 +40,7 @@ __all__ = [
     "end_lab",
     "findings_of",
     "has_display",
+    "import_ahead",
     "is_recording",
     "lab_services",
     "noted",

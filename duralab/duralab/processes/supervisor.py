@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -21,6 +20,7 @@ from typing import IO, Final, Self
 import yaml
 
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ServiceEndedError, is_process_limit
+from duralab.processes.service_process import UNKNOWN_EXIT, ServiceProcess, start_service
 from duralab_bus import Bus, SpanKind, span
 from duralab_proto.keys import MAIN_INSTANCE
 
@@ -36,9 +36,6 @@ LOG_LINES: Final = 3
 LAB_EXTRA: Final = "pip install 'duralab[lab]'"
 """Command that installs everything that runs a lab; `duralab` alone is a client of labs that run already."""
 
-# A campaign's matrices are small: threads of BLAS took five times the processor's time waiting for one another, and
-# sums in another order differ in their last bits. Who sets it otherwise is obeyed.
-_ONE_THREAD: Final = MappingProxyType({"OMP_NUM_THREADS": "1"})
 _POLL_SECONDS: Final = 0.05
 # A stack trace of each of Zenoh's threads may follow the line that counts: 17 kB were seen.
 _TAIL_BYTES: Final = 1_048_576
@@ -122,7 +119,7 @@ class Supervisor:
         self._logs = logs
         self._trace_folder = trace_folder
         self._configs = Path(tempfile.mkdtemp(prefix="duralab-"))
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, ServiceProcess] = {}
 
     @property
     def process_ids(self) -> dict[str, int]:
@@ -155,28 +152,20 @@ class Supervisor:
                 )
             time.sleep(_POLL_SECONDS)
 
-    def _spawn(self, plan: ServicePlan) -> subprocess.Popen[bytes]:
+    def _spawn(self, plan: ServicePlan) -> ServiceProcess:
         config = self._configs / f"{plan.name}.yaml"
         bus = {"lab": self._bus.config.lab, "connect": list(self._bus.listening[:1])}
         content = {"bus": bus, "exit_with_parent": True, **plan.settings}
         if self._trace_folder is not None:
             content["trace_folder"] = str(self._trace_folder.resolve())
         config.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        with self.log_path(plan.name).open("wb") as log:
-            try:
-                return subprocess.Popen(
-                    [sys.executable, "-m", plan.name, "--config", str(config)],
-                    stdin=subprocess.PIPE,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env={**_ONE_THREAD, **os.environ},
-                    # A Ctrl-C in the terminal is for this process alone: it stops the campaign before it ends the
-                    # services.
-                    start_new_session=True,
-                )
-            except OSError as error:
-                reason = PROCESS_LIMIT if is_process_limit(error) else f"{error.strerror or error}; free memory"
-                raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
+        log = self.log_path(plan.name)
+        log.write_bytes(b"")
+        try:
+            return start_service(plan.name, config=config, log=log)
+        except OSError as error:
+            reason = PROCESS_LIMIT if is_process_limit(error) else f"{error.strerror or error}; free memory"
+            raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
 
     def log_path(self, name: str) -> Path:
         """Return where the log of a service is."""
@@ -206,7 +195,7 @@ class Supervisor:
         shutil.rmtree(self._configs, ignore_errors=True)
 
     @staticmethod
-    def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    def _end(processes: Sequence[ServiceProcess]) -> None:
         for process in processes:
             process.terminate()
         deadline = time.monotonic() + END_SECONDS
@@ -235,6 +224,8 @@ def close_quietly(stream: IO[bytes] | None) -> None:
 
 def describe_exit(code: int) -> str:
     """Return an exit code in words."""
+    if code == UNKNOWN_EXIT:
+        return "exit code unknown"
     if code >= 0:
         return f"exit code {code}"
     try:

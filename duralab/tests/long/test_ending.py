@@ -13,7 +13,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from test_cli import COMMAND, children_of, finish, quick
+from test_cli import COMMAND, finish, quick, services_of
 from test_supervisor import wait_until_gone
 
 from duralab.processes.supervisor import last_lines
@@ -64,7 +64,7 @@ def test_a_closed_terminal_ends_a_command_as_the_table_of_exit_codes_says(
     quick(tmp_path)
     terminal = Terminal(*arguments, cwd=tmp_path)
     terminal.read_until("identifying the rig" if arguments[0] == "run" else "The lab is up")
-    started = children_of(terminal.pid)
+    started = services_of(terminal.pid)
     # `up` starts the sequencer too.
     assert len(started) == (5 if arguments[0] == "up" else 4)
     terminal.close()
@@ -78,7 +78,7 @@ def test_a_closed_terminal_ends_a_command_as_the_table_of_exit_codes_says(
 def test_nohup_is_obeyed_and_an_error_without_a_terminal_keeps_its_exit_code(fake_services, tmp_path):
     terminal = Terminal("up", "--listen", "tcp/127.0.0.1:0", cwd=tmp_path, ignoring=[signal.SIGHUP])
     terminal.read_until("duralab down")
-    started = children_of(terminal.pid)
+    started = services_of(terminal.pid)
     terminal.close()
     state = Path(f"/proc/{terminal.pid}/status").read_text()
     assert int(re.search(r"SigIgn:\s*(\w+)", state)[1], 16) & 1 << signal.SIGHUP - 1
