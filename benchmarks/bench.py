@@ -28,7 +28,7 @@ from processes import memory, startup_seconds
 from recording import measure_recorder
 from report import measure_report
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
-from startup import measure_startup
+from startup import measure_lab, measure_startup
 from sweep import measure_sweep
 
 from rig_sim import Rig, load_any_rig, shipped_specimens
@@ -96,6 +96,7 @@ def _others(scratch: Path) -> dict[str, Callable[[], object]]:
         "iteration": lambda: measure_iteration(scratch / "peers"),
         "formats": measure_formats,
         "startup": measure_startup,
+        "lab": measure_lab,
         "report": measure_report,
         "live_view": measure_live_view,
         "recorder": lambda: _in_folder(scratch, measure_recorder),

@@ -142,6 +142,14 @@ GOALS: dict[str, tuple[Goal, ...]] = {
     "What a person waits for": (
         _most("`import duralab`, s", "startup", "import duralab", "wall", bound=0.5),
         _most("`duralab --help`, s", "startup", "duralab --help", "wall", bound=0.7),
+        _most("`duralab up` to the first answer of a rig, warm, s", "lab", "first_answer_warm", bound=1.5),
+        _fact("the same, without compiled code on disk, s", "lab", "first_answer_cold"),
+        _most(
+            "`duralab run front_axle_demo` from the shell, warm, over simulation and mathematics",
+            "lab",
+            "campaign_over_simulation_and_mathematics",
+            bound=1.6,
+        ),
         _most("RPC III of int16 over numpy for its bytes", "formats", "SHORT_INTEGER", "read_over_numpy", bound=2.0),
         _most("RPC III of float32 over numpy for its bytes", "formats", "FLOATING_POINT", "read_over_numpy", bound=2.0),
         _most("report of ten playbacks, s", "report", "seconds", bound=10.0),

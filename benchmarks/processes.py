@@ -16,10 +16,12 @@ _MEBIBYTE = 2**20
 def startup_seconds(path: Path) -> tuple[float, float]:
     """Return the wall time of a process that imports, loads and proves a rig: cold, then warm.
 
-    Cold is without a cache of bytecode, as the first time after an installation; the disk's cache cannot be emptied.
+    Cold is without bytecode and without compiled code, as the first time after an installation; the disk's cache cannot
+    be emptied.
     """
     with tempfile.TemporaryDirectory() as empty:
-        cold = _timed(path, {**os.environ, "PYTHONPYCACHEPREFIX": empty})
+        bare = {"PYTHONPYCACHEPREFIX": empty, "DURALAB_CODE_CACHE": str(Path(empty) / "code")}
+        cold = _timed(path, os.environ | bare)
     return cold, _timed(path, dict(os.environ))
 
 

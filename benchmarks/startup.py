@@ -1,4 +1,4 @@
-"""Measure how long `import duralab`, `duralab --help` and the help of a command take, and what the imports cost.
+"""Measure what a person waits for at the start: imports, help, a lab, and a campaign from the shell.
 
 `python benchmarks/startup.py [--rounds N]`
 """
@@ -7,11 +7,19 @@ import argparse
 import json
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 from machine import machine
+
+from duralab.lab import Lab
+from duralab.profile import Profile
+from duralab_bus import BusConfig, SpanKind, open_bus
 
 COMMANDS = {
     "python": ["-c", "pass"],
@@ -22,6 +30,11 @@ COMMANDS = {
 }
 DEAREST = 5
 ROUNDS = 7
+RIG = "front_axle"
+CAMPAIGN = "front_axle_demo"
+LAB_ROUNDS = 3
+ENDPOINT = "tcp/127.0.0.1:7489"
+POLL_SECONDS = 0.005
 
 
 def seconds(arguments: list[str]) -> tuple[float, float]:
@@ -60,12 +73,71 @@ def measure_startup(*, rounds: int = ROUNDS) -> dict[str, dict[str, object]]:
     return figures
 
 
+def measure_lab() -> dict[str, float]:
+    """Return what passes until a rig of `duralab up` answers, and how long a campaign from the shell takes.
+
+    Cold is without compiled code on disk, warm the best of some rounds with it. A campaign is told over simulation and
+    mathematics alone, both from its own trace.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        environment = os.environ | {"DURALAB_CODE_CACHE": str(folder / "code")}
+        cold = _first_answer(folder / "cold", environment)
+        warm = min(_first_answer(folder / f"warm{turn}", environment) for turn in range(LAB_ROUNDS))
+        campaigns = [_campaign(folder / f"campaign{turn}", environment) for turn in range(LAB_ROUNDS)]
+    seconds, alone = min(campaigns)
+    return {
+        "first_answer_cold": cold,
+        "first_answer_warm": warm,
+        "campaign": seconds,
+        "campaign_over_simulation_and_mathematics": seconds / alone,
+    }
+
+
+def _first_answer(folder: Path, environment: dict[str, str]) -> float:
+    """Return the seconds from the start of `duralab up` until a rig of the lab describes itself."""
+    command = [sys.executable, "-m", "duralab", "up", "--listen", ENDPOINT, "--recordings", str(folder)]
+    start = time.perf_counter()
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        while not _is_open():
+            time.sleep(POLL_SECONDS)
+        with open_bus(BusConfig(connect=(ENDPOINT,)), service="bench") as bus:
+            while ("rig_sim", RIG) not in bus.live():
+                time.sleep(POLL_SECONDS)
+            Lab(bus, out=folder).describe(RIG)
+            return time.perf_counter() - start
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+
+
+def _is_open() -> bool:
+    host, port = ENDPOINT.removeprefix("tcp/").split(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def _campaign(folder: Path, environment: dict[str, str]) -> tuple[float, float]:
+    """Return how long a campaign from the shell takes, and of that simulation and mathematics, in s."""
+    command = [sys.executable, "-m", "duralab", "run", CAMPAIGN, "--out", str(folder), "--profile"]
+    start = time.perf_counter()
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wall = time.perf_counter() - start
+    profile = Profile(json.loads((folder / "profile.json").read_text())["traceEvents"])
+    spent = profile.shares(*profile.period)
+    return wall, spent[SpanKind.PLAYBACK] + spent[SpanKind.MATHEMATICS]
+
+
 def main() -> None:
     """Measure and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     figures = measure_startup(rounds=parser.parse_args().rounds)
-    sys.stdout.write(json.dumps({"machine": machine(), **figures}, indent=2) + "\n")
+    sys.stdout.write(json.dumps({"machine": machine(), **figures, "lab": measure_lab()}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

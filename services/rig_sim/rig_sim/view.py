@@ -14,19 +14,21 @@ from pydrake.multibody.plant import MultibodyPlant
 from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from rig_sim.compile import compile_model
+from rig_sim.compile import FOLDER_VARIABLE, cached_model, compile_model
 from rig_sim.elements import AntiRollBar, Strut, Tyre
 from rig_sim.hydraulics import HydraulicActuator
 from rig_sim.model import Assembly, SpindleForce
 from rig_sim.multibody import Joint, MultibodyTree, Pose, SpringDamper, move
 
 _NUMBERS = 12
+_LARGEST_ERROR = 1.0e-9
 
 
 class Poses:
     """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world."""
 
-    def __init__(self, tree: MultibodyTree) -> None:
+    def __init__(self, tree: MultibodyTree, *, key: str) -> None:
+        """Take the code of a key, which differs where the tree does, from disk where it was compiled before."""
         self.bodies = tuple(body.name for body in tree.bodies[1:])
         still = np.zeros(tree.velocity_count)
 
@@ -35,15 +37,36 @@ class Poses:
             outputs = [number for pose in poses for number in [*np.asarray(pose.rotation).flat, *pose.origin]]
             return [0.0] * len(tree.default_positions), outputs
 
-        self._compiled = compile_model(
-            kinematics,
-            state_names=tuple(f"position {index}" for index in range(len(tree.default_positions))),
-            input_names=(),
-            output_names=tuple(f"{body} {index}" for body in self.bodies for index in range(_NUMBERS)),
-            # Some 10 µs for each instant that is drawn either way, and a quarter of a second sooner ready.
-            lanes=False,
-            optimization=0,
+        names = tuple(f"{body} {index}" for body in self.bodies for index in range(_NUMBERS))
+        self._compiled = cached_model(
+            f"poses {key}",
+            lambda: compile_model(
+                kinematics,
+                state_names=tuple(f"position {index}" for index in range(len(tree.default_positions))),
+                input_names=(),
+                output_names=names,
+                # Some 10 µs for each instant that is drawn either way, and a quarter of a second sooner ready.
+                lanes=False,
+                optimization=0,
+            ),
         )
+
+        # What is on a disk may be anything.
+        design, found = tree.default_positions, self._compiled
+        if (
+            found.output_names != names
+            or len(found.state_names) != len(design)
+            or not np.allclose(
+                found.outputs(design, np.zeros(0)),
+                np.array(kinematics(design, ())[1], dtype=float),
+                rtol=0.0,
+                atol=_LARGEST_ERROR,
+            )
+        ):
+            raise ValueError(
+                "the compiled poses of the bodies disagree with the model; delete the folder of compiled code, "
+                f"{FOLDER_VARIABLE} or ~/.cache/duralab/code."
+            )
 
     def frames(self, positions: np.ndarray) -> np.ndarray:
         """Return rotation row by row, then origin in m, (bodies, 12), at Drake's positions."""

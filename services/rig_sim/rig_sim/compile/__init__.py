@@ -7,6 +7,7 @@ it, and compiled to play it.
 from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model
 from rig_sim.compile.compiled_model import CompiledModel, Playback
 from rig_sim.compile.integrate import Method, amplification
+from rig_sim.compile.many import Many, at_once, taken
 from rig_sim.compile.model import compile_model, trace_model
 from rig_sim.compile.numeric import (
     absolute,
@@ -28,11 +29,13 @@ __all__ = [
     "FOLDER_VARIABLE",
     "CompiledModel",
     "Graph",
+    "Many",
     "Method",
     "Playback",
     "absolute",
     "amplification",
     "asin",
+    "at_once",
     "atan2",
     "cached_model",
     "clamp",
@@ -44,6 +47,7 @@ __all__ = [
     "select_positive",
     "sin",
     "sqrt",
+    "taken",
     "tanh",
     "trace_model",
 ]

@@ -26,8 +26,8 @@ from rig_sim.compile.compiled_model import CompiledModel, link_module
 FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
 """Names another folder for the code; `off` keeps none."""
 
-MOST_FILES: Final = 64
-"""Of more, those that were not used for longest are deleted; one takes some 300 kB."""
+MOST_FILES: Final = 128
+"""Of more, those that were not used for longest are deleted; a rig has two, of 300 kB in all."""
 
 _SUFFIX: Final = ".code"
 _COMPILERS: Final = ("llvmlite", "numpy", "drake")

@@ -1,8 +1,8 @@
 """Mathematics for models that run both traced and plain.
 
 Every function takes expressions, floats or float arrays: one expression among the arguments traces the operation;
-plain floats go to the C library; arrays go to numpy. Compiled code has the functions written out
-(:mod:`rig_sim.compile.expansion`), equal to a few units in the last place, and without the sign of a zero.
+plain floats go to the C library; arrays, and many numbers as one scalar, go to numpy. Compiled code has the functions
+written out (:mod:`rig_sim.compile.expansion`), equal to a few units in the last place, and without the sign of a zero.
 """
 
 from functools import partial
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rig_sim.compile.many import Many
 from rig_sim.compile.operations import ARRAY_FUNCTIONS, SCALAR_FUNCTIONS, Operation
 from rig_sim.compile.tracing import Expression, Scalar
 
@@ -18,6 +19,8 @@ def _evaluate(operation: Operation, *arguments: Scalar) -> Any:
     for argument in arguments:
         if isinstance(argument, Expression):
             return argument.graph.apply(operation, *arguments)
+    if any(isinstance(argument, Many) for argument in arguments):
+        return Many.apply(operation, *arguments)
     if any(isinstance(argument, np.ndarray) for argument in arguments):
         return ARRAY_FUNCTIONS[operation](*arguments)
     return SCALAR_FUNCTIONS[operation](*arguments)

@@ -320,8 +320,9 @@ def load_rig(
         raise SpecimenError(f"specimen {specimen.name}: {error}") from error
     model = RigModel(assemble(specimen, tree))
     files = (sdf, *document_files(path))
+    key = content_hash(files, faults)
     compiled = cached_model(
-        content_hash(files, faults),
+        key,
         lambda: compile_model(
             model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
         ),
@@ -353,7 +354,7 @@ def load_rig(
             engine=f"engine {engine.model_dump_json()}\n" + (f"specimen {mounted}\n" if specimen.wear else ""),
         ),
         mounted=mounted,
-        poses=Poses(tree),
+        poses=Poses(tree, key=key),
         geometry=view_geometry(sdf, model.assembly),
         watchdogs=specimen.set_up_watchdogs(followed=followed, monitored=model.output_names[len(specimen.responses) :]),
         faults=tuple(faults),

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -156,9 +158,13 @@ def _merged(base: dict[Any, Any], changes: dict[Any, Any], *, place: str) -> dic
     return merged
 
 
+# A rig's file is read by whoever asks for its name, kind, parts or content; its text is what is parsed once.
+_parse_once = lru_cache(maxsize=16)(parse_yaml)
+
+
 def _read(path: Path) -> Any:
     try:
-        return parse_yaml(read_yaml_text(path))
+        return deepcopy(_parse_once(read_yaml_text(path)))
     except OSError as error:
         raise SpecimenError(f"specimen {path.name} cannot be read: {error.strerror}.") from error
     except UnicodeDecodeError as error:

@@ -1,6 +1,7 @@
 """The proof at load: compiled against numpy, both against Drake, and a rig that differs does not play."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -119,15 +120,35 @@ def test_compiled_code_that_differs_in_the_hydraulics_does_not_start(front_axle)
         prove(front_axle.model, compiled(other), plant)
 
 
+def kept_files(names, folder):
+    """Load rigs and return the files of code that appear, in their order."""
+    files = []
+    for name in names:
+        load_any_rig(shipped_specimens()[name])
+        files += sorted(set(folder.iterdir()) - set(files), key=holds_poses)
+    return files
+
+
+def holds_poses(file):
+    with file.open("rb") as stream:
+        return json.loads(stream.readline())["input_names"] == []
+
+
+def test_kept_poses_of_another_rig_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "code"))
+    names = ("front_axle", "predecessor")
+    poses = kept_files(names, tmp_path / "code")[1::2]
+    poses[0].write_bytes(poses[1].read_bytes())
+    with pytest.raises(ValueError, match="poses of the bodies disagree"):
+        load_any_rig(shipped_specimens()[names[0]])
+
+
 def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
     """The folder of kept code holds two rigs with the same names of states; their files are exchanged."""
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "code"))
     names = ("front_axle", "front_axle_compliant")
-    files = []
-    for name in names:
-        load_any_rig(shipped_specimens()[name])
-        (new,) = set((tmp_path / "code").iterdir()) - set(files)
-        files.append(new)
+    # Of each rig its model, then the poses of its bodies.
+    files = kept_files(names, tmp_path / "code")[::2]
     contents = [file.read_bytes() for file in files]
     for file, content in zip(files, reversed(contents), strict=True):
         file.write_bytes(content)
