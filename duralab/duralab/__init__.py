@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         UnavailableError,
     )
     from duralab.lab import (
+        AsyncEnduranceTest,
         AsyncLab,
         AsyncWatch,
         CampaignEvent,
@@ -88,6 +89,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ActuatorUse",
+    "AsyncEnduranceTest",
     "AsyncLab",
     "AsyncWatch",
     "BusyError",

@@ -5,6 +5,7 @@ import inspect
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
@@ -73,3 +74,55 @@ def test_what_moves_a_rig_in_a_lab_is_in_the_lab_for_async_code():
     }
     assert "run_project" in moving
     assert not moving - set(dir(async_lab.AsyncLab))
+
+
+def public_methods(of):
+    return {name for name, _ in inspect.getmembers(of, inspect.isfunction) if not name.startswith("_")}
+
+
+def test_an_endurance_test_for_async_code_has_every_method_of_one():
+    assert {"endure", "endurance"} <= public_methods(async_lab.AsyncLab)
+    assert public_methods(duralab.AsyncEnduranceTest) == public_methods(duralab.EnduranceTest)
+    blocking, own = (inspect.signature(of.endure).parameters for of in (duralab.Lab, duralab.AsyncLab))
+    assert [(name, each.default) for name, each in own.items()] == [
+        (name, each.default) for name, each in blocking.items()
+    ]
+
+
+class EndlessTest(duralab.EnduranceTest):
+    """Plays for ever; what it is asked comes from the thread of `asked`."""
+
+    def __init__(self):
+        super().__init__(None, "weeks", "axle")
+        self.asked = []
+
+    def progress(self):
+        self.asked.append(threading.get_ident())
+        return SimpleNamespace(phase=duralab.EndurancePhase.PLAYING)
+
+
+def test_an_endurance_test_is_started_in_a_thread_and_continues_where_its_wait_is_cancelled():
+    test, given = EndlessTest(), {}
+
+    def endure(schedule, **options):
+        given.update(options, schedule=schedule)
+        return test
+
+    async def script():
+        with ThreadPoolExecutor(2) as threads:
+            lab = async_lab.AsyncLab(SimpleNamespace(endure=endure, endurance=lambda id: test), threads)
+            started = await lab.endure("weeks.yaml", id="weeks", seed=3)
+            assert isinstance(started, duralab.AsyncEnduranceTest)
+            assert (started.id, lab.endurance("weeks").test) == ("weeks", test)
+            told = asyncio.Queue()
+            waiting = asyncio.create_task(started.wait(on_progress=told.put_nowait))
+            await told.get()
+            waiting.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await waiting
+            return threading.get_ident()
+
+    loop = asyncio.run(script())
+    assert given == {"schedule": "weeks.yaml", "id": "weeks", "seed": 3, "real_time": False}
+    assert test.asked
+    assert loop not in test.asked

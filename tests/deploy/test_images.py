@@ -120,3 +120,14 @@ def test_closure_is_printed_for_the_shell():
         "proto",
         "services/identifier",
     ]
+
+
+def test_folders_of_volumes_belong_to_the_user_of_the_image():
+    # A named volume takes its owner from the folder of the image; where there is none, root has it.
+    (made,) = [run for run in STAGES["run"].values("RUN") if "install --directory" in run]
+    folders = {f"/var/lib/{word}" for word in made.partition("install --directory")[2].split() if "duralab" in word}
+    document = compose_document({"DURALAB_CERTIFICATES": "/certificates"})
+    mounted = [volume.split(":") for service in document["services"].values() for volume in service.get("volumes", [])]
+    kept = {target for source, target in mounted if source in document["volumes"] and target.startswith("/var/lib/")}
+    assert "/var/lib/duralab/held" in kept
+    assert kept <= folders

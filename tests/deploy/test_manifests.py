@@ -149,6 +149,40 @@ def test_kubernetes_and_compose_start_the_same(tmp_path):
         assert own == {key: value for key, value in composed[name].environment.items() if key in own}
 
 
+# Settings that name a folder whose content a restart must not lose.
+KEPT_FOLDERS = {
+    "rig": "DURALAB__SPOOL_FOLDER",
+    "file-rig": "DURALAB__SPOOL_FOLDER",
+    "sequencer": "DURALAB__HELD_FOLDER",
+    "recorder": "DURALAB__FOLDER",
+    "page": "DURALAB__FOLDER",
+}
+
+
+@pytest.mark.parametrize(("name", "setting"), KEPT_FOLDERS.items())
+def test_what_a_restart_must_not_lose_is_on_a_disk_of_its_own(name, setting):
+    composed = containers(VARIABLES)[name]
+    kept = {mount.target for mount in composed.mounts if mount.source in compose_document(VARIABLES)["volumes"]}
+    assert composed.environment[setting] in kept
+
+    deployment = next(yaml.safe_load_all((KUBERNETES / f"{name}.yaml").read_text()))
+    pod = deployment["spec"]["template"]["spec"]
+    (container,) = pod["containers"]
+    claims = {
+        volume["name"]: volume["persistentVolumeClaim"]["claimName"]
+        for volume in pod["volumes"]
+        if "persistentVolumeClaim" in volume
+    }
+    (folder,) = [entry["value"] for entry in container["env"] if entry["name"] == setting]
+    (mounted,) = [mount["name"] for mount in container["volumeMounts"] if mount["mountPath"] == folder]
+    storage = yaml.safe_load_all((KUBERNETES / "storage.yaml").read_text())
+    assert claims[mounted] in {claim["metadata"]["name"] for claim in storage}
+
+    unit = (SYSTEMD / f"duralab-{name}.service").read_text().splitlines()
+    (state,) = [line.partition("=")[2] for line in unit if line.startswith("StateDirectory=")]
+    assert f"Environment={setting}=%S/{state}" in unit
+
+
 def test_kustomization_renders_and_names_every_manifest():
     resources = yaml.safe_load((ROOT / "deploy/kustomization.yaml").read_text())["resources"]
     there = {f"kubernetes/{path.name}" for path in KUBERNETES.glob("*.yaml")}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from duralab.lab.async_lab import AsyncLab, AsyncWatch, async_connect, async_start
+    from duralab.lab.async_lab import AsyncEnduranceTest, AsyncLab, AsyncWatch, async_connect, async_start
     from duralab.lab.campaign_result import CampaignResult
     from duralab.lab.campaign_running import expected_id, recording_file
     from duralab.lab.catalogue import Catalogue, CatalogueEntries, CatalogueEntry
@@ -35,6 +35,7 @@ __all__ = [
     "DEFAULT_RIGS",
     "FIND_SECONDS",
     "SERVICES",
+    "AsyncEnduranceTest",
     "AsyncLab",
     "AsyncWatch",
     "CampaignEvent",

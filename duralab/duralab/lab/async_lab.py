@@ -9,43 +9,58 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, asynccontextmanager, suppress
 from functools import partial, wraps
-from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
+from pathlib import Path
+from typing import Any, Concatenate, Final, Generic, ParamSpec, Self, TypeVar
 
 from duralab.errors import InputError, LabError
 from duralab.lab.catalogue import Catalogue
+from duralab.lab.endurance import EnduranceHistory, EnduranceTest
 from duralab.lab.identifier import Identifier
 from duralab.lab.lab import Lab
 from duralab.lab.opening import connect, start
 from duralab.lab.watching import LabEvent, Watch, Watched
 from duralab_bus import BusError
 from duralab_proto.keys import ANY
+from duralab_schedules import Schedule
 
 P = ParamSpec("P")
 T = TypeVar("T")
+B = TypeVar("B")
 
 _MOST_AT_ONCE: Final = 64
 """Calls that wait for the lab at the same time; more wait for one of them."""
 
 
+class _Threaded(Generic[B]):
+    """An object with calls that block, and the threads in which they do."""
+
+    def __init__(self, blocking: B, threads: ThreadPoolExecutor) -> None:
+        self._blocking = blocking
+        self._threads = threads
+
+    async def _in_thread(self, work: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+
+
 def _awaited(
-    method: Callable[Concatenate[Lab, P], T],
-) -> Callable[Concatenate[AsyncLab, P], Coroutine[Any, Any, T]]:
-    """Return a method of `Lab` as one of `AsyncLab` that is awaited, in a thread."""
+    method: Callable[Concatenate[B, P], T],
+) -> Callable[Concatenate[_Threaded[B], P], Coroutine[Any, Any, T]]:
+    """Return a method that blocks as one that is awaited, in a thread."""
 
     @wraps(method)
-    async def call(self: AsyncLab, *args: P.args, **kwargs: P.kwargs) -> T:
-        return await self._in_thread(lambda: method(self.lab, *args, **kwargs))
+    async def call(self: _Threaded[B], *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self._in_thread(lambda: method(self._blocking, *args, **kwargs))
 
     return call
 
 
 def _stoppable(
-    method: Callable[Concatenate[Lab, P], T],
-) -> Callable[Concatenate[AsyncLab, P], Coroutine[Any, Any, T]]:
-    """Return a method of `Lab` that moves a rig as one that is awaited, and stopped where its task is cancelled."""
+    method: Callable[Concatenate[B, P], T],
+) -> Callable[Concatenate[_Threaded[B], P], Coroutine[Any, Any, T]]:
+    """Return a method that takes `cancel` as one that is awaited, and stopped where its task is cancelled."""
 
     @wraps(method)
-    async def call(self: AsyncLab, *args: P.args, **kwargs: P.kwargs) -> T:
+    async def call(self: _Threaded[B], *args: P.args, **kwargs: P.kwargs) -> T:
         if kwargs.get("cancel") is not None:
             raise InputError("cancel is given; leave it out, and cancel the task that awaits.", field="cancel")
         cancel, context = threading.Event(), contextvars.copy_context()
@@ -54,7 +69,7 @@ def _stoppable(
             if (callback := given.get(name)) is not None:
                 given[name] = partial(asyncio.get_running_loop().call_soon_threadsafe, callback)
         done = asyncio.get_running_loop().run_in_executor(
-            self._threads, lambda: context.run(partial(method, self.lab, *args, **given))
+            self._threads, lambda: context.run(partial(method, self._blocking, *args, **given))
         )
         try:
             return await asyncio.shield(done)
@@ -70,7 +85,7 @@ def _stoppable(
     return call
 
 
-class AsyncLab:
+class AsyncLab(_Threaded[Lab]):
     """A lab on the bus for `async` code; made by `async_start` and `async_connect`.
 
     Every method is that of `Lab`, awaited and without `cancel`: cancelling the task that awaits a playback, an
@@ -80,9 +95,9 @@ class AsyncLab:
     """
 
     def __init__(self, lab: Lab, threads: ThreadPoolExecutor) -> None:
+        super().__init__(lab, threads)
         self.lab = lab
         """The same lab for code that is not `async`, e.g. in a thread."""
-        self._threads = threads
 
     @property
     def endpoints(self) -> tuple[str, ...]:
@@ -130,6 +145,17 @@ class AsyncLab:
     stop = _awaited(Lab.stop)
     """Stop a campaign; see `Lab.stop`."""
 
+    async def endure(
+        self, schedule: Schedule | str | Path, *, id: str | None = None, seed: int = 0, real_time: bool = False
+    ) -> AsyncEnduranceTest:
+        """Start an endurance test and return, see `Lab.endure`; it continues where the task is cancelled."""
+        started = partial(self.lab.endure, schedule, id=id, seed=seed, real_time=real_time)
+        return AsyncEnduranceTest(await self._in_thread(started), self._threads)
+
+    def endurance(self, id: str) -> AsyncEnduranceTest:
+        """Return an endurance test of this lab, see `Lab.endurance`; not awaited, because nothing is asked yet."""
+        return AsyncEnduranceTest(self.lab.endurance(id), self._threads)
+
     async def watch(
         self,
         *,
@@ -145,8 +171,40 @@ class AsyncLab:
 
         return AsyncWatch(await self._in_thread(begin), self._threads)
 
-    async def _in_thread(self, work: Callable[[], T]) -> T:
-        return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+
+class AsyncEnduranceTest(_Threaded[EnduranceTest]):
+    """One endurance test of a lab for `async` code; made by `AsyncLab.endure` and `AsyncLab.endurance`.
+
+    Every method is that of `EnduranceTest`, awaited. Cancelling the task that awaits `wait` ends the wait; the test
+    continues.
+    """
+
+    def __init__(self, test: EnduranceTest, threads: ThreadPoolExecutor) -> None:
+        super().__init__(test, threads)
+        self.test = test
+        """The same test for code that is not `async`."""
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        return self.test.id
+
+    def history(self) -> EnduranceHistory:
+        """`EnduranceTest.history`; its calls are not `async`."""
+        return self.test.history()
+
+    progress = _awaited(EnduranceTest.progress)
+    """Return how far it is; see `EnduranceTest.progress`."""
+    wait = _stoppable(EnduranceTest.wait)
+    """Wait for its end; see `EnduranceTest.wait`."""
+    hold = _awaited(EnduranceTest.hold)
+    """Hold it after the current repeat; see `EnduranceTest.hold`."""
+    resume = _awaited(EnduranceTest.resume)
+    """Continue after a hold; see `EnduranceTest.resume`."""
+    decide = _awaited(EnduranceTest.decide)
+    """Decide on a hold; see `EnduranceTest.decide`."""
+    stop = _awaited(EnduranceTest.stop)
+    """End it, and stop and latch its rig; see `EnduranceTest.stop`."""
 
 
 class AsyncWatch(AsyncIterator[LabEvent]):

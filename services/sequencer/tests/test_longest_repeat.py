@@ -24,8 +24,9 @@ class PlayingBus:
         self.asked = []
         self._description, self._clock, self._takes = description, clock, iter(takes)
 
-    def query(self, _key, request, answer, *, longest_seconds, cancel):
+    def query(self, _key, request, answer, *, silence_seconds, longest_seconds, cancel):
         del cancel
+        assert silence_seconds == 60.0
         self.asked.append(longest_seconds)
         self._clock.now += next(self._takes)
         return answer(run=request.run, response=to_record(self._description.responses, RATE, DRIVE))

@@ -30,6 +30,9 @@ _WEEK_SECONDS: Final = 7 * 24 * 3600.0
 # A simulated one waits for nothing but its processor.
 _SIMULATION_SECONDS: Final = 30.0
 _SIMULATION_RATIO: Final = 20.0
+# A repeat whose end is not known is never played again: a machine that is overloaded for a while must not cost one. The
+# end of the rig's process or link is noticed at once all the same.
+_SILENCE_SECONDS: Final = 60.0
 
 
 class RigPlayback:
@@ -70,6 +73,7 @@ class RigPlayback:
                 real_time=spec.real_time,
             ),
             rig_pb2.PlayResult,
+            silence_seconds=_SILENCE_SECONDS,
             longest_seconds=self._longest_seconds(seconds),
             cancel=self._cancel,
         )
