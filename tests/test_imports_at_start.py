@@ -1,15 +1,32 @@
 """What a service imports before it answers: nothing that takes half a second and is needed later only."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 
-SLOW = ("scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "xarray", "matplotlib", "pandas")
+SERVICES = ("file_rig", "identifier", "iterator", "recorder", "rig_sim", "sequencer")
+SLOW = ("scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "xarray", "matplotlib", "pandas", "rerun")
 
 
-@pytest.mark.parametrize("service", ["file_rig", "identifier", "iterator", "recorder", "rig_sim", "sequencer"])
+@pytest.mark.parametrize("service", SERVICES)
 def test_a_service_imports_nothing_slow_at_its_start(service):
     program = f"import sys, {service}.service; print(*(name for name in {SLOW!r} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
+def test_no_service_starts_threads_as_it_is_imported():
+    """A fork would lose them."""
+    imports = ", ".join(f"{service}.service" for service in SERVICES)
+    program = f"import os, {imports}; print(len(os.listdir('/proc/self/task')))"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert done.stdout.strip() == "1"

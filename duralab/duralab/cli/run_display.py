@@ -21,7 +21,7 @@ from duralab.cli.ending import ExitCode
 from duralab.cli.output import Output, open_hint, own_command
 from duralab.data import DAMAGE_SLOPES, counted_slope, damage_note, passes
 from duralab.lab import CampaignResult, RunProgress, Stage
-from duralab_bus import SpanKind, span
+from duralab_bus import SpanKind, import_in_background, span
 
 CAMPAIGN_STAGES: Final = (Stage.TARGET, Stage.CAMPAIGN)
 """What a run of a campaign works on, one after the other."""
@@ -149,6 +149,8 @@ def follow(
     endpoint: str,
 ) -> tuple[CampaignResult, Path]:
     """Run a campaign with a progress display, print its figures, and return it and its report."""
+    # What draws the report takes a second to import, and this process waits for the rig meanwhile.
+    import_in_background("duralab.report.campaign_report", "pylife.stress.rainflow")
     with RunDisplay(output.console, iterations=iterations, endpoint=endpoint) as display:
         result = run(display.show)
         display.write_report()

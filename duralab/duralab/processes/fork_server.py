@@ -2,7 +2,7 @@
 
 `python -m duralab.processes.fork_server SOCKET`: reads requests from an inherited socket of packets, answers each with
 a process id or an error number, and tells the exit code of each service when it ends. It ends with the socket. A fork
-is safe here because this process has one thread: whatever starts more is imported by the service itself.
+is safe here because this process has one thread: what starts more is no part of what a service imports at its start.
 """
 
 from __future__ import annotations
@@ -27,9 +27,6 @@ LARGEST_PACKET: Final = 65_536
 
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
 """What most services import at their start."""
-
-_STARTS_THREADS: Final = frozenset({"recorder"})
-"""Services that are never imported here: Rerun starts threads as it is imported, and a fork would lose them."""
 
 
 def main() -> None:
@@ -66,7 +63,7 @@ def _answer(channel: socket.socket, started: set[str], *, inherited: tuple[socke
         return False
     request, (life_line,) = json.loads(packet), ends
     name = request["name"]
-    if name in started and name not in _STARTS_THREADS:
+    if name in started:
         _import_again(name)
     started.add(name)
     try:

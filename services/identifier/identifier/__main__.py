@@ -17,4 +17,4 @@ HOSTED = HostedService(SERVICE, IdentifierConfig, _build)
 """The service as one of several in a process."""
 
 if __name__ == "__main__":
-    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build, needs_later=("scipy.interpolate",))

@@ -9,4 +9,10 @@ HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
 if __name__ == "__main__":
     # Every campaign has a thread of its own, and holds its records there.
     keep_few_arenas(2)
-    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)
+    # Half a second and more of imports, which the first damage would wait for.
+    service_main(
+        HOSTED.name,
+        HOSTED.config_type,
+        HOSTED.build,
+        needs_later=("pylife.stress.rainflow", "scipy.interpolate", "scipy.signal"),
+    )

@@ -9,4 +9,10 @@ HOSTED = HostedService(SERVICE, SequencerConfig, build)
 if __name__ == "__main__":
     # Every test has a thread of its own, and holds its responses there.
     keep_few_arenas(2)
-    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)
+    # Half a second and more of imports, which the first damage would wait for.
+    service_main(
+        HOSTED.name,
+        HOSTED.config_type,
+        HOSTED.build,
+        needs_later=("pylife.stress.rainflow", "scipy.signal"),
+    )

@@ -66,6 +66,7 @@ def run(
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
     from duralab.profile import PROFILE, profiled
+    from duralab_bus import import_in_background
 
     output = Output(as_json)
     if profile and endpoint is not None:
@@ -96,6 +97,8 @@ def run(
         )
         viewer = open_viewer(stack, output) if view else None
         address = viewer.address if viewer is not None else None
+        # For the target, which is made as soon as the lab stands.
+        import_in_background("scipy.signal")
         lab = stack.enter_context(
             open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address, trace_folder=traces)
         )

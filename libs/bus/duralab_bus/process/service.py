@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, DirectoryPath, Field
 from duralab_bus.bus import Bus, open_bus
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.metrics import MetricsConfig, serve_metrics
+from duralab_bus.process.background_imports import import_in_background
 from duralab_bus.process.logs import configure_logs
 from duralab_bus.session import BusConfig
 from duralab_bus.tracing import SpanKind, record_trace, span
@@ -89,14 +90,21 @@ ServiceConfigT = TypeVar("ServiceConfigT", bound=ServiceConfig)
 Build = Callable[[Bus], AbstractContextManager[object] | None]
 
 
-def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Sequence[str] = (MAIN_INSTANCE,)) -> None:
+def run_service(
+    name: str,
+    config: ServiceConfig,
+    build: Build,
+    *,
+    instances: Sequence[str] = (MAIN_INSTANCE,),
+    needs_later: Sequence[str] = (),
+) -> None:
     """Run a service until it is told to end.
 
     `build` is called with the open bus and declares what it serves. It may return a context manager, entered at once
     and left before the bus closes. Instances are declared live after everything else: the rigs of rig_sim, "main" of
-    the others. Ends the process with code 2 after one sentence on standard error when the bus or the service cannot be
-    set up as configured. SIGTERM, SIGINT and, with `exit_with_parent`, the end of standard input make it return, within
-    3 s. SIGUSR1, where the system has it, makes it log where its threads are.
+    the others. `needs_later` is imported after that. Ends the process with code 2 after one sentence on standard error
+    when the bus or the service cannot be set up as configured. SIGTERM, SIGINT and, with `exit_with_parent`, the end of
+    standard input make it return, within 3 s. SIGUSR1, where the system has it, makes it log where its threads are.
     """
     configure_logs(name)
     log = structlog.get_logger(name)
@@ -118,6 +126,7 @@ def run_service(name: str, config: ServiceConfig, build: Build, *, instances: Se
         stop.set_up()
         for instance in instances:
             bus.declare_live(name, instance)
+        import_in_background(*needs_later)
         log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab, metrics=metrics)
         stop.wait()
         log.info("ending", why=stop.reason)
@@ -132,6 +141,7 @@ def service_main(
     build: Callable[[ServiceConfigT], Build],
     *,
     instances: Callable[[ServiceConfigT], Sequence[str]] = lambda _: (MAIN_INSTANCE,),
+    needs_later: Sequence[str] = (),
 ) -> None:
     """Run a service from the command line: `python -m <name> --config FILE`; see `configured` for the environment.
 
@@ -145,6 +155,8 @@ def service_main(
         Given the configuration, returns what `run_service` calls with the bus.
     instances : callable, optional
         Given the configuration, returns the instances to declare live.
+    needs_later : sequence of str
+        Modules that its work needs and its start does not: imported once it serves.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=f"The {name} of a Duralab lab.")
     parser.add_argument("--config", type=Path, metavar="FILE", help="YAML file; the defaults where not given")
@@ -153,7 +165,7 @@ def service_main(
         config = configured(config_type, path)
     except ConfigError as error:
         _refuse(error)
-    run_service(name, config, build(config), instances=instances(config))
+    run_service(name, config, build(config), instances=instances(config), needs_later=needs_later)
     # Everything is closed and written. Daemon threads of handlers and native libraries may still hold a lock, that of
     # the log too: the interpreter's own way out would abort on it now and then.
     sys.stderr.flush()

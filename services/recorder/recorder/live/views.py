@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import structlog
 from google.protobuf.message import Message
 
 from duralab_proto.v1 import iterator_pb2, rig_pb2
 from recorder.format import Part, files_of, recording_path
-from recorder.live.rebuild import UnreadableFileError, show_log
-from recorder.live.stream import release_streams
-from recorder.live.view import LiveView
 from recorder.work_thread import WorkThread
+
+if TYPE_CHECKING:
+    from recorder.live.view import LiveView
 
 MOST_BLOCKS_WAITING: Final = 5000
 """Jobs that wait to be drawn, about 70 MB; signal blocks and poses on top of them are left out of the view, not of the
@@ -42,6 +43,8 @@ class LiveViews:
         self._incomplete: set[str] = set()
         self._log = structlog.get_logger("recorder")
         self._thread = WorkThread("recorder-view")
+        # There before the first recording, but not in the way of the recorder's start.
+        self._thread.offer(_import_rerun)
 
     def show_step(self, recording: str, message: Message) -> None:
         """Draw a committed step; the first of a recording opens its view."""
@@ -96,6 +99,8 @@ class LiveViews:
 
     def _opened(self, recording: str) -> LiveView | None:
         path = recording_path(self._folder, recording, Part.LIVE) if self._files else None
+        from recorder.live.view import LiveView
+
         try:
             # A recorder that was started again goes on with a recording: the view begins with what its log holds.
             before = files_of(self._folder, recording) if path is not None and path.exists() else []
@@ -107,6 +112,8 @@ class LiveViews:
             return None
 
     def _show_before(self, view: LiveView, recording: str, files: Sequence[Path]) -> None:
+        from recorder.live.rebuild import UnreadableFileError, show_log
+
         try:
             show_log(view, files)
         except UnreadableFileError as error:
@@ -120,10 +127,15 @@ class LiveViews:
             del view
             if self._files and not whole:
                 self._make_again(recording)
+            from recorder.live.stream import release_streams
+
             release_streams()
 
     def _make_again(self, recording: str) -> None:
         """Write the view's file once more, from the log: on a full disk Rerun ends a file for good."""
+        from recorder.live.rebuild import show_log
+        from recorder.live.view import LiveView
+
         files = files_of(self._folder, recording)
         try:
             view = LiveView(recording, file=recording_path(self._folder, recording, Part.LIVE), viewer=None)
@@ -132,3 +144,12 @@ class LiveViews:
                 self._log.info("the live view is made again from the log", recording=recording)
         except Exception:  # noqa: BLE001 - as above; `duralab view` makes it again from the log as well
             self._log.exception("the live view cannot be made again", recording=recording)
+
+
+def _import_rerun() -> None:
+    import recorder.live.rebuild  # noqa: F401 - half a second; whoever draws imports it once more
+
+    # What was imported stays. Rerun's streams are only let go of by a collection, after every recording, and most of
+    # its time it looked at ninety thousand objects of modules.
+    gc.collect()
+    gc.freeze()
