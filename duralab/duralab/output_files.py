@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -24,9 +24,13 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+        raise InputError(
+            f"{path} cannot be written: {error.strerror or error}; give another place, or make room there."
+        ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # A file in the place of a folder: `missing_ok` is about missing files only.
+        with suppress(NotADirectoryError):
+            temporary.unlink(missing_ok=True)
 
 
 def require_outputs(paths: Iterable[Path], *, replace: bool, read: Iterable[Path] = ()) -> None:

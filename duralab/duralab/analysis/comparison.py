@@ -268,7 +268,8 @@ def compare(*recordings: str | Path | Recording | Recorded) -> Comparison:
     for recording in opened:
         if not len(recording.iterations):
             raise InputError(
-                f"The recording {recording.path} holds no playback of the target, so there is nothing to compare."
+                f"The recording {recording.path} holds no playback of the target, so there is nothing to compare; "
+                "leave it out."
             )
     first = opened[0].iterations.channels
     channels = tuple(name for name in first if all(name in recording.iterations.channels for recording in opened))

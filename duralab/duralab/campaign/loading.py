@@ -150,11 +150,13 @@ def read_text(path: Path, *, what: str) -> str:
     try:
         return read_yaml_text(path)
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start}); {what} is YAML text.") from error
+        raise InputError(
+            f"{path} is not a text file in UTF-8 (byte {error.start}); {what} is YAML text, so save it as UTF-8."
+        ) from error
     except FileNotFoundError as error:
         raise InputError(f"There is no file {str(path)!r}; give the path of {what}{did_you_mean(path)}") from error
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+        raise InputError(f"{path} cannot be read: {error.strerror}; correct its path or its rights.") from error
 
 
 def parse_mapping(text: str, *, name: str, what: str, keys: Iterable[str]) -> dict[Any, Any]:
@@ -162,7 +164,7 @@ def parse_mapping(text: str, *, name: str, what: str, keys: Iterable[str]) -> di
     try:
         content = parse_yaml(text)
     except YamlError as error:
-        raise InputError(f"{name} is not YAML: {error}.") from error
+        raise InputError(f"{name} is not YAML: {error}; correct it there.") from error
     if not isinstance(content, dict):
         found = "is empty" if content is None else f"holds a {type(content).__name__}"
         raise InputError(f"{name} {found}; {what} holds the keys {', '.join(keys)}.")

@@ -93,6 +93,10 @@ def _usage_sentence(error: typer.TyperException) -> str:
     context = getattr(error, "ctx", None)
     # The words of a Python error inside the sentence are none of the user's.
     sentence = " ".join(error.format_message().split()).replace(": Value error, ", ": ").rstrip(".")
+    # Pydantic, which converts the values, does not repeat them.
+    findings = getattr(error.__cause__, "errors", None)
+    if findings is not None:
+        sentence = f"{sentence}, got {findings()[0]['input']!r}"
     if context is None:
         return f"{sentence}."
     return f"{sentence}{'' if sentence.endswith('?') else ';'} `{context.command_path} --help` shows what is allowed."

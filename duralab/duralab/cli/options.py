@@ -114,6 +114,14 @@ def endpoint_if_any(given: str | None) -> str | None:
     return None if lab is None else lab.endpoint
 
 
+def require_signal_file(path: Path) -> None:
+    """Refuse a file that does not exist, before a lab is started for it."""
+    if not path.exists():
+        from duralab.near_files import did_you_mean
+
+        raise InputError(f"There is no file {str(path)!r}; give a file of signals{did_you_mean(path)}", field="source")
+
+
 @contextmanager
 def open_lab(
     output: Output,

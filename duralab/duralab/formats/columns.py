@@ -20,7 +20,7 @@ LARGEST_TIME_STEP_ERROR: Final = 1e-3
 def rate_of_times(path: Path, time: np.ndarray) -> float:
     """Return the sample rate of even time stamps."""
     if time.size < 2:
-        raise FormatError(path, f"it holds {time.size} samples; 2 or more are needed to know the sample rate.")
+        raise FormatError(path, f"its number of samples is {time.size}; 2 or more are needed to know the sample rate.")
     step = float(time[-1] - time[0]) / (time.size - 1)
     with np.errstate(over="ignore", invalid="ignore"):
         grid = time[0] + step * np.arange(time.size)

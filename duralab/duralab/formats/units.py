@@ -142,7 +142,9 @@ def _by_dimension(signals: Signals, units: tuple[str, ...]) -> dict[str, str]:
         fitting = [unit for unit, goal in goals if goal == base]
         if not fitting:
             raise InputError(
-                f"{channel.name} is in {channel.unit!r}; none of {', '.join(units)} has its dimension.", field="unit"
+                f"{channel.name} is in {channel.unit!r}, and none of {', '.join(units)} has its dimension; "
+                "give one that has.",
+                field="unit",
             )
         if len(set(fitting)) > 1:
             several = " or ".join(dict.fromkeys(fitting))

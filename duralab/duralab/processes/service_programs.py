@@ -59,8 +59,9 @@ def is_recording(file: Path) -> bool:
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}; give a live.rrd or a recording.mcap.") from error
     if not start.startswith((_RECORDING, _LIVE_VIEW)):
+        shown = start.decode("ascii", "backslashreplace")
         raise InputError(
-            f"{file} starts with {start!r} and is neither a live view nor a recording; give a live.rrd or a "
+            f"{file} starts with '{shown}' and is neither a live view nor a recording; give a live.rrd or a "
             "recording.mcap."
         )
     return start.startswith(_RECORDING)

@@ -69,7 +69,8 @@ def render_report(recording: Recording) -> str:
     table = recording.iterations
     if not len(table):
         raise InputError(
-            f"The recording {recording.path} holds no playback of the target, so there is nothing to report."
+            f"The recording {recording.path} holds no playback of the target, so there is nothing to report; "
+            "give one that has."
         )
     specification = recording.specification
     slope = counted_slope(specification)

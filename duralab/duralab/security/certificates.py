@@ -103,9 +103,12 @@ def load_certificate(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(read_regular(path, largest=LARGEST_BYTES))
     except OSError as error:
-        raise InputError(f"The certificate {path} cannot be read: {error.strerror}.") from error
+        raise InputError(
+            f"The certificate {path} cannot be read: {error.strerror}; correct the folder, or "
+            "make it with `duralab certs`."
+        ) from error
     except ValueError as error:
-        raise InputError(f"{path} is not a certificate in PEM.") from error
+        raise InputError(f"{path} is not a certificate in PEM; make it anew with `duralab certs renew`.") from error
 
 
 def expect_free(folder: Path, name: str) -> None:
@@ -127,7 +130,9 @@ def write_pair(
         _replace(folder / f"{name}.key", content, mode=_KEY_MODE)
         _replace(folder / f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM), mode=_CERTIFICATE_MODE)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror}.") from error
+        raise InputError(
+            f"{folder} cannot be written: {error.strerror}; give another folder, or correct its rights."
+        ) from error
     return read_certificate(folder, name)
 
 

@@ -41,7 +41,7 @@ class MemberEntry(Section):
     def _check(self) -> Self:
         member = self.member
         if self.hosts and self.role != ROUTER:
-            raise ValueError(f"{member.common_name} names hosts; only a router is reached by others.")
+            raise ValueError(f"{member.common_name} names hosts; only a router is reached by others, so leave them out")
         return self
 
     @property
@@ -60,14 +60,14 @@ class MembersFile(Section):
         members = [entry.member for entry in self.members]
         for name, count in Counter(member.common_name for member in members).items():
             if count > 1:
-                raise ValueError(f"{name} is listed {count} times; list each member once.")
+                raise ValueError(f"{name} is listed {count} times; list each member once")
         speakers = [(rig, member.common_name) for member in members if member.role == Role.RIG for rig in member.rigs]
         for rig, count in Counter(rig for rig, _ in speakers).items():
             if count > 1:
                 names = " and ".join(name for named, name in speakers if named == rig)
-                raise ValueError(f"{names} both speak for rig {rig!r}; one rig has one member.")
+                raise ValueError(f"{names} both speak for rig {rig!r}; one rig has one member")
         if (routers := sum(member.role == ROUTER for member in members)) != 1:
-            raise ValueError(f"{routers} routers are listed; one is needed.")
+            raise ValueError(f"{routers} routers are listed; one is needed")
         return self
 
 

@@ -59,7 +59,9 @@ def _step(place: Any, part: str, *, key: str, depth: int, what: str) -> Any:
     if isinstance(place, list) and (index := _index(place, part)) >= 0:
         return place[index]
     there = ".".join(key.split(".")[:depth]) or "the top"
-    raise InputError(f"The key {key!r} does not exist in {what}: at {there}, there is {_told(place)}.", field=key)
+    raise InputError(
+        f"The key {key!r} does not exist in {what}: at {there}, there is {_told(place)}; correct the key.", field=key
+    )
 
 
 def _index(entries: list[Any], part: str) -> int:

@@ -181,7 +181,9 @@ class Sweep(Section):
             groups.append(("search.settings", self.search.settings))
         for place, keys in groups:
             if "name" in keys:
-                raise ValueError(f"{place} changes name; every campaign of a sweep is named after its point")
+                raise ValueError(
+                    f"{place} changes name; every campaign of a sweep is named after its point, so leave it out"
+                )
         varied = [
             {new_key(key) for key in keys}
             for keys in (self.axes, set().union(*self.points), self.search.settings if self.search else ())

@@ -105,10 +105,10 @@ class Bus:
                 "Messages published that the recorder has not stored yet",
                 lambda: self._replays.unstored,
             ),
-            ("duralab_spool_bytes", "What spools take", lambda: sum(space.used_bytes for space in self._spaces)),
+            ("duralab_spool_bytes", "Size of the spools", lambda: sum(space.used_bytes for space in self._spaces)),
             (
                 "duralab_spool_limit_bytes",
-                "What spools may take",
+                "Largest size of the spools",
                 lambda: sum(space.largest_bytes for space in self._spaces),
             ),
         ):

@@ -56,7 +56,7 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
         text = read_yaml_text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise ConfigError(f"Cannot read the configuration {path}: {reason}.") from error
+        raise ConfigError(f"Cannot read the configuration {path}: {reason}; correct its path or its rights.") from error
     try:
         content = parse_yaml(text)
     except YamlError as error:

@@ -46,7 +46,10 @@ def test_bad_configuration_is_one_sentence_and_exit_code_two(processes, config, 
 def test_missing_configuration_file_is_named(processes):
     process = processes.run("rig_process.py", "--config", "no-such-file.yaml", stderr=subprocess.PIPE, text=True)
     code, error = ended(process)
-    assert (code, error) == (2, "Cannot read the configuration no-such-file.yaml: No such file or directory.\n")
+    assert (code, error) == (
+        2,
+        "Cannot read the configuration no-such-file.yaml: No such file or directory; correct its path or its rights.\n",
+    )
 
 
 def test_port_in_use_is_one_sentence_and_exit_code_two(processes):

@@ -444,7 +444,7 @@ def read_controller_map(path: Path) -> ControllerMap:
     except UnicodeDecodeError as error:
         raise DriveFileError("it is not UTF-8 text.", path=path) from error
     except YamlError as error:
-        raise DriveFileError(f"it is not YAML: {error}.", path=path) from error
+        raise DriveFileError(f"it is not YAML: {error}; correct it there.", path=path) from error
     except ValidationError as error:
         raise DriveFileError(explain_validation(error, _MapSection).sentence, path=path) from error
     try:

@@ -157,7 +157,8 @@ def open_rpc3(path: Path) -> Rpc3File:
     if available < layout.data_bytes:
         raise DriveFileError(
             f"the file ends here; {layout.groups} groups of {layout.channels} channels and {layout.points_per_group} "
-            f"points need {layout.data_bytes} bytes after the header, and {available} are there.",
+            f"points need {layout.data_bytes} bytes after the header, and {available} are there; save or copy it "
+            "again.",
             path=path,
             offset=size,
         )

@@ -330,7 +330,7 @@ def read_schedule(path: Path) -> Schedule:
     except UnicodeDecodeError as error:
         raise ScheduleError("it is not UTF-8 text.", path=path) from error
     except YamlError as error:
-        raise ScheduleError(f"it is not YAML: {error}.", path=path) from error
+        raise ScheduleError(f"it is not YAML: {error}; correct it there.", path=path) from error
     except ValidationError as error:
         raise ScheduleError(explain_validation(error, Schedule).sentence, path=path) from error
     return schedule.read_from(path.parent)

@@ -215,7 +215,8 @@ class ExcitationMethod(Section):
     def _check_fade(self) -> Self:
         if 2 * self.fade >= self.duration:
             raise MisfitError(
-                f"has fades of {self.fade:g} s in {self.duration:g} s; nothing would be left", field="fade"
+                f"has fades of {self.fade:g} s in {self.duration:g} s; nothing would be left, so shorten them",
+                field="fade",
             )
         return self
 

@@ -120,7 +120,7 @@ def unit_conversion(given: str, wanted: str, channel: str, *, times: str = "1") 
     if _base(source) != _base(goal):
         raise UnitError(
             f"{channel} is in {given!r}, which cannot be converted to {wanted!r}: one is measured in {_base(source)}, "
-            f"the other in {_base(goal)}."
+            f"the other in {_base(goal)}; correct the unit."
         )
     zero, one = (float(_registry().Quantity(value, source).to(goal).magnitude) for value in (0.0, 1.0))
     return (one - zero, zero) if zero else (one, 0.0)

@@ -144,7 +144,7 @@ def _in_words(finding: ErrorDetails, names: _Names, joint: str) -> str:
     if kind in _MISSING:
         return f"{path} is missing{hint}"
     if kind == "value_error":
-        return f"{path}{joint if path else ''}{context['error']}"
+        return f"{path}{joint if path else ''}{str(context['error']).rstrip('.')}"
     value = _cut(repr(finding["input"]))
     message = finding["msg"].removeprefix("Assertion failed, ")
     match kind:

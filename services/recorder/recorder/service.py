@@ -105,9 +105,9 @@ class RecorderService:
     def _register_metrics(self, metrics: Metrics) -> None:
         """Register the recorder's metrics; all of them may be read on any thread."""
         readings: tuple[tuple[str, str, Callable[[], float]], ...] = (
-            ("waiting_jobs", "What waits for the writer's thread", lambda: self._writer.waiting),
-            ("intake_bytes", "What was received and is not on the disk yet", lambda: self._intake.bytes),
-            ("lag_seconds", "For how long the oldest of it has waited", lambda: self._intake.lag_seconds),
+            ("waiting_jobs", "Jobs that wait for the writer's thread", lambda: self._writer.waiting),
+            ("intake_bytes", "Data received that are not on the disk yet", lambda: self._intake.bytes),
+            ("lag_seconds", "Time that the oldest of these data have waited", lambda: self._intake.lag_seconds),
             ("open_recordings", "Recordings that are written", lambda: self._archive.counts()[0]),
             ("interrupted_recordings", "Recordings whose disk takes nothing", lambda: self._archive.counts()[1]),
             ("free_bytes", "Room on the disk of the recordings", lambda: shutil.disk_usage(self._folder).free),

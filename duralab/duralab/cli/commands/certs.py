@@ -184,7 +184,7 @@ def refusals(
         try:
             lines = sys.stdin if log is None else stack.enter_context(log.open(encoding="utf-8", errors="replace"))
         except OSError as error:
-            raise InputError(f"The log {log} cannot be read: {error.strerror}.") from error
+            raise InputError(f"The log {log} cannot be read: {error.strerror}; give a router's log.") from error
         for refusal in read_refusals(lines):
             if not output.document({"event": "refused", **asdict(refusal)}, on_one_line=True):
                 who = refusal.who or "somebody unknown"

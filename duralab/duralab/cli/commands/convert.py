@@ -25,6 +25,7 @@ from duralab.cli.options import (
     complete_rig,
     endpoint_if_any,
     open_lab,
+    require_signal_file,
 )
 from duralab.cli.output import Output
 from duralab.errors import InputError
@@ -74,6 +75,8 @@ def in_units(signals: Signals, units: Sequence[str] | None) -> Signals:
 def _resampled(signals: Signals, rate: float | None) -> Signals:
     if rate is None or rate == signals.sample_rate:
         return signals
+    if not 0.0 < rate < float("inf"):
+        raise InputError(f"--rate is {rate:g}; give a sample rate above 0, in hertz.", field="rate")
     from duralab.target import edit_signals
 
     return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
@@ -138,7 +141,6 @@ def import_file(
     """Make a target of a measured file, for a rig (--rig); or read the response of a controller to a drive (--map)."""
     from duralab.campaign import ImportSettings, load_import_settings
     from duralab.formats import format_of, write_signals
-    from duralab.near_files import did_you_mean
     from duralab.output_files import require_outputs
     from duralab.target import edit_signals, read_target_file, require_playable
 
@@ -161,10 +163,7 @@ def import_file(
     asked = load_import_settings(settings) if settings is not None else ImportSettings()
     # A wrong name or a file in the way is said before a lab is started.
     format_of(out, to_format)
-    if not source.is_file():
-        raise InputError(
-            f"There is no file {str(source)!r}; give a file of signals{did_you_mean(source)}", field="source"
-        )
+    require_signal_file(source)
     require_outputs([out], read=[source], replace=replace)
     with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         described = lab.describe(rig)

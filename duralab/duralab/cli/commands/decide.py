@@ -89,7 +89,7 @@ def _nested(values: Sequence[str]) -> dict[str, Any]:
         try:
             value = parse_yaml(text)
         except YamlError as error:
-            raise InputError(f"--set {key} is not YAML: {error}.", field="set") from error
+            raise InputError(f"--set {key} is not YAML: {error}; close brackets and quotes.", field="set") from error
         place = nested
         for section in sections:
             place = place.setdefault(section, {})

@@ -141,7 +141,9 @@ def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> 
         return None
     table = recording.iterations
     if not table.numbers:
-        raise InputError(f"{recording.path} holds no playback.")
+        raise InputError(
+            f"{recording.path} holds no playback of a campaign; export its target, or give a recording that has one."
+        )
     return table.numbers[table.best] if asked is None else asked
 
 
@@ -171,7 +173,9 @@ def _refuse_for_frf(**options: object) -> None:
 def _export_frf(recording: Recording, out: Path, *, replace: bool) -> None:
     require_frf_file(out)
     if recording.model is None:
-        raise InputError(f"{recording.path} holds no model; the campaign did not come so far.")
+        raise InputError(
+            f"{recording.path} holds no model, as its rig was not identified; give a recording that has one."
+        )
     write_frf(recording.model, out, replace=replace)
 
 

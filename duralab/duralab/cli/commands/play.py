@@ -18,6 +18,7 @@ from duralab.cli.options import (
     complete_campaign,
     endpoint_if_any,
     open_lab,
+    require_signal_file,
 )
 from duralab.cli.output import Output
 
@@ -58,6 +59,8 @@ def play(
     path = out or drive.with_name(f"{drive.stem}_response.csv")
     format_of(path, None)
     require_outputs([path], read=[drive], replace=replace)
+    # Before a lab is started: a private one takes seconds.
+    require_signal_file(drive)
     with open_lab(output, endpoint_if_any(endpoint), rigs=(rig,)) as lab:
         signals = read_drive_file(drive, lab.describe(rig), units=units or [])
         with RunDisplay(output.console, stages=(Stage.PLAYBACK,)) as display:

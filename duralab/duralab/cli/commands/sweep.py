@@ -62,7 +62,7 @@ def sweep(
     if report_of is not None:
         others = {"--out": out, "--workers": workers, "--scheduler": scheduler, "--retry-failed": retry_failed or None}
         if idle := [name for name, value in others.items() if value is not None]:
-            raise InputError(f"--report only reads; {', '.join(idle)} is of a sweep that is run.")
+            raise InputError(f"--report only reads, and {', '.join(idle)} belongs to a run; leave it out.")
         _conclude(output, read_results(report_of))
         return
     plan = load_sweep(str(source))

@@ -80,7 +80,7 @@ def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, numbe
     if path.is_symlink() or not path.is_file():
         raise RefusedError(
             query_pb2.FAULT_CODE_NOT_FOUND,
-            f"There is no file {path.name}; recorder/recording/list (`duralab catalogue`) names the recordings.",
+            f"There is no recording {path.name}; `duralab catalogue` (recorder/recording/list) lists those there are.",
             field="recording",
         )
     return path
