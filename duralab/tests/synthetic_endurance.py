@@ -25,6 +25,8 @@ SAMPLES = 2000
 EVENTS = ("rough", "smooth")
 NAMES = synthetic_campaign.NAMES
 CHANGED = NAMES.index("left_lateral")
+# 2026-03-01 06:30 UTC; alarms are found a minute a repeat after it.
+FOUND = 1_772_346_600 * 10**9
 
 SCHEDULE = """name: weeks
 rig: front_axle
@@ -170,6 +172,7 @@ def _alarm(alarm: Alarm, event: int) -> sequencer_pb2.EnduranceAlarm:
         action=sequencer_pb2.ALARM_ACTION_LOG,
         measure=alarm.measure.value,
         size=alarm.size,
+        found=FOUND + alarm.repeat * 60_000_000_000,
     )
 
 

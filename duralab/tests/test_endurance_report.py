@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -99,6 +100,7 @@ def test_the_report_tells_progress_damage_alarms_and_what_was_not_kept(made, pag
     assert "Repeat 33 (rough) counts as played, its damage as planned: the rig left." in text
     for alarm in made.alarms:
         assert alarm.sentence in text
+        assert f"{datetime(2026, 3, 1, 6, 30, tzinfo=UTC) + timedelta(minutes=alarm.repeat):%Y-%m-%d %H:%M} UTC" in text
     assert "of each event the first 2, every 20th, and 1 before and after an alarm" in text
     assert "weeks-v0003.mcap" in text
 

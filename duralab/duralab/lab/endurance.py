@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
@@ -390,6 +391,8 @@ class EnduranceAlarm:
         Change as a share of the baseline, or the value at an absolute limit.
     sentence : str
         All of it.
+    found : datetime.datetime or None
+        When the sequencer found it, in UTC; None in a recording of an older version, which has no time.
     """
 
     repeat: int
@@ -403,6 +406,7 @@ class EnduranceAlarm:
     measure: str
     size: float
     sentence: str
+    found: datetime | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -541,4 +545,5 @@ def _alarm(message: sequencer_pb2.EnduranceAlarm, events: tuple[str, ...]) -> En
         measure=message.measure,
         size=message.size,
         sentence=message.sentence,
+        found=datetime.fromtimestamp(message.found / 1e9, UTC) if message.found else None,
     )

@@ -197,6 +197,7 @@ def _alarm_row(recording: EnduranceRecording, alarm: sequencer_pb2.EnduranceAlar
     band = (alarm.lowest_frequency, alarm.highest_frequency)
     return {
         "repeat": alarm.repeat,
+        "found": _moment(alarm.found),
         "level": level,
         "tone": "bad" if alarm.level == sequencer_pb2.ALARM_LEVEL_ABORT else "",
         "kind": _words(sequencer_pb2.AlarmKind.Name(alarm.kind), "ALARM_KIND_"),
@@ -209,6 +210,11 @@ def _alarm_row(recording: EnduranceRecording, alarm: sequencer_pb2.EnduranceAlar
     }
 
 
+def _moment(nanoseconds: int) -> str:
+    """Return nanoseconds since 1970 UTC for people; 0 is not known."""
+    return f"{datetime.fromtimestamp(nanoseconds / 1e9, UTC):%Y-%m-%d %H:%M} UTC" if nanoseconds else "–"
+
+
 def _decision_rows(recording: EnduranceRecording) -> list[tuple[str, ...]]:
     """Return for each hold: number, next repeat, why, what was decided, by whom, why, when."""
     decisions = {decision.hold: decision for decision in recording.messages(sequencer_pb2.EnduranceDecision)}
@@ -218,8 +224,7 @@ def _decision_rows(recording: EnduranceRecording) -> list[tuple[str, ...]]:
         answer = ("–", "–", "–", "–")
         if decision is not None:
             kind = _words(sequencer_pb2.EnduranceDecisionKind.Name(decision.kind), "ENDURANCE_DECISION_KIND_")
-            when = datetime.fromtimestamp(decision.decided / 1e9, UTC) if decision.decided else None
-            answer = (kind, decision.name, decision.reason, f"{when:%Y-%m-%d %H:%M} UTC" if when else "–")
+            answer = (kind, decision.name, decision.reason, _moment(decision.decided))
         rows.append((str(hold.number), str(hold.next_repeat), hold.reason, *answer))
     return rows
 

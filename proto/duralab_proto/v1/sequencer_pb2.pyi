@@ -114,7 +114,7 @@ class EnduranceSpec(_message.Message):
     def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., schedule: _Optional[str] = ..., events: _Optional[_Iterable[_Union[ScheduledEvent, _Mapping]]] = ..., seed: _Optional[int] = ..., real_time: _Optional[bool] = ...) -> None: ...
 
 class EnduranceAlarm(_message.Message):
-    __slots__ = ("repeat", "event", "level", "kind", "channel", "lowest_frequency", "highest_frequency", "since_repeat", "sentence", "action", "measure", "size")
+    __slots__ = ("repeat", "event", "level", "kind", "channel", "lowest_frequency", "highest_frequency", "since_repeat", "sentence", "action", "measure", "size", "found")
     REPEAT_FIELD_NUMBER: _ClassVar[int]
     EVENT_FIELD_NUMBER: _ClassVar[int]
     LEVEL_FIELD_NUMBER: _ClassVar[int]
@@ -127,6 +127,7 @@ class EnduranceAlarm(_message.Message):
     ACTION_FIELD_NUMBER: _ClassVar[int]
     MEASURE_FIELD_NUMBER: _ClassVar[int]
     SIZE_FIELD_NUMBER: _ClassVar[int]
+    FOUND_FIELD_NUMBER: _ClassVar[int]
     repeat: int
     event: int
     level: AlarmLevel
@@ -139,7 +140,8 @@ class EnduranceAlarm(_message.Message):
     action: AlarmAction
     measure: str
     size: float
-    def __init__(self, repeat: _Optional[int] = ..., event: _Optional[int] = ..., level: _Optional[_Union[AlarmLevel, str]] = ..., kind: _Optional[_Union[AlarmKind, str]] = ..., channel: _Optional[str] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., since_repeat: _Optional[int] = ..., sentence: _Optional[str] = ..., action: _Optional[_Union[AlarmAction, str]] = ..., measure: _Optional[str] = ..., size: _Optional[float] = ...) -> None: ...
+    found: int
+    def __init__(self, repeat: _Optional[int] = ..., event: _Optional[int] = ..., level: _Optional[_Union[AlarmLevel, str]] = ..., kind: _Optional[_Union[AlarmKind, str]] = ..., channel: _Optional[str] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., since_repeat: _Optional[int] = ..., sentence: _Optional[str] = ..., action: _Optional[_Union[AlarmAction, str]] = ..., measure: _Optional[str] = ..., size: _Optional[float] = ..., found: _Optional[int] = ...) -> None: ...
 
 class EnduranceRepeat(_message.Message):
     __slots__ = ("repeat", "event", "drive", "run", "end", "reason", "statistics", "damage", "alarms", "signal_epoch", "signal_blocks", "samples_hash", "measures", "baseline", "warnings", "lag")

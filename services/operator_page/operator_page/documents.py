@@ -137,9 +137,14 @@ def endurance_document(progress: EnduranceProgress, *, ended: bool, age: float, 
     }
 
 
-def alarm_document(alarm: EnduranceAlarm, heard: float | None) -> dict[str, Any]:
-    """Return an alarm; `heard`: when the page heard of it."""
-    return {**vars(alarm), "size": number(alarm.size), "band": list(alarm.band) if alarm.band else None, "when": heard}
+def alarm_document(alarm: EnduranceAlarm) -> dict[str, Any]:
+    """Return an alarm; `found`: in seconds since 1970, None in recordings of versions that kept no time."""
+    return {
+        **vars(alarm),
+        "size": number(alarm.size),
+        "band": list(alarm.band) if alarm.band else None,
+        "found": alarm.found.timestamp() if alarm.found else None,
+    }
 
 
 def service_document(health: ServiceHealth) -> dict[str, Any]:

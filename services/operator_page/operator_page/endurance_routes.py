@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from duralab import CatalogueEntry
 from duralab.lab import Lab
 from operator_page.accounts import PageRole
 from operator_page.commands import Commands
@@ -14,6 +16,11 @@ from operator_page.endpoints import Asked, Endpoint, RefusedError, Workers
 from operator_page.files import PageFiles, fetched_drives
 from operator_page.lab_view import LabView
 from operator_page.requests import BeginEndurance, DecideEndurance, Nothing, ScheduleDocument, StopEndurance
+
+
+def _is_test(entry: CatalogueEntry) -> bool:
+    """Return whether a recording is one of an endurance test: the recorder names its target so."""
+    return entry.target.startswith("endurance test ")
 
 
 class EnduranceRoutes:
@@ -40,15 +47,15 @@ class EnduranceRoutes:
     async def _schedules(self, _asked: Asked) -> Mapping[str, Any]:
         """List schedule files, recordings that have a drive, and tests that were broken off."""
         found = await self._workers.in_thread(self._lab.catalogue.search)
-        under_way = {each["id"] for each in self._view.endurance.documents(0.0) if not each["ended"]}
-        # Only a campaign has a target.
-        open_ones = {re.sub(r"-v\d{4}$", "", each.id) for each in found if not (each.target or each.closed)}
+        shown = self._view.endurance.documents(time.time())
+        under_way = {each["id"] for each in shown if not (each["ended"] or each["silent"])}
+        open_ones = {re.sub(r"-v\d{4}$", "", each.id) for each in found if _is_test(each) and not each.closed}
         return {
             "schedules": (await self._workers.in_thread(self._files.listed))["schedules"],
             "drives": [
                 {"id": each.id, "rig": each.rig, "result": each.result.value}
                 for each in found
-                if each.target and each.closed
+                if each.target and each.closed and not _is_test(each)
             ],
             "open": sorted(open_ones - under_way),
         }

@@ -59,12 +59,12 @@ class Trends:
         size = len(responses) * len(STATISTICS)
         self._curves = {event: Envelope(size, buckets=BUCKETS) for event in events}
         self._baselines: dict[str, list[_Baseline]] = {event: [] for event in events}
-        self.alarms: deque[tuple[EnduranceAlarm, float | None]] = deque(maxlen=MOST_ALARMS)
+        self.alarms: deque[EnduranceAlarm] = deque(maxlen=MOST_ALARMS)
         self.unknown: deque[tuple[int, str]] = deque(maxlen=MOST_ALARMS)
 
-    def put(self, repeat: PlayedRepeat, *, heard: float | None) -> None:
-        """Take the next repeat; `heard`: when it was recorded, seconds since 1970, None where that is not known."""
-        self.alarms.extend((alarm, heard) for alarm in repeat.alarms)
+    def put(self, repeat: PlayedRepeat) -> None:
+        """Take the next repeat."""
+        self.alarms.extend(repeat.alarms)
         if repeat.statistics is None:
             self.unknown.append((repeat.repeat, repeat.reason))
             return

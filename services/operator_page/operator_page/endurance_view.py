@@ -16,6 +16,8 @@ from operator_page.endurance_trends import STATISTICS, Trends
 MOST_TESTS: Final = 5
 """Tests that have ended stay in view, the last ones."""
 MOST_KEPT: Final = 200
+SILENT_SECONDS: Final = 10.0
+"""A sequencer says at least once a second how far a test is: without a word for so long it is taken for gone."""
 
 _ENDED: Final = (EndurancePhase.FINISHED, EndurancePhase.STOPPED, EndurancePhase.FAULTED)
 
@@ -26,7 +28,7 @@ class _SeenTest:
     history: EnduranceHistory
     heard: float
     trends: Trends | None = None
-    # Repeats read from the recording so far; what is recorded before the page knew the test has no time.
+    # Repeats read from the recording so far; alarms of those before the page knew the test are no news.
     read: int = 0
     caught_up: bool = False
     complete: bool = False
@@ -87,11 +89,10 @@ class EnduranceView:
                     responses=responses,
                     columns=test.history.columns,
                 )
-            heard = time.time() if test.caught_up else None
             for repeat in found:
                 if test.trends is not None:
-                    test.trends.put(repeat, heard=heard)
-                for alarm in repeat.alarms if heard else ():
+                    test.trends.put(repeat)
+                for alarm in repeat.alarms if test.caught_up else ():
                     self._say(f"{test.progress.id}: {alarm.level}: {alarm.sentence}", trouble=True)
             test.read += len(found)
             test.caught_up = test.caught_up or test.read >= test.progress.played
@@ -106,6 +107,12 @@ class EnduranceView:
         """Return the tests under way on a rig."""
         with self._lock:
             return [id for id, each in self._tests.items() if each.progress.rig == rig and not each.ended]
+
+    def silent(self, id: str, now: float) -> bool:
+        """Return whether the sequencer of a test that did not end is not heard any more."""
+        with self._lock:
+            test = self._tests.get(id)
+            return test is not None and not test.ended and now - test.heard > SILENT_SECONDS
 
     def progress(self, id: str) -> EnduranceProgress:
         """Return how far a test is; raises InputError where the page knows none of that name."""
@@ -122,7 +129,8 @@ class EnduranceView:
         with self._lock:
             return [
                 endurance_document(each.progress, ended=each.ended, age=now - each.heard, read=each.read)
-                for each in self._tests.values()
+                | {"silent": self.silent(id, now)}
+                for id, each in self._tests.items()
             ]
 
     def details(self, id: str, *, event: str, statistic: str) -> dict[str, Any]:
@@ -151,7 +159,7 @@ class EnduranceView:
                     "around": schedule.keep.around_alarm,
                 },
                 "actions": {"warning": schedule.actions.warning.value, "abort": schedule.actions.abort.value},
-                "alarms": [alarm_document(alarm, heard) for alarm, heard in trends.alarms],
+                "alarms": [alarm_document(alarm) for alarm in trends.alarms],
                 "unknown": [list(each) for each in trends.unknown],
                 "decisions": [list(each) for each in history.decisions[-MOST_KEPT:]],
                 "kept": sorted(set(history.kept))[-MOST_KEPT:],

@@ -1,5 +1,7 @@
 """Endurance tests over HTTP: forecast, begun, shown with their limits, held, decided, stopped."""
 
+import time
+
 import numpy as np
 import pytest
 from page_lab import RIG, Client, schedule
@@ -49,6 +51,7 @@ def test_a_schedule_is_forecast_and_is_no_campaign(page_lab, page, people):
 
 def test_a_test_is_begun_held_gone_on_with_alarmed_and_stopped(page_lab, page, people):
     ada, grace, vera = people["Ada"], people["Grace"], people["Vera"]
+    begun_at = time.time()
     begun(page_lab, page, ada, "weeks")
     seen = vera.wait_for(lambda lab: (found := test_of("weeks")(lab)) and found["read"] >= 30)
     assert test_of("weeks")(seen)["phase"] == "playing"
@@ -85,7 +88,7 @@ def test_a_test_is_begun_held_gone_on_with_alarmed_and_stopped(page_lab, page, p
     alarm = details["alarms"][0]
     assert alarm["level"] == "abort"
     assert alarm["channel"] == page_lab.rig.responses[0].name
-    assert alarm["when"] is not None
+    assert begun_at <= alarm["found"] <= time.time()
     assert details["decisions"][0][:1:-1] == ["lunch is over", "Ada"]
     # It is from a file: no campaign knows how to correct it, which is said, and it holds again.
     again = {"kind": "iterate_again", "hold": waiting["hold"], "reason": "try"}
@@ -128,9 +131,10 @@ def test_a_page_that_begins_later_reads_all_repeats_back(page_lab, page, people)
     path = "/api/endurance/read-back?event=smooth&statistic=max"
     before, after = ada.get(path)[1], later.get(path)[1]
     assert after["curves"] == before["curves"]
-    # When an alarm was raised, this page does not know.
-    assert [one | {"when": None} for one in before["alarms"]] == after["alarms"]
+    # Also when an alarm was found, before this page was there.
+    assert after["alarms"] == before["alarms"]
     assert after["alarms"]
+    assert all(one["found"] for one in after["alarms"])
     assert later.get("/api/endurance/read-back?event=x&statistic=max")[0] == 400
     assert later.get("/api/endurance/read-back?event=smooth&statistic=x")[0] == 400
     assert ada.post(f"/api/rigs/{RIG}/stop")[0] == 200

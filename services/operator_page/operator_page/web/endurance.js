@@ -1,7 +1,7 @@
 // An endurance test: how far it is, damage against plan, trends with limits, alarms, and what people decide.
 "use strict";
 import { attempt, described, get, html, isOperator, state, useEffect, useState } from "/web/lab.js";
-import { Deliberate, Legend, Plot, Table, clock, curve, figure, sentence, share, span } from "/web/parts.js";
+import { Deliberate, Legend, Plot, Table, curve, figure, moment, sentence, share, span } from "/web/parts.js";
 import { Log } from "/web/screens.js";
 import { BeginEndurance } from "/web/schedule.js";
 
@@ -25,12 +25,13 @@ export function EnduranceScreen() {
     return () => { gone = true; };
   }, [id, event, asked.statistic, test && test.read, test && test.ended]);
   const known = details && details.id === id ? details : null;
-  return html`<h1>Endurance ${id} ${test && html`<span class="mode phase-${test.phase}"><span aria-hidden="true">${PHASES[test.phase]}</span> ${test.phase}</span>`}</h1>
+  return html`<h1>Endurance ${id} ${test && html`<${Phase} test=${test} />`}</h1>
     ${rig && rig.reason && html`<p class="reason">${rig.reason}</p>`}
     ${rig && rig.waiting && html`<p class="notice">Being made ready: ${rig.waiting}.</p>`}
     ${test && html`
       <p class="activity"><strong>${test.played}</strong> of ${test.repeats} repeats${test.remaining ? html`, <strong>${span(test.remaining)}</strong> left` : ""}. ${test.hold ? "It waits for a decision" : sentence(test.activity).replace(/\.$/, "")}.</p>
       <progress max=${Math.max(1, test.repeats)} value=${test.played} aria-label="Share of the repeats that is played"></progress>
+      ${test.silent && html`<p class="notice">The sequencer of this test is not heard; what stands here is old. When the sequencer runs again, continue the test here.</p><${BeginEndurance} broken />`}
       ${test.ended && test.reason && html`<p class="reason">${test.reason}</p>`}
       ${test.hold > 0 && html`<${Waiting} test=${test} key=${`${id}-${test.hold}`} />`}
       ${!test.ended && !test.hold && isOperator() && html`<${Acting} test=${test} key=${id} />`}
@@ -41,6 +42,11 @@ export function EnduranceScreen() {
       ${known && known.curves && html`<${Kept} test=${test} known=${known} />`}`}
     ${(!test || test.ended) && !(rig && rig.waiting) && html`<${BeginEndurance} />`}
     <${Log} lines=${15} />`;
+}
+
+function Phase({ test }) {
+  if (test.silent) return html`<span class="mode mode-unknown"><span aria-hidden="true">?</span> no word for ${span(test.age)}</span>`;
+  return html`<span class="mode phase-${test.phase}"><span aria-hidden="true">${PHASES[test.phase]}</span> ${test.phase}</span>`;
 }
 
 const CHOICES = [["continue", "Continue"], ["iterate_again", "Iterate again, then continue with the corrected drive"], ["relearn", "Learn all baselines again, as after a repair, and continue"], ["end", "End the test; the rig is not latched"]];
@@ -119,7 +125,7 @@ function Trends({ test, known, event, statistic, choose }) {
       const found = known.alarms.filter((one) => one.channel === name && one.event === event).sort((a, b) => a.repeat - b.repeat);
       const at = [...new Map(found.map((one) => [one.repeat, high[Math.floor(one.repeat / curves.bucket)]]))];
       if (at.length) drawn.push({ name: "alarm", colour: "--bad", marks: true, data: [at.map(([x]) => x), at.map(([, y]) => y)] });
-      return html`<${Plot} key=${`${name} ${statistic}`} title=${name} unit=${unit(row)} xLabel="repeat" curves=${drawn} changes=${`${known.read} ${event} ${statistic}`} />`;
+      return html`<${Plot} key=${`${name} ${statistic}`} title=${name} unit=${unit(row)} xLabel="repeat" lines=${known.responses.length > 6 ? 8 : 12} curves=${drawn} changes=${`${known.read} ${event} ${statistic}`} />`;
     })}</div></section>`;
 }
 
@@ -131,7 +137,7 @@ function Alarms({ test, known }) {
   if (test.alarms === 0) return html`<p class="good">✓ No alarm so far.</p>`;
   return html`<${Table} caption=${`Alarms: ${test.alarms}, the newest first${alarms.length < test.alarms && known ? `; ${alarms.length} are shown` : ""}`}
     heads=${["level", "time", "repeat", "event", "channel", "frequency", "measure", "change", "kind", "follows"]}
-    rows=${alarms.map((one) => ({ className: one.level === "abort" ? "bad" : "warn", cells: [html`<span class="level"><span aria-hidden="true">${LEVELS[one.level]}</span> ${one.level}</span>`, one.when ? clock(one.when) : "earlier", one.repeat, one.event, one.channel, band(one), one.measure, size(one), one.kind === "limit" ? "limit" : `${one.kind} since ${one.since}`, one.action] }))} />`;
+    rows=${alarms.map((one) => ({ className: one.level === "abort" ? "bad" : "warn", cells: [html`<span class="level"><span aria-hidden="true">${LEVELS[one.level]}</span> ${one.level}</span>`, one.found ? moment(one.found) : "not recorded", one.repeat, one.event, one.channel, band(one), one.measure, size(one), one.kind === "limit" ? "limit" : `${one.kind} since ${one.since}`, one.action] }))} />`;
 }
 
 function Kept({ test, known }) {

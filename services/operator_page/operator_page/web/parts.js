@@ -12,6 +12,12 @@ export const sentence = (words) => `${words.slice(0, 1).toUpperCase()}${words.sl
 export const share = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(0)} %`);
 export const clock = (when) => new Date(1000 * when).toLocaleTimeString([], { hour12: false });
 
+// A test runs for weeks: the date of what was not today.
+export function moment(when) {
+  const date = new Date(1000 * when);
+  return `${date.toDateString() === new Date().toDateString() ? "" : `${date.toLocaleDateString()} `}${clock(when)}`;
+}
+
 export function span(value) {
   if (value === null || value === undefined) return "–";
   if (value < 90) return `${value.toFixed(0)} s`;
@@ -81,18 +87,21 @@ export function curve(low, high, step) {
   return [x, y];
 }
 
-export function Plot({ title, unit, curves, changes, height = 130, xLabel = "s" }) {
+export function Plot({ title, unit, curves, changes, lines = 8, xLabel = "s" }) {
   const place = useRef(null);
   const plot = useRef(null);
   // Of the look now: a plot is drawn again where the page becomes light or dark.
-  const look = colour("--text");
+  const text = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const look = `${colour("--text")} ${text}`;
   useEffect(() => {
     const names = curves.map((one) => one.name);
-    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") }, font: "11px system-ui" };
+    place.current.dataset.ink = colour("--text");
+    const height = Math.round(lines * text);
+    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), size: 5 }, font: `${Math.round(0.85 * text)}px system-ui` };
     const made = new self.uPlot({
       width: place.current.clientWidth || 300, height, legend: { show: false }, cursor: { show: false }, pxAlign: false,
       scales: { x: { time: false } },
-      axes: [{ ...axis, size: 24, incrs: xLabel === "s" ? undefined : [1, 2, 5].flatMap((one) => [0, 1, 2, 3, 4, 5, 6].map((power) => one * 10 ** power)).sort((a, b) => a - b) }, { ...axis, size: 58 }],
+      axes: [{ ...axis, size: 1.6 * text, incrs: xLabel === "s" ? undefined : [1, 2, 5].flatMap((one) => [0, 1, 2, 3, 4, 5, 6].map((power) => one * 10 ** power)).sort((a, b) => a - b) }, { ...axis, size: 4 * text, space: 1.4 * text }],
       series: [{}, ...curves.map((one, i) => ({ label: names[i], stroke: one.marks ? "transparent" : colour(one.colour), width: one.width || 1, dash: one.dash, spanGaps: true,
         points: one.marks ? { show: true, size: 9, width: 2, stroke: colour(one.colour) } : one.points ? { show: true, size: 4, stroke: colour(one.colour), fill: colour(one.colour) } : { show: false } }))],
     }, [[], ...curves.map(() => [])], place.current);

@@ -3,7 +3,7 @@
 import { attempt, get, html, isOperator, mayMove, post, say, state, useEffect, useState } from "/web/lab.js";
 import { Deliberate, Table, figure, span } from "/web/parts.js";
 
-export function BeginEndurance() {
+export function BeginEndurance({ broken }) {
   const [known, setKnown] = useState(null);
   const [name, setName] = useState("");
   const [pace, setPace] = useState("fast");
@@ -27,8 +27,8 @@ export function BeginEndurance() {
       <${Deliberate} label="Begin the test" action="/api/endurance" values=${{ name, real_time: pace === "real" }} ready=${forecast !== null} /> <span role="status">${busy}</span></div>
     ${forecast && html`<${Forecast} forecast=${forecast} />`}
     <${MakeSchedule} known=${known} saved=${async (made) => { await read(); choose(made); }} />
-    ${known.open.length > 0 && html`<details><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
-      ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label="Go on" action=${`/api/endurance/${id}/resume`} values=${{}} /></p>`)}</details>`}
+    ${known.open.length > 0 && html`<details class="broken" open=${broken}><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
+      ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label="Continue" action=${`/api/endurance/${id}/resume`} values=${{}} /></p>`)}</details>`}
   </section>`;
 }
 

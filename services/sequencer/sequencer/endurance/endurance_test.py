@@ -309,6 +309,7 @@ class EnduranceTest:
         damage = verdict.statistics.table[:, _DAMAGE]
         tally.count_measured(damage)
         self._alarms += len(verdict.alarms)
+        found = time.time_ns()
         step = sequencer_pb2.EnduranceRepeat(
             repeat=repeat,
             event=event,
@@ -316,7 +317,10 @@ class EnduranceTest:
             run=played.run,
             end=sequencer_pb2.REPEAT_END_PLAYED,
             damage=to_array(damage),
-            alarms=[alarm_message(alarm, event=event, action=self._action(alarm.level)) for alarm in verdict.alarms],
+            alarms=[
+                alarm_message(alarm, event=event, action=self._action(alarm.level), found=found)
+                for alarm in verdict.alarms
+            ],
             baseline=self._monitor.baseline(name) if verdict.baseline_changed else b"",
             warnings=played.warnings,
         )

@@ -55,8 +55,8 @@ def stored_statistics(repeat: sequencer_pb2.EnduranceRepeat, *, responses: int) 
     return RepeatStatistics(table=table[:, : len(Statistic)], measures=measures, lag=lag)
 
 
-def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction) -> sequencer_pb2.EnduranceAlarm:
-    """Return an alarm with what follows from it."""
+def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction, found: int) -> sequencer_pb2.EnduranceAlarm:
+    """Return an alarm with its action; `found`: in nanoseconds since 1970 UTC."""
     lowest, highest = alarm.band or (0.0, 0.0)
     return sequencer_pb2.EnduranceAlarm(
         repeat=alarm.repeat,
@@ -71,6 +71,7 @@ def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction) -> sequencer
         action=_ACTIONS[action],
         measure=alarm.measure.value,
         size=alarm.size,
+        found=found,
     )
 
 
