@@ -1,4 +1,4 @@
-"""Measure everything: rigs, identification, iteration, files, bus, log, live view, a campaign, a sweep.
+"""Measure everything: rigs, their lanes, identification, iteration, files, bus, log, live view, a campaign, a sweep.
 
 Writes out/bench.json, the page and the same as text: goals, met or missed, with what was measured.
 
@@ -21,6 +21,7 @@ from drives import noise_drive, playable_share
 from formats import measure_formats
 from identification import measure_identification
 from iteration import measure_iteration
+from lanes import measure_lanes
 from live_view import measure_live_view
 from machine import ProcessorTime, machine
 from page import missed, page
@@ -92,6 +93,7 @@ def measure(path: Path) -> Figures:
 def _others(scratch: Path) -> dict[str, Callable[[], object]]:
     """Return what is measured beside the rigs, by its name in the file."""
     return {
+        "lanes": measure_lanes,
         "identification": lambda: measure_identification(scratch / "peers"),
         "iteration": lambda: measure_iteration(scratch / "peers"),
         "formats": measure_formats,

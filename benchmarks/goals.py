@@ -90,6 +90,12 @@ GOALS: dict[str, tuple[Goal, ...]] = {
         _least("`predecessor`, its sides independent: times real time", "rigs", "predecessor", "rtf", bound=200.0),
         *(_most(f"`{rig}`: error of a playback", "rigs", rig, "error", bound=1e-3) for rig in SUSPENSION_RIGS),
     ),
+    "Variants of `front_axle` in the lanes of vectors, one core": (
+        _least("one alone: times real time", "lanes", "rtf", bound=200.0),
+        _least("four together over one, AVX2", "lanes", "four_over_one", bound=1.8),
+        _least("eight together over one, AVX-512", "lanes", "eight_over_one", bound=2.5),
+        _most("error against each alone", "lanes", "error", bound=1e-3),
+    ),
     "Identification: 8 × 8, 600 s at 1 kHz, block 2048, one core": (
         _least(
             "times faster than a loop of `scipy.signal.csd`", _IDENTIFICATION, "times_faster_than_csd_pairs", bound=40.0

@@ -181,11 +181,8 @@ class DrivePlayback(ABC):
 
     def approach(self) -> Iterator[Block]:
         """Go from rest to the drive's first sample and settle there, block by block; nothing where that is zero."""
-        samples = self._lead_in.shape[1] - 1
         while self._next < 0:
-            begin = samples + self._next
-            end = min(begin + self.block_samples, samples)
-            yield self._go_on(self._lead_in[:, begin : end + 1], counted=False)
+            yield self._go_on(self._ahead(), counted=False)
 
     def blocks(self) -> Iterator[Block]:
         """Play the drive on, block by block, after the approach where that was not iterated over; the last is shorter.
@@ -194,14 +191,24 @@ class DrivePlayback(ABC):
         """
         for _ in self.approach():
             pass
-        samples = self._drive.shape[1]
-        while self._next < samples:
-            first, end = self._next, min(self._next + self.block_samples, samples)
-            # Nothing follows the last sample; its value is held.
-            ahead = self._drive[:, min(end, samples - 1)]
-            block = self._go_on(np.column_stack([self._drive[:, first:end], ahead]), counted=True)
+        while self._next < self._drive.shape[1]:
+            first = self._next
+            block = self._go_on(self._ahead(), counted=True)
             self.response[:, first : block.end] = block.response
             yield block
+
+    def _ahead(self) -> np.ndarray:
+        """Return the commands of the next block of approach or drive and the one they lead to; one column at the end.
+
+        Nothing follows the last sample of the drive; its value is held.
+        """
+        if self._next < 0:
+            samples = self._lead_in.shape[1] - 1
+            begin = samples + self._next
+            return self._lead_in[:, begin : min(begin + self.block_samples, samples) + 1]
+        samples = self._drive.shape[1]
+        end = min(self._next + self.block_samples, samples)
+        return np.column_stack([self._drive[:, self._next : end], self._drive[:, min(end, samples - 1)]])
 
     def ramp_down(self) -> Iterator[Block]:
         """From where the playback was left, bring all drives to zero along a cosine and hold; blocks count on."""

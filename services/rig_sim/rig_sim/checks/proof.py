@@ -7,6 +7,7 @@ YAML do; tree, gravity and the linear elements of the SDF it works out by itself
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -14,12 +15,14 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
-from rig_sim.compile import CompiledModel, at_once, taken
+from rig_sim.compile import CompiledModel, LaneModel, Run, at_once, taken
 from rig_sim.engines import AppliedForces, applied_force, drake_responses
 from rig_sim.model import Evaluation, RigModel
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24
+#: Of each rig in a batch, whose single player was proven at all of them.
+STATES_IN_LANES = 3
 
 
 class ProofError(RuntimeError):
@@ -73,6 +76,33 @@ def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, se
     return Proof(*(float(error) for error in worst), states=STATES)
 
 
+def check_lanes(lanes: LaneModel, rigs: Sequence[tuple[RigModel, CompiledModel]], *, seed: int = 0) -> float:
+    """Compare rigs in lanes with their single players, which are proven, at random states; return the largest error.
+
+    Raises `ProofError` as `prove` does.
+    """
+    rng = np.random.default_rng(seed)
+    worst = 0.0
+    for first in range(0, len(rigs), lanes.width):
+        variants = range(first, min(first + lanes.width, len(rigs)))
+        for _ in range(STATES_IN_LANES):
+            points = [(random_state(rigs[at][0], rng), _random_inputs(rigs[at][0], rng)) for at in variants]
+            answers = lanes.evaluate(variants, [Run(state, inputs[:, None]) for state, inputs in points])
+            for at, (state, inputs), (rates, outputs) in zip(variants, points, answers, strict=True):
+                model, single = rigs[at]
+                judge = "that of the single rig"
+                count = len(model.response_names)
+                right = single.outputs(state, inputs)
+                monitored = model.output_names[count:]
+                worst = max(
+                    worst,
+                    _compare(rates, single.derivative(state, inputs), model.state_names, judge=judge),
+                    _compare_responses(model, outputs[:count], right[:count], judge=judge),
+                    _compare(outputs[count:], right[count:], monitored, judge=judge),
+                )
+    return worst
+
+
 def _compare(own: np.ndarray, right: np.ndarray, names: tuple[str, ...], *, judge: str = "Drake") -> float:
     if not names:
         return 0.0
@@ -86,13 +116,13 @@ def _compare(own: np.ndarray, right: np.ndarray, names: tuple[str, ...], *, judg
     return float(error[worst])
 
 
-def _compare_responses(model: RigModel, own: np.ndarray, right: np.ndarray) -> float:
+def _compare_responses(model: RigModel, own: np.ndarray, right: np.ndarray, *, judge: str = "Drake") -> float:
     """Compare the responses unit by unit: newtons say nothing about metres."""
     channels = model.assembly.specimen.responses
     worst = 0.0
     for unit in {channel.unit: None for channel in channels}:
         rows = [row for row, channel in enumerate(channels) if channel.unit == unit]
-        worst = max(worst, _compare(own[rows], right[rows], tuple(channels[row].name for row in rows)))
+        worst = max(worst, _compare(own[rows], right[rows], tuple(channels[row].name for row in rows), judge=judge))
     return worst
 
 

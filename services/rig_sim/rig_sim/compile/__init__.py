@@ -5,8 +5,9 @@ it, and compiled to play it.
 """
 
 from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model
-from rig_sim.compile.compiled_model import CompiledModel, Playback
+from rig_sim.compile.compiled_model import CompiledModel, Playback, Run, Steps
 from rig_sim.compile.integrate import Method, amplification
+from rig_sim.compile.lane_model import WIDTHS, LaneModel, lane_width, widest_lanes
 from rig_sim.compile.many import Many, at_once, taken
 from rig_sim.compile.model import compile_model, trace_model
 from rig_sim.compile.numeric import (
@@ -23,15 +24,23 @@ from rig_sim.compile.numeric import (
     sqrt,
     tanh,
 )
-from rig_sim.compile.tracing import Graph
+from rig_sim.compile.tracing import Graph, TracedModel
+from rig_sim.compile.variants import Fingerprint, Variants, fingerprint, unite
 
 __all__ = [
     "FOLDER_VARIABLE",
+    "WIDTHS",
     "CompiledModel",
+    "Fingerprint",
     "Graph",
+    "LaneModel",
     "Many",
     "Method",
     "Playback",
+    "Run",
+    "Steps",
+    "TracedModel",
+    "Variants",
     "absolute",
     "amplification",
     "asin",
@@ -42,6 +51,8 @@ __all__ = [
     "compile_model",
     "cos",
     "exp",
+    "fingerprint",
+    "lane_width",
     "maximum",
     "minimum",
     "select_positive",
@@ -50,4 +61,6 @@ __all__ = [
     "taken",
     "tanh",
     "trace_model",
+    "unite",
+    "widest_lanes",
 ]

@@ -16,12 +16,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import structlog
 from llvmlite import binding as llvm
 
-from rig_sim.compile.compiled_model import CompiledModel, link_module
+from rig_sim.compile.compiled_model import CompiledModel, CompiledModule, compile_module, link_module
 
 FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
 """Names another folder for the code; `off` keeps none."""
@@ -39,16 +39,34 @@ def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledM
     `key`: Differs where anything of the model or of the generator does. Whatever keeps the code from being read or
     written is logged, and the model is compiled.
     """
+    return _kept(key, compile_it, link=_linked, describe=_described)
+
+
+def cached_module(text: str) -> CompiledModule:
+    """Return the machine code of a module's text, kept as that of models is."""
+    return _kept(text, lambda: compile_module(text), link=lambda code, _: link_module(code), describe=lambda _: {})
+
+
+_Made = TypeVar("_Made", CompiledModel, CompiledModule)
+
+
+def _kept(
+    key: str,
+    make: Callable[[], _Made],
+    *,
+    link: Callable[[bytes, dict[str, Any]], _Made],
+    describe: Callable[[_Made], dict[str, Any]],
+) -> _Made:
     folder = _folder()
     if folder is None:
-        return compile_it()
+        return make()
     path = folder / f"{_digest(key)}{_SUFFIX}"
-    found = _read(path)
+    found = _read(path, link)
     if found is not None:
         return found
-    model = compile_it()
-    _write(path, model)
-    return model
+    made = make()
+    _write(path, made.code, describe(made))
+    return made
 
 
 def _folder() -> Path | None:
@@ -68,7 +86,7 @@ def _digest(key: str) -> str:
     return hashlib.sha256("\n".join([key, sys.version, *made_with, *processor]).encode()).hexdigest()
 
 
-def _read(path: Path) -> CompiledModel | None:
+def _read(path: Path, link: Callable[[bytes, dict[str, Any]], _Made]) -> _Made | None:
     try:
         with path.open("rb") as stream:
             # Code that another user could have written is not run.
@@ -79,7 +97,7 @@ def _read(path: Path) -> CompiledModel | None:
         described = json.loads(head)
         if hashlib.sha256(code).hexdigest() != described.pop("code_hash"):
             raise ValueError("its hash is another")
-        model = _linked(code, described)
+        model = link(code, described)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
@@ -102,21 +120,24 @@ def _linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
     )
 
 
-def _write(path: Path, model: CompiledModel) -> None:
-    described = {
-        "code_hash": hashlib.sha256(model.code).hexdigest(),
+def _described(model: CompiledModel) -> dict[str, Any]:
+    return {
         "state_names": model.state_names,
         "input_names": model.input_names,
         "output_names": model.output_names,
         "operation_count": model.operation_count,
         "state_order": model.state_order,
     }
+
+
+def _write(path: Path, code: bytes, described: dict[str, Any]) -> None:
+    head = {"code_hash": hashlib.sha256(code).hexdigest(), **described}
     temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part")
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
             with open(temporary, "xb", opener=_private) as stream:
-                stream.write(json.dumps(described).encode() + b"\n" + model.code)
+                stream.write(json.dumps(head).encode() + b"\n" + code)
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)

@@ -6,6 +6,7 @@ import sys
 import weakref
 from dataclasses import dataclass
 from functools import cache
+from typing import TypedDict
 
 import numpy as np
 from llvmlite import binding as llvm
@@ -109,7 +110,80 @@ class Playback:
     diverged_states: tuple[str, ...]
 
 
-class CompiledModel:
+class Steps(TypedDict):
+    """How a record is integrated: seconds between samples, steps to a sample, and how one is taken."""
+
+    sample_interval: float
+    substeps: int
+    method: Method
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is to be played: from which state, on which commands (inputs, samples + 1), in what bounds of the states."""
+
+    state: np.ndarray
+    commands: np.ndarray
+    bounds: np.ndarray | None = None
+
+
+class NamedModel:
+    """A model's states, inputs and outputs by name, and checks of what it is given."""
+
+    def __init__(
+        self, *, state_names: tuple[str, ...], input_names: tuple[str, ...], output_names: tuple[str, ...]
+    ) -> None:
+        self.state_names = state_names
+        self.input_names = input_names
+        self.output_names = output_names
+
+    def _commands(self, commands: ArrayLike) -> np.ndarray:
+        command = np.ascontiguousarray(commands, dtype=np.float64)
+        if command.ndim != 2 or command.shape[0] != len(self.input_names) or command.shape[1] < 1:
+            raise ValueError(
+                f"The commands have the shape {command.shape}; give ({len(self.input_names)}, samples + 1), one row "
+                "per input."
+            )
+        if not np.isfinite(command).all():
+            input_index, sample = np.argwhere(~np.isfinite(command))[0]
+            raise ValueError(
+                f"The command {self.input_names[input_index]!r} is {command[input_index, sample]} at sample {sample}; "
+                "give finite numbers."
+            )
+        return command
+
+    @staticmethod
+    def _check_steps(sample_interval: float, substeps: int) -> None:
+        if not (np.isfinite(sample_interval) and sample_interval > 0.0):
+            raise ValueError(f"The sample interval is {sample_interval} s; give a finite one above 0.")
+        if substeps < 1 or substeps != int(substeps):
+            raise ValueError(f"The number of substeps is {substeps}; give a whole number of at least 1.")
+
+    def _states_outside(self, state: np.ndarray, limits: np.ndarray) -> tuple[str, ...]:
+        outside = ~(np.abs(state) <= limits)
+        return tuple(name for name, out in zip(self.state_names, outside, strict=True) if out)
+
+    def _limits(self, bounds: ArrayLike | None) -> np.ndarray:
+        largest = np.finfo(np.float64).max  # any finite state
+        if bounds is None:
+            return np.full(len(self.state_names), largest)
+        limits = self._vector(bounds, self.state_names, "bounds")
+        if not (limits > 0.0).all():
+            index = int(np.argmin(limits > 0.0))
+            raise ValueError(
+                f"The bound of the state {self.state_names[index]!r} is {limits[index]}; give a magnitude above 0."
+            )
+        return np.minimum(limits, largest)
+
+    @staticmethod
+    def _vector(values: ArrayLike, names: tuple[str, ...], what: str) -> np.ndarray:
+        vector = np.ascontiguousarray(values, dtype=np.float64)
+        if vector.shape != (len(names),):
+            raise ValueError(f"The {what} has the shape {vector.shape}; give ({len(names)},).")
+        return vector
+
+
+class CompiledModel(NamedModel):
     """A model as machine code. Made by :func:`compile_model`; may be called from several threads at once.
 
     `operation_count`: Operations of one evaluation of the derivative, both sides of a mirrored model counted. `lanes`:
@@ -126,13 +200,11 @@ class CompiledModel:
         operation_count: int,
         state_order: tuple[int, ...] | None = None,
     ) -> None:
+        super().__init__(state_names=state_names, input_names=input_names, output_names=output_names)
         self._module = module  # keeps the code alive
         self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
         self._observe = _OBSERVE_SIGNATURE(module.address("observe"))
         self._play = {method: PLAY_SIGNATURE(module.address(play_symbol(method))) for method in Method}
-        self.state_names = state_names
-        self.input_names = input_names
-        self.output_names = output_names
         self.operation_count = operation_count
         self.state_order = state_order
         self.lanes = 1 if state_order is None else 2
@@ -181,22 +253,8 @@ class CompiledModel:
         number is out of its range.
         """
         inner = self._vector(state, self.state_names, "state")[self._order]
-        command = np.ascontiguousarray(commands, dtype=np.float64)
-        if command.ndim != 2 or command.shape[0] != len(self.input_names) or command.shape[1] < 1:
-            raise ValueError(
-                f"The commands have the shape {command.shape}; give ({len(self.input_names)}, samples + 1), one row "
-                "per input."
-            )
-        if not np.isfinite(command).all():
-            input_index, sample = np.argwhere(~np.isfinite(command))[0]
-            raise ValueError(
-                f"The command {self.input_names[input_index]!r} is {command[input_index, sample]} at sample {sample}; "
-                "give finite numbers."
-            )
-        if not (np.isfinite(sample_interval) and sample_interval > 0.0):
-            raise ValueError(f"The sample interval is {sample_interval} s; give a finite one above 0.")
-        if substeps < 1 or substeps != int(substeps):
-            raise ValueError(f"The number of substeps is {substeps}; give a whole number of at least 1.")
+        command = self._commands(commands)
+        self._check_steps(sample_interval, substeps)
         limits = self._limits(bounds)
         inner_limits = limits[self._order]
         samples = command.shape[1] - 1
@@ -215,25 +273,6 @@ class CompiledModel:
         final = inner[self._places]
         if status == COMPLETED:
             return Playback(outputs, final, None, ())
-        outside = ~(np.abs(final) <= limits)
-        names = tuple(name for name, out in zip(self.state_names, outside, strict=True) if out)
-        return Playback(np.ascontiguousarray(outputs[:, :status]), final, int(status), names)
-
-    def _limits(self, bounds: ArrayLike | None) -> np.ndarray:
-        largest = np.finfo(np.float64).max  # any finite state
-        if bounds is None:
-            return np.full(len(self.state_names), largest)
-        limits = self._vector(bounds, self.state_names, "bounds")
-        if not (limits > 0.0).all():
-            index = int(np.argmin(limits > 0.0))
-            raise ValueError(
-                f"The bound of the state {self.state_names[index]!r} is {limits[index]}; give a magnitude above 0."
-            )
-        return np.minimum(limits, largest)
-
-    @staticmethod
-    def _vector(values: ArrayLike, names: tuple[str, ...], what: str) -> np.ndarray:
-        vector = np.ascontiguousarray(values, dtype=np.float64)
-        if vector.shape != (len(names),):
-            raise ValueError(f"The {what} has the shape {vector.shape}; give ({len(names)},).")
-        return vector
+        return Playback(
+            np.ascontiguousarray(outputs[:, :status]), final, int(status), self._states_outside(final, limits)
+        )

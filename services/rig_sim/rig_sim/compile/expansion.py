@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from rig_sim.compile.operations import Operation
-from rig_sim.compile.tracing import Expression, Graph, TracedModel, creation_order
+from rig_sim.compile.tracing import Expression, Graph, TracedModel, rebuilt
 
 #: pi/2 and ln 2 to more digits than a double has (Abramowitz and Stegun, table 1.1).
 _HALF_PI = Fraction("1.5707963267948966192313216916397514420985846996875529104874722961539")
@@ -45,23 +45,12 @@ _ARCTANGENT = [(-1.0) ** k / (2 * k + 1) for k in range(1, 21)]
 
 def expanded(traced: TracedModel) -> TracedModel:
     """Return the model with every transcendental function written out."""
-    graph = Graph()
-    made: dict[int, Expression] = {}
-    arguments = (*traced.state, *traced.inputs)
-    for argument in arguments:
-        made[argument.index] = graph.input(argument.name)
-    for node in creation_order((*traced.derivative, *traced.outputs)):
-        if node.value is not None:
-            made[node.index] = graph.constant(node.value)
-        elif node.operation is not Operation.INPUT:
-            operands = [made[operand.index] for operand in node.operands]
-            expansion = _EXPANSIONS.get(node.operation)
-            made[node.index] = expansion(*operands) if expansion else graph.apply(node.operation, *operands)
 
-    def twins(expressions: Sequence[Expression]) -> tuple[Expression, ...]:
-        return tuple(made[expression.index] for expression in expressions)
+    def written_out(graph: Graph, node: Expression, operands: list[Expression]) -> Expression:
+        expansion = _EXPANSIONS.get(node.operation)
+        return expansion(*operands) if expansion else graph.apply(node.operation, *operands)
 
-    return TracedModel(twins(traced.state), twins(traced.inputs), twins(traced.derivative), twins(traced.outputs))
+    return rebuilt(traced, written_out)
 
 
 def _polynomial(x: Expression, coefficients: Sequence[float]) -> Expression:

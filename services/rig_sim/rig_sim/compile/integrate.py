@@ -13,6 +13,9 @@ are computed once a sample. The loop's own function, one for each method, is::
 
     int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
                int64 samples, int64 substeps, double step, const double *bounds)
+
+Of several rigs in the lanes of vectors every ``double`` in an array is a vector, and each function gets one more array
+after ``inputs`` or ``bounds``: the constants in which the rigs differ. The loop ends where any lane is out of bounds.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from rig_sim.compile.llvm_text import literal
+from rig_sim.compile.llvm_text import DOUBLE, Kind, literal
 
 Rational = Fraction | int
 
@@ -124,60 +127,77 @@ _TABLEAUS = {
 
 
 COMPLETED = -1
-PLAY_SIGNATURE = ctypes.CFUNCTYPE(
-    ctypes.c_int64,
+_PLAY_ARGUMENTS = (
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
     *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p),
 )
+PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS)
+LANES_PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS, ctypes.c_void_p)
 
 
-def play_text(*, states: int, inputs: int, outputs: int) -> str:
-    """Write the loop for a model of these sizes."""
+def play_text(*, states: int, inputs: int, outputs: int, kind: Kind = DOUBLE) -> str:
+    """Write the loop for a model of these sizes; of vectors for rigs in lanes."""
+    numbers, align = kind.numbers, "" if kind is DOUBLE else ", align 8"
+    entry, fraction = _spread(kind, "%fraction")
+    loop = _Loop(kind, states=states, inputs=max(inputs, 1), outputs=max(outputs, 1))
     return "\n".join(
         [
             _elementwise(
                 "interpolate",
                 "ptr noalias %commands, i64 %stride, i64 %now, i64 %next, double %fraction, ptr noalias %inputs",
                 count=inputs,
-                body="""
+                entry=entry,
+                body=f"""
   %row = mul i64 %i, %stride
   %at.now = add i64 %row, %now
   %at.next = add i64 %row, %next
-  %p.now = getelementptr double, ptr %commands, i64 %at.now
-  %p.next = getelementptr double, ptr %commands, i64 %at.next
-  %v.now = load double, ptr %p.now
-  %v.next = load double, ptr %p.next
-  %rise = fsub double %v.next, %v.now
-  %part = fmul double %rise, %fraction
-  %value = fadd double %v.now, %part
-  %p = getelementptr double, ptr %inputs, i64 %i
-  store double %value, ptr %p""",
+  %p.now = getelementptr {numbers}, ptr %commands, i64 %at.now
+  %p.next = getelementptr {numbers}, ptr %commands, i64 %at.next
+  %v.now = load {numbers}, ptr %p.now{align}
+  %v.next = load {numbers}, ptr %p.next{align}
+  %rise = fsub {numbers} %v.next, %v.now
+  %part = fmul {numbers} %rise, {fraction}
+  %value = fadd {numbers} %v.now, %part
+  %p = getelementptr {numbers}, ptr %inputs, i64 %i
+  store {numbers} %value, ptr %p{align}""",
             ),
             _elementwise(
                 "scatter",
                 "ptr noalias %row, ptr noalias %outputs, i64 %stride, i64 %sample",
                 count=outputs,
-                body="""
-  %p = getelementptr double, ptr %row, i64 %i
-  %value = load double, ptr %p
+                body=f"""
+  %p = getelementptr {numbers}, ptr %row, i64 %i
+  %value = load {numbers}, ptr %p{align}
   %begin = mul i64 %i, %stride
   %at = add i64 %begin, %sample
-  %q = getelementptr double, ptr %outputs, i64 %at
-  store double %value, ptr %q""",
+  %q = getelementptr {numbers}, ptr %outputs, i64 %at
+  store {numbers} %value, ptr %q{align}""",
             ),
-            _WITHIN.format(states=states),
-            *(_loop(method, states=states, inputs=max(inputs, 1), outputs=max(outputs, 1)) for method in Method),
+            _within(kind, states=states),
+            *(loop.text(method) for method in Method),
         ]
     )
 
 
-def _elementwise(name: str, parameters: str, *, count: int, body: str) -> str:
+def _spread(kind: Kind, number: str) -> tuple[str, str]:
+    """Return the lines that put a number into every lane, and where it then is."""
+    if kind is DOUBLE:
+        return "", number
+    numbers, indices = kind.numbers, kind.constant("0", element="i32")
+    return (
+        f"  {number}.0 = insertelement {numbers} poison, double {number}, i32 0\n"
+        f"  {number}.all = shufflevector {numbers} {number}.0, {numbers} poison, <{kind.lanes} x i32> {indices}\n",
+        f"{number}.all",
+    )
+
+
+def _elementwise(name: str, parameters: str, *, count: int, body: str, entry: str = "") -> str:
     head = f"define internal void @{name}({parameters}) alwaysinline nounwind {{"
     if count == 0:
         return f"{head}\n  ret void\n}}"
     return f"""{head}
 entry:
-  br label %loop
+{entry}  br label %loop
 loop:
   %i = phi i64 [0, %entry], [%i.next, %loop]
 {body}
@@ -189,6 +209,24 @@ end:
 }}"""
 
 
+def _within(kind: Kind, *, states: int) -> str:
+    if kind is DOUBLE:
+        return _WITHIN.format(
+            numbers="double", truth="i1", yes="true", suffix="f64", states=states, align="", all="", inside="%inside"
+        )
+    reduced = f"  %all = call i1 @llvm.vector.reduce.and.v{kind.lanes}i1({kind.truth} %inside)\n"
+    return _WITHIN.format(
+        numbers=kind.numbers,
+        truth=kind.truth,
+        yes=kind.constant("true", element="i1"),
+        suffix=kind.suffix,
+        states=states,
+        align=", align 8",
+        all=reduced,
+        inside="%all",
+    )
+
+
 # Ordered comparison: a NaN is outside every bound.
 _WITHIN = """
 define internal i1 @within(ptr noalias %state, ptr noalias %bounds) alwaysinline nounwind {{
@@ -196,19 +234,19 @@ entry:
   br label %loop
 loop:
   %i = phi i64 [0, %entry], [%i.next, %loop]
-  %so.far = phi i1 [true, %entry], [%inside, %loop]
-  %p = getelementptr double, ptr %state, i64 %i
-  %q = getelementptr double, ptr %bounds, i64 %i
-  %value = load double, ptr %p
-  %bound = load double, ptr %q
-  %magnitude = call double @llvm.fabs.f64(double %value)
-  %this = fcmp ole double %magnitude, %bound
-  %inside = and i1 %so.far, %this
+  %so.far = phi {truth} [{yes}, %entry], [%inside, %loop]
+  %p = getelementptr {numbers}, ptr %state, i64 %i
+  %q = getelementptr {numbers}, ptr %bounds, i64 %i
+  %value = load {numbers}, ptr %p{align}
+  %bound = load {numbers}, ptr %q{align}
+  %magnitude = call {numbers} @llvm.fabs.{suffix}({numbers} %value)
+  %this = fcmp ole {numbers} %magnitude, %bound
+  %inside = and {truth} %so.far, %this
   %i.next = add i64 %i, 1
   %again = icmp slt i64 %i.next, {states}
   br i1 %again, label %loop, label %end
 end:
-  ret i1 %inside
+{all}  ret i1 {inside}
 }}"""
 
 
@@ -217,41 +255,55 @@ def play_symbol(method: Method) -> str:
     return f"play_{method.value}"
 
 
-def _loop(method: Method, *, states: int, inputs: int, outputs: int) -> str:
-    tableau = method.tableau
-    name = play_symbol(method)
-    combinations = [
-        _combination(f"{name}.to.{stage}", shares, states=states)
-        for stage, shares in enumerate((*tableau.stages, tableau.weights), start=1)
-    ]
-    slopes = [f"%slope{stage}" for stage in range(len(tableau.nodes))]
-    play = _PLAY.format(
-        name=name,
-        states=states,
-        inputs=inputs,
-        outputs=outputs,
-        slopes="\n".join(f"  {slope} = alloca [{states} x double], align 64" for slope in slopes),
-        stages="\n".join(_stages(tableau, name)),
-        step=_call(f"{name}.to.{len(slopes)}", tableau.weights, "%state"),
-    )
-    return "\n".join([*combinations, play])
+class _Loop:
+    """The loops of one model, written by method."""
 
+    def __init__(self, kind: Kind, *, states: int, inputs: int, outputs: int) -> None:
+        self._kind = kind
+        self._states, self._inputs, self._outputs = states, inputs, outputs
+        # What rigs in lanes differ by.
+        self._constants = "" if kind is DOUBLE else ", ptr %constants"
 
-def _stages(tableau: Tableau, name: str) -> list[str]:
-    """Write the stages after the first; commands are interpolated where the node is another one than before."""
-    lines = []
-    for stage, shares in enumerate(tableau.stages, start=1):
-        node = tableau.nodes[stage]
-        lines.append(_call(f"{name}.to.{stage}", shares, "%point"))
-        if node != tableau.nodes[stage - 1]:
-            lines += [
-                f"  %number.{stage} = fadd double %number, {literal(float(node))}",
-                f"  %fraction.{stage} = fdiv double %number.{stage}, %parts",
-                "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, "
-                f"double %fraction.{stage}, ptr %inputs)",
-            ]
-        lines.append(f"  call void @derivative(ptr %point, ptr %inputs, ptr %slope{stage})")
-    return lines
+    def text(self, method: Method) -> str:
+        """Write the loop that takes its steps by a method."""
+        tableau = method.tableau
+        name = play_symbol(method)
+        combinations = [
+            _combination(f"{name}.to.{stage}", shares, states=self._states, kind=self._kind)
+            for stage, shares in enumerate((*tableau.stages, tableau.weights), start=1)
+        ]
+        slopes = [f"%slope{stage}" for stage in range(len(tableau.nodes))]
+        numbers = self._kind.numbers
+        play = _PLAY.format(
+            name=name,
+            numbers=numbers,
+            states=self._states,
+            inputs=self._inputs,
+            outputs=self._outputs,
+            slopes="\n".join(f"  {slope} = alloca [{self._states} x {numbers}], align 64" for slope in slopes),
+            stages="\n".join(self._stages(tableau, name)),
+            step=_call(f"{name}.to.{len(slopes)}", tableau.weights, "%state"),
+            constants=self._constants,
+            attributes=self._kind.attributes,
+            parameter=self._constants.replace("ptr ", "ptr noalias "),
+        )
+        return "\n".join([*combinations, play])
+
+    def _stages(self, tableau: Tableau, name: str) -> list[str]:
+        """Write the stages after the first; commands are interpolated where the node is another one than before."""
+        lines = []
+        for stage, shares in enumerate(tableau.stages, start=1):
+            node = tableau.nodes[stage]
+            lines.append(_call(f"{name}.to.{stage}", shares, "%point"))
+            if node != tableau.nodes[stage - 1]:
+                lines += [
+                    f"  %number.{stage} = fadd double %number, {literal(float(node))}",
+                    f"  %fraction.{stage} = fdiv double %number.{stage}, %parts",
+                    "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, "
+                    f"double %fraction.{stage}, ptr %inputs)",
+                ]
+            lines.append(f"  call void @derivative(ptr %point, ptr %inputs{self._constants}, ptr %slope{stage})")
+        return lines
 
 
 def _call(name: str, shares: Sequence[Rational], moved: str) -> str:
@@ -259,40 +311,62 @@ def _call(name: str, shares: Sequence[Rational], moved: str) -> str:
     return f"  call void @{name}(ptr %state, {used}double %step, ptr {moved})"
 
 
-def _combination(name: str, shares: Sequence[Rational], *, states: int) -> str:
+def _combination(name: str, shares: Sequence[Rational], *, states: int, kind: Kind) -> str:
     """Write ``moved = start + step * sum(share * slope)``; slopes without a share are no argument."""
     used = [(stage, float(share)) for stage, share in enumerate(shares) if share]
     pointers = "".join(f"ptr noalias readonly %slope{stage}, " for stage, _ in used)
-    lines = ["", "  %p = getelementptr double, ptr %start, i64 %i", "  %value = load double, ptr %p"]
+    numbers, align = kind.numbers, "" if kind is DOUBLE else ", align 8"
+    entry, step = _spread(kind, "%step")
+    lines = ["", f"  %p = getelementptr {numbers}, ptr %start, i64 %i", f"  %value = load {numbers}, ptr %p{align}"]
     total = ""
     for stage, share in used:
+        factor = kind.constant(literal(share))
         lines += [
-            f"  %p{stage} = getelementptr double, ptr %slope{stage}, i64 %i",
-            f"  %rate{stage} = load double, ptr %p{stage}",
-            f"  %part{stage} = fmul contract double %rate{stage}, {literal(share)}",
+            f"  %p{stage} = getelementptr {numbers}, ptr %slope{stage}, i64 %i",
+            f"  %rate{stage} = load {numbers}, ptr %p{stage}{align}",
         ]
         if total:
-            lines.append(f"  %sum{stage} = fadd contract double {total}, %part{stage}")
+            lines += _product_and_sum(kind, f"%rate{stage}", factor, total, number=f"{stage}")
+        else:
+            contract = " contract" if kind is DOUBLE else ""
+            lines.append(f"  %part{stage} = fmul{contract} {numbers} %rate{stage}, {factor}")
         total = f"%sum{stage}" if total else f"%part{stage}"
     lines += [
-        f"  %change = fmul contract double {total}, %step",
-        "  %new = fadd contract double %value, %change",
-        "  %r = getelementptr double, ptr %moved, i64 %i",
-        "  store double %new, ptr %r",
+        *_product_and_sum(kind, total, step, "%value", number=".new"),
+        f"  %r = getelementptr {numbers}, ptr %moved, i64 %i",
+        f"  store {numbers} %sum.new, ptr %r{align}",
     ]
-    return _elementwise(name, f"ptr %start, {pointers}double %step, ptr %moved", count=states, body="\n".join(lines))
+    return _elementwise(
+        name, f"ptr %start, {pointers}double %step, ptr %moved", count=states, body="\n".join(lines), entry=entry
+    )
+
+
+def _product_and_sum(kind: Kind, a: str, b: str, addend: str, *, number: str) -> list[str]:
+    """Write ``%sum = addend + a * b``.
+
+    Of one rig the compiler may fuse them. In lanes they are fused here, so that every width has the same roundings.
+    """
+    numbers = kind.numbers
+    if kind is DOUBLE:
+        return [
+            f"  %part{number} = fmul contract {numbers} {a}, {b}",
+            f"  %sum{number} = fadd contract {numbers} {addend}, %part{number}",
+        ]
+    operands = ", ".join(f"{numbers} {operand}" for operand in (a, b, addend))
+    return [f"  %sum{number} = call {numbers} @llvm.fma.{kind.suffix}({operands})"]
 
 
 # Fractions of the sample are formed from the substep's number, not accumulated: nothing but the state is carried from
 # sample to sample, so chunks give the bits of one long call.
 _PLAY = """
 define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
-                   i64 %output.stride, i64 %samples, i64 %substeps, double %step, ptr noalias %bounds) nounwind {{
+                   i64 %output.stride, i64 %samples, i64 %substeps, double %step,
+                   ptr noalias %bounds{parameter}) nounwind{attributes} {{
 entry:
-  %point = alloca [{states} x double], align 64
+  %point = alloca [{states} x {numbers}], align 64
 {slopes}
-  %inputs = alloca [{inputs} x double], align 64
-  %row = alloca [{outputs} x double], align 64
+  %inputs = alloca [{inputs} x {numbers}], align 64
+  %row = alloca [{outputs} x {numbers}], align 64
   %parts = sitofp i64 %substeps to double
   br label %sample
 sample:
@@ -309,14 +383,14 @@ completed:
 observed:
   %k.next = add i64 %k, 1
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double 0.0, ptr %inputs)
-  call void @observe(ptr %state, ptr %inputs, ptr %slope0, ptr %row)
+  call void @observe(ptr %state, ptr %inputs{constants}, ptr %slope0, ptr %row)
   call void @scatter(ptr %row, ptr %outputs, i64 %output.stride, i64 %k)
   br label %stages
 first.stage:
   %number.begin = sitofp i64 %j.next to double
   %begin = fdiv double %number.begin, %parts
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double %begin, ptr %inputs)
-  call void @derivative(ptr %state, ptr %inputs, ptr %slope0)
+  call void @derivative(ptr %state, ptr %inputs{constants}, ptr %slope0)
   br label %stages
 stages:
   %j = phi i64 [0, %observed], [%j.next, %first.stage]

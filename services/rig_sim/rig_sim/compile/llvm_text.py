@@ -46,13 +46,24 @@ class Kind:
     suffix: str
     lanes: int
 
+    @property
+    def attributes(self) -> str:
+        """What a function that works on it needs: registers of 512 bits are not taken by themselves everywhere."""
+        bits = 64 * self.lanes
+        return f' "min-legal-vector-width"="{bits}" "prefer-vector-width"="{bits}"' if bits > 256 else ""
+
     def constant(self, value: str, *, element: str = SCALAR) -> str:
         """Write one literal in every lane."""
         return value if self.lanes == 1 else f"<{', '.join([f'{element} {value}'] * self.lanes)}>"
 
 
+def vector_kind(lanes: int) -> Kind:
+    """Return the kind of a vector of doubles."""
+    return Kind(f"<{lanes} x {SCALAR}>", f"<{lanes} x i64>", f"<{lanes} x i1>", f"v{lanes}f64", lanes)
+
+
 DOUBLE = Kind(SCALAR, "i64", "i1", "f64", 1)
-PAIR = Kind(f"<2 x {SCALAR}>", "<2 x i64>", "<2 x i1>", "v2f64", 2)
+PAIR = vector_kind(2)
 
 
 def declarations(kind: Kind = DOUBLE) -> str:
@@ -69,9 +80,13 @@ def function_text(
     results: Sequence[Sequence[Expression]],
     *,
     contract: bool,
+    kind: Kind = DOUBLE,
 ) -> str:
-    """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``."""
-    flags = " contract" if contract else ""
+    """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
+
+    Of another kind than single doubles every place of an array holds a vector of it.
+    """
+    flags, numbers = " contract" if contract else "", kind.numbers
     places = {
         expression.index: (array, position)
         for array, inputs in enumerate(arguments)
@@ -87,21 +102,21 @@ def function_text(
 
     def operand(expression: Expression) -> str:
         if expression.value is not None:
-            return literal(expression.value)
+            return kind.constant(literal(expression.value))
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
                 raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")
             array, position = places[expression.index]
             loaded.add(expression.index)
-            lines.append(f"%p{expression.index} = getelementptr {SCALAR}, ptr %argument{array}, i64 {position}")
-            lines.append(f"%v{expression.index} = load {SCALAR}, ptr %p{expression.index}, align 8")
+            lines.append(f"%p{expression.index} = getelementptr {numbers}, ptr %argument{array}, i64 {position}")
+            lines.append(f"%v{expression.index} = load {numbers}, ptr %p{expression.index}, align 8")
         return f"%v{expression.index}"
 
     def store(expression: Expression) -> None:
         value = operand(expression)
         for array, position in stores.pop(expression.index, ()):
-            lines.append(f"%r{array}.{position} = getelementptr {SCALAR}, ptr %result{array}, i64 {position}")
-            lines.append(f"store {SCALAR} {value}, ptr %r{array}.{position}, align 8")
+            lines.append(f"%r{array}.{position} = getelementptr {numbers}, ptr %result{array}, i64 {position}")
+            lines.append(f"store {numbers} {value}, ptr %r{array}.{position}, align 8")
 
     for expression in creation_order(flat_results):
         if expression.operation in LEAVES:
@@ -112,6 +127,7 @@ def function_text(
                 [operand(part) for part in expression.operands],
                 flags,
                 name=f"%v{expression.index}",
+                kind=kind,
             )
         )
         if expression.index in stores:
@@ -122,7 +138,7 @@ def function_text(
     parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(arguments))]
     parameters += [f"ptr noalias %result{array}" for array in range(len(results))]
     # noinline: the loop that calls it four times must not hold four copies of it
-    head = f"define void @{name}({', '.join(parameters)}) noinline nounwind {{"
+    head = f"define void @{name}({', '.join(parameters)}) noinline nounwind{kind.attributes} {{"
     return "\n".join([head, *lines, "ret void", "}"])
 
 

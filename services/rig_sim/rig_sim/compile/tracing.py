@@ -12,7 +12,7 @@ outwards, so that a product and its negative share the product.
 
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -320,6 +320,29 @@ class TracedModel:
     inputs: tuple[Expression, ...]
     derivative: tuple[Expression, ...]
     outputs: tuple[Expression, ...]
+
+
+def rebuilt(traced: TracedModel, make: Callable[[Graph, Expression, list[Expression]], Expression]) -> TracedModel:
+    """Return a model's twin in another graph.
+
+    ``make(graph, node, operands)`` says what each operation becomes, given what its operands have become.
+    """
+    graph = Graph()
+    made: dict[int, Expression] = {}
+    for argument in (*traced.state, *traced.inputs):
+        made[argument.index] = graph.input(argument.name)
+    for node in creation_order((*traced.derivative, *traced.outputs)):
+        if node.value is not None:
+            made[node.index] = graph.constant(node.value)
+        elif node.operation is Operation.INPUT:
+            made[node.index] = graph.input(node.name)
+        else:
+            made[node.index] = make(graph, node, [made[operand.index] for operand in node.operands])
+
+    def twins(expressions: Sequence[Expression]) -> tuple[Expression, ...]:
+        return tuple(made[expression.index] for expression in expressions)
+
+    return TracedModel(twins(traced.state), twins(traced.inputs), twins(traced.derivative), twins(traced.outputs))
 
 
 def creation_order(results: Iterable[Expression]) -> list[Expression]:

@@ -1,5 +1,6 @@
 """Rigs that play: a multibody specimen ready for drives, its playbacks, injected faults."""
 
+from rig_sim.playing.batch import play_batch
 from rig_sim.playing.faults import (
     Fault,
     FaultKind,
@@ -36,6 +37,7 @@ __all__ = [
     "gain_changes",
     "load_rig",
     "lost_by",
+    "play_batch",
     "sensor_faults",
     "title_suffix",
 ]

@@ -13,7 +13,8 @@ import numpy as np
 
 from duralab_gateway.motion import Block, RigFaultError, Use, Watchdog, when
 from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
-from rig_sim.compile import CompiledModel, cached_model, compile_model
+from rig_sim.compile import CompiledModel, Run, Steps, cached_model, compile_model
+from rig_sim.compile import Playback as Played
 from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
 from rig_sim.hydraulics import HydraulicActuator
 from rig_sim.model import RigModel, assemble
@@ -162,6 +163,12 @@ class Rig:
     def block_samples(self) -> int:
         """Samples of every block of a playback but the last."""
         return DRAKE_BLOCK_SAMPLES if self.engine.engine is Engine.DRAKE else BLOCK_SAMPLES
+
+    @property
+    def steps(self) -> Steps:
+        """How a fixed step is taken."""
+        specimen = self.specimen
+        return Steps(sample_interval=1.0 / specimen.sample_rate, substeps=specimen.substeps, method=specimen.integrator)
 
     @property
     def wears(self) -> bool:
@@ -396,6 +403,12 @@ class Playback(SimulatedPlayback):
         self._actuators = [element for element in rig.model.assembly.elements if isinstance(element, HydraulicActuator)]
         self._meter = UseMeter(self._actuators, drives=rig.model.drive_names, outputs=rig.player.output_names)
         self._bounds = self._state_bounds()
+        self._given: Played | None = None
+
+    @property
+    def rig(self) -> Rig:
+        """What plays."""
+        return self._rig
 
     @property
     def positions(self) -> np.ndarray:
@@ -418,17 +431,29 @@ class Playback(SimulatedPlayback):
         """Return the loads of the parts that wear (parts, samples), so far, ways in and out included."""
         return np.hstack([np.empty((len(self._load_rows), 0)), *self._loads])
 
+    def next_run(self) -> Run | None:
+        """Return what its engine is asked for next, for whoever plays several at a time; None at the end."""
+        commands = self._ahead()
+        return self._run(commands) if commands.shape[1] > 1 else None
+
+    def give(self, played: Played) -> None:
+        """Take what `next_run` asked for as what the engine says to it."""
+        self._given = played
+
+    def _run(self, commands: np.ndarray) -> Run:
+        lost = np.broadcast_to(self._condition.lost[:, None], (len(self._condition.lost), commands.shape[1]))
+        return Run(self._state, np.vstack([commands, lost]), self._bounds)
+
+    def _play(self, commands: np.ndarray) -> Played:
+        given, self._given = self._given, None
+        if given is not None:
+            return given
+        run = self._run(commands)
+        return self._rig.player.play(run.state, run.commands, bounds=self._bounds, **self._rig.steps)
+
     def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
         rig = self._rig
-        lost = np.broadcast_to(self._condition.lost[:, None], (len(self._condition.lost), commands.shape[1]))
-        played = rig.player.play(
-            self._state,
-            np.vstack([commands, lost]),
-            sample_interval=1.0 / rig.specimen.sample_rate,
-            substeps=rig.specimen.substeps,
-            method=rig.specimen.integrator,
-            bounds=self._bounds,
-        )
+        played = self._play(commands)
         self.samples_moved += played.outputs.shape[1]
         if self._load_rows:
             self._loads.append(played.outputs[self._load_rows])

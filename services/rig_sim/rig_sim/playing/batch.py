@@ -1,0 +1,155 @@
+"""Many playbacks together: those of rigs of one structure in the lanes of a vector, all others one by one.
+
+A playback here is the one that :meth:`Rig.playback` makes, with its blocks, sensors, faults and watchdogs; a batch only
+answers what it asks its engine, for several at a time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
+from typing import Final
+from weakref import WeakKeyDictionary
+
+from duralab_gateway.motion import Block, DrivePlayback, RigFaultError
+from rig_sim.checks import check_lanes
+from rig_sim.compile import (
+    Fingerprint,
+    LaneModel,
+    TracedModel,
+    fingerprint,
+    lane_width,
+    trace_model,
+    unite,
+    widest_lanes,
+)
+from rig_sim.engines import Engine
+from rig_sim.model import RigModel
+from rig_sim.playing.player import Playback
+
+FEWEST_IN_LANES: Final = 3
+"""Of one structure; two are as fast one after the other, since each has its own two sides in lanes."""
+
+
+def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]:
+    """Play several playbacks to their ends, those of one structure together.
+
+    Rigs have one structure where their equations differ in constants alone, and one way to take steps: other masses,
+    stiffnesses, valves or wear. Any other rig is played for itself.
+
+    Parameters
+    ----------
+    playbacks : sequence of DrivePlayback
+        As `Rig.playback` makes them, not begun; of any rigs, with drives, seeds and conditions of their own.
+
+    Returns
+    -------
+    list of RigFaultError or None
+        What ended each playback before its end; the others continue. Responses and uses are read from the playbacks.
+
+    Raises
+    ------
+    ProofError
+        Where the code of the lanes disagrees with that of the single rigs.
+    """
+    ends: dict[int, RigFaultError | None] = {}
+    groups: dict[object, list[int]] = {}
+    for place, playback in enumerate(playbacks):
+        groups.setdefault(_structure_of(playback) or place, []).append(place)
+    for places in groups.values():
+        together = [playback for place in places if isinstance(playback := playbacks[place], Playback)]
+        if min(len(together), widest_lanes()) < FEWEST_IN_LANES:
+            ends |= {place: _play_alone(playbacks[place]) for place in places}
+        else:
+            ends |= dict(zip(places, _play_in_lanes(together), strict=True))
+    return [ends[place] for place in range(len(playbacks))]
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """A rig's equations and what they have in common with those of other rigs."""
+
+    model: TracedModel
+    fingerprint: Fingerprint
+
+
+_traced: WeakKeyDictionary[RigModel, _Traced] = WeakKeyDictionary()
+
+
+def _trace(model: RigModel) -> _Traced:
+    found = _traced.get(model)
+    if found is None:
+        traced = trace_model(model.traced, state_names=model.state_names, input_names=model.input_names)
+        found = _traced[model] = _Traced(traced, fingerprint(traced))
+    return found
+
+
+def _structure_of(playback: DrivePlayback) -> object:
+    """Return what playbacks have to share to be played together; None of one that is played alone."""
+    if not isinstance(playback, Playback) or playback.rig.engine.engine is not Engine.COMPILED:
+        return None
+    model, steps = playback.rig.model, playback.rig.steps
+    names = model.state_names, model.input_names, model.output_names
+    return _trace(model).fingerprint.digest, names, tuple(steps.values())
+
+
+def _play_alone(playback: DrivePlayback) -> RigFaultError | None:
+    try:
+        for _ in playback.blocks():
+            pass
+    except RigFaultError as fault:
+        return fault
+    return None
+
+
+@dataclass(frozen=True)
+class _Seat:
+    """A playback in a lane."""
+
+    place: int
+    playback: Playback
+    variant: int
+    blocks: Iterator[Block]
+
+
+def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
+    rigs = {playback.rig.model: playback.rig for playback in playbacks}
+    variants = list(rigs)
+    lanes = _lane_model(tuple(variants), lane_width(len(playbacks)))
+    check_lanes(lanes, [(rig.model, rig.compiled) for rig in rigs.values()])
+    ends: list[RigFaultError | None] = [None] * len(playbacks)
+    waiting = deque(enumerate(playbacks))
+    seats: list[_Seat] = []
+    while waiting or seats:
+        while waiting and len(seats) < lanes.width:
+            place, playback = waiting.popleft()
+            blocks = chain(playback.approach(), playback.blocks())
+            seats.append(_Seat(place, playback, variants.index(playback.rig.model), blocks))
+        asked = [(seat, run) for seat in seats if (run := seat.playback.next_run()) is not None]
+        seats = [seat for seat, _ in asked]
+        if not seats:
+            continue
+        answers = lanes.play([seat.variant for seat in seats], [run for _, run in asked], **seats[0].playback.rig.steps)
+        for seat, played in zip(list(seats), answers, strict=True):
+            seat.playback.give(played)
+            try:
+                next(seat.blocks)
+            except RigFaultError as fault:
+                ends[seat.place] = fault
+                seats.remove(seat)
+    return ends
+
+
+@lru_cache(maxsize=4)
+def _lane_model(models: tuple[RigModel, ...], width: int) -> LaneModel:
+    traced = [_trace(model) for model in models]
+    return LaneModel(
+        unite([each.model for each in traced], [each.fingerprint for each in traced]),
+        width=width,
+        state_names=models[0].state_names,
+        input_names=models[0].input_names,
+        output_names=models[0].output_names,
+    )
