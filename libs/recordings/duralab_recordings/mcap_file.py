@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Final, TypeVar, cast
 
 from google.protobuf.message import Message
+from mcap.reader import SeekingReader
 from mcap.records import Channel, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
 from mcap.summary import Summary
@@ -286,22 +287,19 @@ class _OneFile:
                     f"{path} does not start as an MCAP file and is no recording; give a recording.mcap."
                 )
             try:
-                self.whole = self._has_statistics(stream)
-                self.part = self._part(stream)
+                # Once: its index is as long as there are chunks.
+                reader = index_reader(stream) if index_start(stream) else None
+                summary = None if reader is None else reader.get_summary()
+                self.whole = summary is not None and summary.statistics is not None
+                self.part = self._part(stream, reader if self.whole else None)
             except DAMAGE as error:
                 raise damaged(path, error) from error
 
-    def _has_statistics(self, stream: IO[bytes]) -> bool:
-        if not index_start(stream):
-            return False
-        summary = index_reader(stream).get_summary()
-        return summary is not None and summary.statistics is not None
-
-    def _part(self, stream: IO[bytes]) -> Part:
+    def _part(self, stream: IO[bytes], reader: SeekingReader | None) -> Part:
         """Return what the file says of its place; one that was never finished says at its start which part it is."""
         is_empty, texts = False, {}
-        if self.whole:
-            texts = {entry.name: entry.metadata for entry in index_reader(stream).iter_metadata()}
+        if reader is not None:
+            texts = {entry.name: entry.metadata for entry in reader.iter_metadata()}
         else:
             if end_of_records(stream) == len(MAGIC):
                 raise RecordingError(

@@ -147,12 +147,15 @@ class RunSignals:
         The epoch in which each run was played to its end.
     rig : str
         Only the runs on this rig; all where empty.
+    run : str
+        Only this run; all where empty. The places of the others are not looked up.
     """
 
-    def __init__(self, files: Sequence[Path], *, played: Mapping[str, int], rig: str = "") -> None:
+    def __init__(self, files: Sequence[Path], *, played: Mapping[str, int], rig: str = "", run: str = "") -> None:
         self._files = list(files)
         self._played = played
         self._rig = rig
+        self._run = run
         self._cache = WindowCache()
         self._bounds: dict[str, RunBound] = {}
         self._ends: dict[str, tuple[int, float, bool]] = {}
@@ -162,7 +165,7 @@ class RunSignals:
         """Where the blocks of each run are, in the order they were written: those of the epoch that counts."""
         found: dict[str, list[tuple[int, BlockPlace]]] = {}
         for path in self._files:
-            for topic, epoch, place in block_places(path):
+            for topic, epoch, place in block_places(path, run=self._run):
                 if not self._rig or rig_of(topic) == self._rig:
                     found.setdefault(topic.rsplit("/", 1)[-1], []).append((epoch, place))
         chosen: dict[str, list[BlockPlace]] = {}
@@ -342,13 +345,15 @@ def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
         )
 
 
-def block_places(path: Path) -> Iterator[tuple[str, int, BlockPlace]]:
+def block_places(path: Path, *, run: str = "") -> Iterator[tuple[str, int, BlockPlace]]:
     """Yield where signal blocks are in a file, chunk after chunk in the order they were written.
 
     Parameters
     ----------
     path : Path
         The file; one without an end as far as it is whole.
+    run : str
+        Only the blocks of this run; all where empty.
 
     Yields
     ------
@@ -364,7 +369,11 @@ def block_places(path: Path) -> Iterator[tuple[str, int, BlockPlace]]:
         summary = index_of(path)
         name = rig_pb2.SignalBlock.DESCRIPTOR.full_name
         schemas = {schema.id for schema in summary.schemas.values() if schema.name == name}
-        channels = {channel.id: channel for channel in summary.channels.values() if channel.schema_id in schemas}
+        channels = {
+            channel.id: channel
+            for channel in summary.channels.values()
+            if channel.schema_id in schemas and run in ("", channel.topic.rsplit("/", 1)[-1])
+        }
         with path.open("rb") as stream:
             for chunk in summary.chunk_indexes:
                 for number in sorted(channels.keys() & chunk.message_index_offsets.keys()):

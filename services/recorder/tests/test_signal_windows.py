@@ -9,6 +9,7 @@ from duralab_bus import StreamItem
 from duralab_proto.arrays import from_record
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import query_pb2, recorder_pb2
+from duralab_recordings import windows
 from recorder.log import Archive
 from recorder.reading import read_window, signal_windows
 from recorder.refused import RefusedError
@@ -156,3 +157,25 @@ def test_the_playback_that_ended_is_read_though_a_clock_was_set_back_before_it(t
         _, _, response = from_record(window(tmp_path, first, 0.5).response)
         begin = round(first * 100)
         np.testing.assert_allclose(response, 0.9 * campaign.target[:, begin : begin + 50])
+
+
+def test_the_places_of_other_runs_are_not_looked_up(tmp_path, campaign, step_of, monkeypatch):
+    archive, number = begun(tmp_path, campaign, step_of), 3
+    for run in (RUN, "demo.i02", "demo.i03"):
+        if run != RUN:
+            archive.commit("demo", step_of(number, campaign.planned(run)))
+            number += 1
+        for seq, block in enumerate(campaign.blocks(run)):
+            archive.take_block(StreamItem(Keys().rig_signal(campaign.rig, run), 7, seq, block))
+            archive.sync()
+    archive.commit("demo", step_of(number, recorder_pb2.RecordingClosed(reason="done")))
+    counted = []
+    count = windows.count_messages
+    monkeypatch.setattr(windows, "count_messages", lambda *given: counted.append(given) or count(*given))
+    assert from_record(window(tmp_path, 0.0, 0.5, run="demo.i02").response, field="response")[2].shape == (2, 50)
+    assert len(counted) == len(campaign.blocks(RUN))
+    # The summary of the file is read once.
+    monkeypatch.setattr(signal_windows, "last_metadata", None)
+    assert from_record(window(tmp_path, 0.5, 0.5, run="demo.i03").response, field="response")[2].shape == (2, 50)
+    with pytest.raises(RefusedError, match=r"it has 'demo\.i01', 'demo\.i02', 'demo\.i03'"):
+        window(tmp_path, 0.0, 0.5, run="demo.i04")

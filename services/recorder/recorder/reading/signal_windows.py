@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -28,7 +29,7 @@ from duralab_recordings import (
     messages_on,
     reason_of,
 )
-from recorder.format import STEP_TOPIC, STEP_TYPES, Summary, files_of, leaves_samples_out
+from recorder.format import STEP_TOPIC, STEP_TYPES, Runs, Summary, files_of, leaves_samples_out
 from recorder.refused import RefusedError, invalid
 
 LARGEST_WINDOW_BYTES: Final = 256 * 1024 * 1024
@@ -46,7 +47,7 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
         rig, epoch = _last_played(folder, name, request.run)
         channels = _Channels.of(_description(folder, name, rig=rig), request.channels)
         played = {request.run: epoch} if epoch else {}
-        signals = RunSignals(_finished_files(folder, name), played=played, rig=rig)
+        signals = RunSignals(_finished_files(folder, name), played=played, rig=rig, run=request.run)
         if request.run not in signals.runs:
             _refuse_unfinished(folder, name)
             raise RefusedError(
@@ -63,9 +64,22 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
 
 def _named(folder: Path, name: str) -> str:
     """Return which runs a recording has, in words."""
-    told = (last_metadata(path, SUMMARY_METADATA) for path in reversed(_finished_files(folder, name)))
-    summary = next((Summary.from_metadata(entries) for entries in told if entries is not None), None)
-    return ", ".join(repr(run) for _, run in (summary.runs if summary else ())) or "none"
+    told = (_runs(path) for path in reversed(_finished_files(folder, name)))
+    runs = next((found for found in told if found is not None), {})
+    return ", ".join(repr(run) for _, run in runs) or "none"
+
+
+def _runs(path: Path) -> Runs | None:
+    """Return the runs that the summary of a file names; None where it has none. Read once as long as it is the same."""
+    status = path.stat()
+    return _runs_of(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _runs_of(path: Path, size: int, changed: int) -> Runs | None:
+    del size, changed  # They are the cache's key: another file of that name has others.
+    told = last_metadata(path, SUMMARY_METADATA)
+    return None if told is None else Summary.from_metadata(told).runs
 
 
 def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
@@ -121,8 +135,7 @@ def _refuse_unfinished(folder: Path, name: str) -> None:
 def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
     """Return on which rig a run was announced, and the epoch that was played to its end: empty and 0 where none is."""
     for path in reversed(_finished_files(folder, name)):
-        told = last_metadata(path, SUMMARY_METADATA)
-        for (rig, planned), known in ({} if told is None else Summary.from_metadata(told).runs).items():
+        for (rig, planned), known in (_runs(path) or {}).items():
             if planned == run:
                 return rig, 0 if known.played is None else known.played.epoch
     return "", 0
@@ -284,7 +297,8 @@ def _add_samples(step: recorder_pb2.RecordedStep, files: Sequence[Path]) -> None
     message = None if kind is None else kind.FromString(step.payload)
     if message is None or not leaves_samples_out(message):
         return
-    window, _ = RunSignals(files, played={message.run: message.signal_epoch}).whole(message.run)
+    played = {message.run: message.signal_epoch}
+    window, _ = RunSignals(files, played=played, run=message.run).whole(message.run)
     check_samples(window, message.samples_hash, path=files[0], run=message.run)
     step.drive.CopyFrom(to_array(window.drive))
     step.response.CopyFrom(to_array(window.response))
