@@ -92,6 +92,10 @@ class SecantSettings(Section):
         description="Learn what cubes and signed squares of the drives do, and use them while they predict the "
         "playbacks better than the drives alone.",
     )
+    each_line: bool = Field(
+        default=False,
+        description="Fit each frequency line alone, not averaged with its neighbours: finer, from fewer averages.",
+    )
 
 
 class DriveMapSettings(Section):

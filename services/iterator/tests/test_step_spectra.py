@@ -43,3 +43,6 @@ def test_steps_are_weighed_by_their_age_and_brought_to_one_size():
     found = averaged_steps(seen_steps(history, blocks), forgetting=0.7, response_weight=weight)
     wanted = smooth_lines(expected)[4:21]
     np.testing.assert_allclose(found.response_with_drive, wanted, atol=1e-9 * np.abs(wanted).max())
+    each = averaged_steps(seen_steps(history, blocks), forgetting=0.7, response_weight=weight, each_line=True)
+    wanted = expected[4:21]
+    np.testing.assert_allclose(each.response_with_drive, wanted, atol=1e-9 * np.abs(wanted).max())

@@ -134,7 +134,7 @@ def seen_steps(
 
 
 def averaged_steps(
-    steps: tuple[SeenStep, ...], *, forgetting: float, response_weight: NDArray[np.float64]
+    steps: tuple[SeenStep, ...], *, forgetting: float, response_weight: NDArray[np.float64], each_line: bool = False
 ) -> StepSpectra:
     """Average the spectra of steps, the latest ones most.
 
@@ -142,7 +142,7 @@ def averaged_steps(
     first one. All records of a campaign have equally many blocks, which therefore need no weight.
 
     `steps`: One or more, cut alike. `forgetting`: `φ`, in (0, 1]. `response_weight`, shape (n_y,): 0 or more, one over
-    the target's RMS.
+    the target's RMS. `each_line`: Do not smooth.
     Returns: At the lines to fit, smoothed over their neighbours with [1 2 3 2 1] / 9.
     """
     kept = steps[0].spectra
@@ -157,6 +157,9 @@ def averaged_steps(
             response += weight * step.spectra.response
     blocks = steps[0].blocks
     fitted = slice(blocks.first - blocks.around.start, blocks.last + 1 - blocks.around.start)
+    if each_line:
+        of_cross, of_drive = (np.asarray(each[fitted], dtype=np.complex128) for each in (cross, drive))
+        return StepSpectra(of_cross, of_drive, np.asarray(response[fitted], dtype=np.float64))
     return StepSpectra(smooth_lines(cross)[fitted], smooth_lines(drive)[fitted], smooth_lines(response)[fitted])
 
 

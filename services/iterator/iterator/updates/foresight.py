@@ -42,7 +42,9 @@ def foreseen_steps(
         known = before[number] if number < len(before) else None
         if known is None or known.step is not step or known.fitted_with != fitted_with:
             before = ()
-            spectra = averaged_steps((step,), forgetting=1.0, response_weight=response_weight)
+            spectra = averaged_steps(
+                (step,), forgetting=1.0, response_weight=response_weight, each_line=settings.each_line
+            )
             energy = float(np.sum(spectra.response @ response_weight**2))
             earlier = steps[: max(number, 1)]
             left = tuple(_left(spectra, step, fit(earlier, terms), terms) @ response_weight**2 for terms in candidates)

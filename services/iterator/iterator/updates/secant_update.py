@@ -109,7 +109,9 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     averages = blocks.independent_averages(history.target.shape[1])
 
     def fit(steps: tuple[SeenStep, ...], terms: tuple[DriveTerm, ...], prior_strength: float) -> SecantFit:
-        spectra = averaged_steps(steps, forgetting=secant.forgetting, response_weight=weight)
+        spectra = averaged_steps(
+            steps, forgetting=secant.forgetting, response_weight=weight, each_line=secant.each_line
+        )
         return fit_secant(
             spectra.of_inputs(kept_inputs(steps[0].blocks.terms, terms, drives=scale.size)),
             identified[lines],

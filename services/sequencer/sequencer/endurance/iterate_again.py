@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_settings import ResolvedUpdate
+from duralab_settings.messages import fill_message, from_message
 
 _POLL_SECONDS: Final = 0.5
+# Chosen on four kinds of wear and two roads, see decision 41.
+_FORGETTING: Final = 0.3
+_PRIOR_STRENGTH: Final = 0.3
+_GAIN: Final = 0.9
 _ENDED: Final = (
     iterator_pb2.CAMPAIGN_PHASE_FINISHED,
     iterator_pb2.CAMPAIGN_PHASE_FAULTED,
@@ -49,8 +55,12 @@ def corrected_drive(
     """
     spec = _specification(bus, parent)
     spec.id = id
-    # The rig is the same but for what it has lost: steps of the campaigns before say most about its friction and arcs.
-    spec.known.learn_from.extend(filter(None, (parent, corrected_by)))
+    if spec.update.kind == iterator_pb2.UPDATE_KIND_SECANT and not spec.update.HasField("plugin"):
+        # Steps of the new specimen are left out: no model explains both, and the misfit makes steps cautious and wrong.
+        fill_message(spec.update, update_of_worn(from_message(spec.update, ResolvedUpdate, field="update")))
+    else:
+        # The rig is the same but for what it has lost.
+        spec.known.learn_from.extend(filter(None, (parent, corrected_by)))
     first, rate = spec.known.first_drive, description.sample_rate
     first.source = "the endurance test"
     first.drive.CopyFrom(to_record(description.drives, rate, drive))
@@ -78,6 +88,26 @@ def corrected_drive(
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
     raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+
+
+def update_of_worn(update: ResolvedUpdate) -> ResolvedUpdate:
+    """Return the settings of a secant update for a rig that is no longer the one that was identified.
+
+    The present response and each new step count most, the identified model less, and each line alone: what has changed
+    is narrower than the smoothing. The rig answers a small step by more than a large one, hence the gain.
+    """
+    secant = update.secant
+    learning = {
+        "forgetting": min(secant.forgetting, _FORGETTING),
+        "prior_strength": min(secant.prior_strength, _PRIOR_STRENGTH),
+        "each_line": True,
+    }
+    return update.model_copy(
+        update={
+            "secant": secant.model_copy(update=learning),
+            "iteration_gain": tuple(_GAIN * gain for gain in update.iteration_gain),
+        }
+    )
 
 
 def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
