@@ -15,11 +15,11 @@ import numpy as np
 import psutil
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE / "long"), str(HERE.parents[2] / "duralab" / "tests")]
+sys.path[:0] = [str(HERE), str(HERE.parents[2] / "duralab" / "tests")]
 
 from browser import Browser, browser_program  # noqa: E402
+from page_in_browser import Page  # noqa: E402
 from page_lab import RIG, Client, PageLab, PageProcess  # noqa: E402
-from test_page_in_browser import Page  # noqa: E402
 
 import duralab  # noqa: E402
 from duralab.testing import LinearRig  # noqa: E402

@@ -71,11 +71,11 @@ function Page() {
   const [current, title, Screen] = here();
   document.title = `${title} ${state.rig} – Duralab`;
   return html`<a class="skip" href="#content" onClick=${(event) => { event.preventDefault(); document.getElementById("content").focus(); }}>To the content</a>
-    <header><nav aria-label="Screens">${SCREENS.map(([key, name], i) => html`<a href=${`#${key}`} aria-current=${key === current ? "page" : undefined} title=${`key ${i + 1}`}>${name}</a>`)}</nav>
+    <header><div class="where"><nav aria-label="Screens">${SCREENS.map(([key, name], i) => html`<a href=${`#${key}`} aria-current=${key === current ? "page" : undefined} title=${`key ${i + 1}`}>${name}</a>`)}</nav>
       ${state.lab && html`<label class="rig-choice">Rig <select value=${state.rig} onChange=${(event) => { state.rig = event.target.value; changed(); }}>${state.lab.rigs.map((rig) => html`<option value=${rig.name}>${rig.name}</option>`)}</select></label>`}
       <p class="status" data-when=${state.lab && state.lab.now}><span class=${state.live ? "live" : "lost"}>${state.live ? "● live" : "✕ no contact"}</span> ${state.session.name} (${state.session.role})
         ${state.session.accounts && html` <button type="button" onClick=${signOut}>Sign out</button>`}
-        <button type="button" id="theme" onClick=${() => setTheme(dark() ? "light" : "dark")}>${dark() ? "Light" : "Dark"}</button></p>
+        <button type="button" id="theme" onClick=${() => setTheme(dark() ? "light" : "dark")}>${dark() ? "Light" : "Dark"}</button></p></div>
       <${StopButton} /></header>
     <${Banner} />
     <p class="said ${state.said && state.said.trouble ? "bad" : ""}" role="status" aria-live="polite">${state.said ? state.said.text : ""}

@@ -52,6 +52,11 @@ export function NewTestScreen() {
           ${checked.remarks.map((remark) => html`<p class="notice">${remark}</p>`)}<details><summary>The file</summary><pre tabindex="0">${checked.text}</pre></details>`}</section>`}`;
 }
 
+function leastKept(kept) {
+  const [name, least] = Object.entries(kept).sort(([, one], [, other]) => one - other)[0] || [];
+  return name ? `${figure(least)} (${name})` : "–";
+}
+
 function MeasuredTarget({ document, change }) {
   const [file, setFile] = useState(draft.file);
   const [busy, setBusy] = useState("");
@@ -98,13 +103,13 @@ function MeasuredTarget({ document, change }) {
           html`<input aria-label=${`unit for ${one.name}`} size="6" value=${is.unit || ""} onInput=${(event) => map(one.name, "unit", event.target.value)} />`,
           html`<input aria-label=${`factor for ${one.name}`} size="6" inputmode="decimal" value=${is.scale ?? ""} placeholder="1" onChange=${(event) => map(one.name, "scale", event.target.value === "" ? "" : Number(event.target.value))} />`]; })} />`}
     ${target.file && html`<label class="wide">Steps of editing, as in a file, e.g. [{"filter": {"low_pass": 40}}, {"shorten_by_damage": {"keep": 0.95}}]
-        <input name="edit" value=${target.edit ? JSON.stringify(target.edit) : ""} onChange=${(event) => { try { put({ ...target, edit: event.target.value.trim() ? JSON.parse(event.target.value) : undefined }); } catch { say("The steps of editing are no list; give them as in the example.", true); } }} /></label>
+        <textarea name="edit" class="wide" rows="2" value=${target.edit ? JSON.stringify(target.edit) : ""} onChange=${(event) => { try { put({ ...target, edit: event.target.value.trim() ? JSON.parse(event.target.value) : undefined }); } catch { say("The steps of editing are no list; give them as in the example.", true); } }} ></textarea></label>
       <div class="row"><button type="button" id="preview" disabled=${busy !== ""} onClick=${show}>Show before and after</button></div>`}
-    ${preview && html`<${Table} caption="What the steps did" heads=${["step", "finding", "damage kept"]}
-        rows=${preview.steps.map((step) => [step.name, html`<span class="wrapped">${step.finding}</span>`, Object.entries(step.damage_kept).map(([name, kept]) => `${name} ${figure(kept)}`).join(", ") || "–"])} />
-      <${Legend} curves=${[["before", "target"], ["after", "response"]]} />
+    ${preview && html`<${Legend} curves=${[["before", "target"], ["after", "response"]]} />
       <div class="plots">${preview.after.channels.map((channel, row) => html`<${Plot} key=${channel.name} title=${`${channel.name}, before and after`} unit=${channel.unit} changes=${preview}
         curves=${[{ name: "before", colour: "--target", width: 2, data: curve(preview.before.low[row], preview.before.high[row], preview.before.bucket_seconds) },
-          { name: "after", colour: "--response", data: curve(preview.after.low[row], preview.after.high[row], preview.after.bucket_seconds) }]} />`)}</div>`}
+          { name: "after", colour: "--response", data: curve(preview.after.low[row], preview.after.high[row], preview.after.bucket_seconds) }]} />`)}</div>
+      <${Table} caption="What the steps did" heads=${["step", "least damage kept", "finding"]}
+        rows=${preview.steps.map((step) => [step.name, leastKept(step.damage_kept), html`<div class="wrapped">${step.finding.split("; ").map((one) => html`<div>${one}</div>`)}</div>`])} />`}
   </section>`;
 }

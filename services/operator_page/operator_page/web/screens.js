@@ -21,7 +21,7 @@ export function LabScreen() {
         ${rig.waiting && html`<p>Being made ready: ${rig.waiting}.</p>`}
         ${campaign && html`<p><a href="#run" onClick=${choose(rig.name, "run")}>${campaign.id}</a>: ${campaign.activity}, ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}</p>
           ${campaign.hold && html`<p class="notice">Waits for a decision.</p>`}`}
-        ${test && html`<p><a href="#endurance" onClick=${choose(rig.name, "endurance")}>${test.id}</a>: ${test.phase}, ${test.played} of ${test.repeats} repeats${test.remaining ? `, ${span(test.remaining)} left` : ""}${test.alarms ? `, ${test.alarms} alarms` : ""}</p>
+        ${test && html`<p><a href="#endurance" onClick=${choose(rig.name, "endurance")}>${test.id}</a>: ${test.silent ? `no word for ${span(test.age)}` : test.phase}, ${test.played} of ${test.repeats} repeats${test.remaining ? `, ${span(test.remaining)} left` : ""}${test.alarms ? `, ${test.alarms} alarms` : ""}</p>
           ${test.hold > 0 && html`<p class="notice">Waits for a decision.</p>`}`}
       </article>`;
     })}</div>
@@ -48,6 +48,7 @@ export function RigScreen() {
   if (!rig) return html`<h1>Rig</h1><p class="notice">There is no rig in this lab.</p>`;
   const about = described(rig.name);
   const mine = rig.holder && rig.holder.name === state.session.name;
+  const sensed = about && about.responses.some((one) => one.sensor);
   const level = (channel, name) => (channel.sensor && channel.sensor[name] ? `${figure(channel.sensor[name])} ${channel.unit}` : "–");
   return html`<h1>Rig ${rig.name}</h1>
     <div class="cards">
@@ -61,7 +62,7 @@ export function RigScreen() {
           : html`<${Deliberate} label="Take over" action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
       ${isOperator() && html`<article class="card"><h2>Reset</h2>
         <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
-        <div class="row"><label>Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
+        <div class="row"><label class="wide">Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
         <${Deliberate} label="Reset" action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
       ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
         <${Deliberate} label="Pre-test" action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
@@ -71,10 +72,10 @@ export function RigScreen() {
         ${about.simulated ? " A simulation: nothing real moves." : ""}${about.cannot_be_stopped ? " A run that has begun cannot be stopped." : ""}</p>
       ${about.overdue.map((sentence) => html`<p class="notice">${sentence}</p>`)}
       <${Table} caption="Drives" heads=${["drive", "limits", "rate limit", "what it is"]}
-        rows=${about.drives.map((one) => [one.name, limits(one), one.slew_limit ? `${figure(one.slew_limit)} ${one.unit}/s` : "–", one.label])} />
-      <${Table} caption="Responses" heads=${["response", "limits", "watchdog", "warning", "abort", "sensor", "calibration due", "what it is"]}
-        rows=${about.responses.map((one) => [one.name, limits(one), one.watchdog ? `${figure(one.watchdog)} ${one.unit}` : "–", level(one, "warning_level"), level(one, "abort_level"),
-          (one.sensor && one.sensor.serial_number) || "–", (one.sensor && one.sensor.calibration_due) || "–", one.label])} />`}
+        rows=${about.drives.map((one) => [one.name, limits(one), one.slew_limit ? `${figure(one.slew_limit)} ${one.unit}/s` : "–", html`<span class="wrapped">${one.label}</span>`])} />
+      <${Table} caption="Responses" heads=${["response", "limits", "watchdog", ...(sensed ? ["warning", "abort", "sensor", "calibration due"] : []), "what it is"]}
+        rows=${about.responses.map((one) => [one.name, limits(one), one.watchdog ? `${figure(one.watchdog)} ${one.unit}` : "–",
+          ...(sensed ? [level(one, "warning_level"), level(one, "abort_level"), (one.sensor && one.sensor.serial_number) || "–", (one.sensor && one.sensor.calibration_due) || "–"] : []), html`<span class="wrapped">${one.label}</span>`])} />`}
     ${state.session.viewer && html`<h2>In 3-D</h2><p>The viewer may be late, and says by how much; the state above is what holds.</p><iframe title="Rig in 3-D" src=${state.session.viewer}></iframe>`}`;
 }
 
@@ -88,7 +89,7 @@ export function RunScreen() {
     ${campaign && html`
       <p class="activity">${campaign.activity}${campaign.ended ? "" : html` — ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}`}</p>
       <progress max="1" value=${campaign.fraction} aria-label="Share of the campaign that is done"></progress>
-      ${campaign.ended && isOperator() && html`<p class="row resume">Go on from its last playback, as a new campaign: <${Deliberate} label="Resume" action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
+      ${campaign.ended && isOperator() && html`<p class="row resume">Continue from its last playback, as a new campaign: <${Deliberate} label="Resume" action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
         <a href="#recordings">Report and recording</a></p>`}
       ${campaign.hold && html`<${Hold} campaign=${campaign} key=${`${campaign.id}-${campaign.hold.number}`} />`}
       ${campaign.table && html`<${Iterations} table=${campaign.table} />`}`}

@@ -10,152 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from browser import Browser, browser_program
-from page_lab import PASSWORDS, RIG, Client, PageLab, PageProcess, campaign, schedule, write_target
+from page_in_browser import IN_A_BROWSER, Page, decide
+from page_lab import PASSWORDS, RIG, Client, PageProcess, campaign, schedule, write_target
 from PIL import Image
 
 import duralab
 from duralab.processes import Viewer
 
-SECONDS = 60.0
 HERE = Path(__file__).parent
 SHIPPED = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
 
-pytestmark = [
-    pytest.mark.skipif(browser_program() is None, reason="no chromium here; apt-get install chromium"),
-    pytest.mark.timeout(600),
-]
-
-
-class Page:
-    """One open page, as a person has it: looks for words, clicks, types."""
-
-    def __init__(self, browser: Browser, address: str, *, width=1920, height=1080, theme="light") -> None:
-        self.browser, self.address = browser, address
-        browser.call("Page.enable")
-        browser.call("Runtime.enable")
-        browser.call("Network.enable")
-        self.look(width, height, theme)
-        browser.call(
-            "Page.addScriptToEvaluateOnNewDocument",
-            source="self.wrong = []; addEventListener('error', (e) => wrong.push(String(e.message)));"
-            "addEventListener('unhandledrejection', (e) => wrong.push(String(e.reason)));"
-            "addEventListener('securitypolicyviolation', (e) => wrong.push(`policy: ${e.violatedDirective}`));",
-        )
-        browser.call("Page.navigate", url=address)
-        self.wait("document.readyState === 'complete'")
-
-    def look(self, width: int, height: int, theme: str) -> None:
-        self.browser.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
-        )
-        self.browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
-
-    def value(self, expression: str):
-        answer = self.browser.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
-        return answer["result"].get("value")
-
-    def wait(self, expression: str, seconds: float = SECONDS):
-        end = time.monotonic() + seconds
-        while not self.value(f"Boolean({expression})"):
-            assert time.monotonic() < end, (
-                f"{expression}; the page says: {self.value('document.body.innerText')[:3000]}"
-            )
-            time.sleep(0.02)
-
-    def text(self, selector: str = "body") -> str:
-        return self.value(f"document.querySelector({json.dumps(selector)})?.innerText ?? ''")
-
-    def wait_for_text(self, text: str, selector: str = "body", seconds: float = SECONDS) -> None:
-        found = f"(document.querySelector({json.dumps(selector)})?.innerText ?? '').includes({json.dumps(text)})"
-        self.wait(found, seconds)
-
-    def go(self, screen: str) -> None:
-        self.value(f"location.hash = {screen!r}; 0")
-        self.wait(f"document.querySelector('nav a[aria-current]')?.hash === '#{screen}'")
-
-    def place(self, selector: str) -> dict:
-        """Scroll to an element and return where its middle is."""
-        found = f"document.querySelector({json.dumps(selector)})"
-        self.wait(f"{found} && !{found}.disabled")
-        return self.value(
-            f"(() => {{ const e = {found}; e.scrollIntoView({{block: 'center'}});"
-            "const r = e.getBoundingClientRect(); return {x: r.x + r.width / 2, y: r.y + r.height / 2}; })()"
-        )
-
-    def click(self, selector: str) -> None:
-        at = self.place(selector)
-        for kind in ("mousePressed", "mouseReleased"):
-            self.browser.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **at)
-
-    def key(self, key: str, **also) -> None:
-        for kind in ("keyDown", "keyUp"):
-            self.browser.call(
-                "Input.dispatchKeyEvent",
-                type=kind,
-                key=key,
-                code=also.get("code", key),
-                **{k: v for k, v in also.items() if k not in ("code",) and (kind == "keyDown" or k != "text")},
-            )
-
-    def write(self, selector: str, text: str) -> None:
-        self.place(selector)
-        self.value(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.focus(); e.select?.(); }})()"
-        )
-        self.browser.call("Input.insertText", text=text)
-
-    def choose(self, selector: str, value: str) -> None:
-        self.wait(
-            f"[...document.querySelector({json.dumps(selector)})?.options ?? []].some((o) => o.value === {value!r})"
-        )
-        self.value(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.value = {value!r};"
-            "e.dispatchEvent(new Event('change', {bubbles: true})); })()"
-        )
-
-    def deliberate(self, within: str) -> None:
-        """Do both acts with the mouse; a click that something moved away from is done again, as a person does."""
-        for _ in range(5):
-            self.click(f"{within} .arm")
-            end = time.monotonic() + 3.0
-            while (
-                not (armed := self.value(f"Boolean(document.querySelector({json.dumps(within + ' .go')}))"))
-                and time.monotonic() < end
-            ):
-                time.sleep(0.05)
-            if armed:
-                break
-        self.click(f"{within} .go")
-
-
-@pytest.fixture(scope="module")
-def lab(tmp_path_factory):
-    with PageLab(tmp_path_factory.mktemp("page_lab")) as started:
-        yield started
-
-
-@pytest.fixture
-def browser(tmp_path):
-    with Browser(browser_program(), tmp_path / "profile") as opened:
-        yield opened
-
-
-@pytest.fixture
-def served(lab, request):
-    page = lab.page(request.node.name[:40])
-    yield page
-    page.close()
-    lab.rig.cracked = False
-    if lab.lab.state(RIG).mode is duralab.RigMode.INTERLOCKED:
-        lab.lab.reset(RIG)
-
-
-def decide(page: Page, proposal: int, kind: str = "play", *, reason: str = "as foreseen") -> None:
-    page.wait_for_text(f"on proposal {proposal},", ".activity")
-    page.click(f".hold input[value={kind}]")
-    page.write(".hold input[name=reason]", reason)
+pytestmark = IN_A_BROWSER
 
 
 def test_a_campaign_is_begun_held_changed_decided_stopped_and_resumed(lab, served, browser):
@@ -435,6 +300,49 @@ def test_a_hostile_reason_is_shown_as_text(lab, served, browser):
     page.wait_for_text(HOSTILE, ".log")
     assert page.value("wrong") == []
     assert page.value("document.querySelectorAll('img').length") == 0
+
+
+# Capitals of 3.4 mm on 24 inches of 1920 dots: 5.9 arc minutes from two metres.
+SMALLEST_TEXT = 17.0
+SMALL_TEXT = """(() => {
+  const found = new Set(), walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const e = walk.currentNode.parentElement, size = parseFloat(getComputedStyle(e).fontSize);
+    const shown = walk.currentNode.data.trim() && e.getClientRects().length;
+    if (shown && size < %f) found.add(`${size} ${e.outerHTML.slice(0, 80)}`);
+  }
+  return [...found]; })()"""
+FITS = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+STOP_IS_FREE = """(() => { const r = document.querySelector('#stop').getBoundingClientRect();
+return r.left >= 0 && r.right <= innerWidth && r.top >= 0 && r.bottom <= innerHeight
+&& document.querySelector('#stop').contains(document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2)); })()"""
+
+
+def test_every_screen_fits_each_display_with_the_stop_in_sight_and_text_that_can_be_read(lab, served, browser):
+    lab.put_campaign(served, campaign("sizes"))
+    client = Client(served.address)
+    assert client.act("/api/campaigns", {"kind": "file", "name": "sizes"})[0] == 200
+    page = Page(browser, served.address)
+    page.go("run")
+    page.wait("document.querySelectorAll('.hold canvas').length > 2")
+    page.go("new")
+    page.choose("select[name=beginning]", f"rig:{RIG}")
+    page.wait("document.querySelector('input[name=measured]')")
+    found = {}
+    for width, height in ((1920, 1080), (1366, 768), (1180, 820), (1024, 768), (820, 1180)):
+        page.look(width, height, "light")
+        for screen in ("lab", "rig", "run", "endurance", "new", "recordings"):
+            page.go(screen)
+            page.wait("document.querySelector('main h1')")
+            page.value("document.querySelectorAll('details').forEach((one) => { one.open = true; }); 0")
+            for at in ("0", "document.body.scrollHeight"):
+                page.value(f"scrollTo(0, {at}); new Promise((done) => setTimeout(done, 100))")
+                if not (page.value(FITS) and page.value(STOP_IS_FREE)):
+                    found[screen, width, at] = page.value("document.documentElement.scrollWidth")
+            if width == 1920 and (small := page.value(SMALL_TEXT % SMALLEST_TEXT)):
+                found[screen] = small
+    client.post(f"/api/rigs/{RIG}/stop")
+    assert found == {}
 
 
 def test_the_page_is_light_and_dark_as_the_system_is_and_fits_a_tablet(served, browser):
