@@ -198,6 +198,19 @@ def try_tool(release: str, python: str, scratch: Path) -> None:
     _say(f"`uvx --from duralab duralab --version` from the wheels: {time.monotonic() - started:.1f} s.")
 
 
+def try_pipx(release: str, python: str, scratch: Path) -> None:
+    """Start the command as `pipx run` does, with pipx from the index."""
+    started = time.monotonic()
+    wheel = next(DIST.glob(f"duralab-{release}-*.whl"))
+    command = [_UV, "tool", "run", "--quiet", "--python", python, "pipx", "run", "--python", python]
+    places = {"PIPX_HOME": str(scratch / "pipx"), "PIPX_DEFAULT_BACKEND": "pip"}
+    options = ["--pip-args", f"--find-links {DIST} --only-binary :all:", "--spec", str(wheel)]
+    done = _in_empty_folder([*command, *options, "duralab", "--version"], scratch, **places)
+    if done.returncode != 0 or done.stdout.strip() != f"duralab {release}":
+        raise SystemExit(f"pipx run duralab did not start: {done.stderr.strip()[-400:] or done.stdout}")
+    _say(f"`pipx run --spec {wheel.name} duralab --version`: {time.monotonic() - started:.1f} s.")
+
+
 def report(trials: Iterable[Trial]) -> str:
     """Return a table of all trials."""
     lines = ["Python  install     run  result", "        minutes minutes"]
@@ -231,11 +244,11 @@ def _check_version(program: Path, release: str) -> None:
         raise SystemExit(f"{program} --version says {said!r}; it was built as {release}.")
 
 
-def _in_empty_folder(command: Sequence[str], scratch: Path) -> subprocess.CompletedProcess[str]:
+def _in_empty_folder(command: Sequence[str], scratch: Path, **more: str) -> subprocess.CompletedProcess[str]:
     # Nothing of the repository may be found by its place.
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV", "DURALAB"))}
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
-        return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=folder, env=kept | more, capture_output=True, text=True, check=False)
 
 
 def _answers(program: str, python: str) -> bool:
@@ -281,6 +294,7 @@ def main() -> int:
         oldest = next(iter(present.values()))
         try_client(release, oldest, Path(scratch))
         try_tool(release, oldest, Path(scratch))
+        try_pipx(release, oldest, Path(scratch))
         for minor in arguments.pythons:
             if minor not in present:
                 trials.append(Trial(minor, "not on this machine", skipped=True))

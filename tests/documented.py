@@ -118,14 +118,18 @@ def pages_that_run(*folders: str) -> list[str]:
     ]
 
 
-def run_page(page: str, request: pytest.FixtureRequest, folder: Path) -> None:
-    """Run all blocks of a page in a folder, beside the module's lab where the page takes one for granted."""
+def run_page(page: str, request: pytest.FixtureRequest, folder: Path) -> dict[str, float]:
+    """Run all blocks of a page in a folder, beside the module's lab where the page takes one for granted.
+
+    Returns the seconds that each command took.
+    """
     blocks = fences(page)
     endpoint = request.getfixturevalue("lab").endpoints[0] if needs_a_lab(blocks) else free_endpoint()
     with page_run(folder, endpoint=endpoint) as run:
         for block in blocks:
             if is_run(block):
                 run.run(block)
+    return run.seconds
 
 
 def free_endpoint() -> str:
@@ -156,6 +160,7 @@ class PageRun:
         self._folder = folder
         self._endpoint = endpoint
         self._background: list[subprocess.Popen[bytes]] = []
+        self.seconds: dict[str, float] = {}
         binaries = Path(sys.executable).parent
         self._environment = {
             **os.environ,
@@ -205,7 +210,7 @@ class PageRun:
             self._finish(block, last, expected=int(block.options.get("exit", 0)))
 
     def _finish(self, block: Fence, command: str, *, expected: int) -> None:
-        dry = command.startswith("make ")
+        dry, began = command.startswith("make "), time.monotonic()
         done = subprocess.run(
             ["bash", "-c", f"make --dry-run {command.removeprefix('make ')}" if dry else self._local(command)],
             cwd=ROOT if dry else self._folder,
@@ -216,6 +221,7 @@ class PageRun:
             timeout=SECONDS,
             check=False,
         )
+        self.seconds[command] = self.seconds.get(command, 0.0) + time.monotonic() - began
         told = f"{block}: `{command}` ended with {done.returncode}, not {expected}.\n{done.stdout}\n{done.stderr}"
         assert done.returncode == expected, told
 

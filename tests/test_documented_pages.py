@@ -59,7 +59,8 @@ def test_pages_with_a_test_of_their_own_are_read_by_it():
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_link_leads_to_a_file_and_a_heading_that_are_there(page: str):
-    for match in LINK.finditer(prose(page)):
+    # Between two backticks stands a sentence of a command, where brackets are no link.
+    for match in LINK.finditer(re.sub(r"``.*?``", "", prose(page))):
         target, _, anchor = match["target"].partition("#")
         if "://" in target or target.startswith("mailto:"):
             continue

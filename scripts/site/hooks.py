@@ -11,6 +11,7 @@ from equations import with_equations
 from fences import with_titles
 from messages_page import messages_page
 from mkdocs.structure.files import File, Files, InclusionLevel
+from notebook_pages import notebook_pages
 from python_page import python_page
 from source_pages import SourcePages
 
@@ -48,6 +49,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made from code, and one for each file of the repository that a page links to."""
     for name, page in GENERATED.items():
         files.append(File.generated(config, name, content=page()))
+    for name, content in notebook_pages(Path(config.docs_dir)).items():
+        files.append(File.generated(config, name, content=content))
     written = {file.src_uri: Path(file.abs_src_path).read_text(encoding="utf-8") for file in _own_pages(files)}
     for name, content in SOURCES.pages_for(written).items():
         files.append(File.generated(config, name, content=content, inclusion=InclusionLevel.NOT_IN_NAV))

@@ -300,8 +300,7 @@ def _rpc3_settings(data_type: str, form: str) -> object:
     try:
         return Rpc3Settings(data_type=DataType(data_type.upper()))
     except ValueError:
-        known = ", ".join(kind.lower() for kind in DataType)
-        raise InputError(f"data_type is {data_type!r}; {known} are known.", field="data_type") from None
+        raise InputError(f"data_type is {data_type!r}; {', '.join(DataType)} are known.", field="data_type") from None
 
 
 def _require_writable(signals: Signals, path: Path) -> None:
