@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from rig_wear import play, rough_road
+from rig_cell import responses_of
+from rig_wear import rough_road
 from scipy.stats import chi2
 from study_page import Findings, label, markdown_table, plt, run
 
@@ -81,10 +82,20 @@ def drives(seconds: float) -> dict[str, NDArray[np.float64]]:
     return {name: rough_road(RIG, seconds=seconds, seed=seed) for name, seed in EVENTS.items()}
 
 
-def responses(files: dict[str, NDArray[np.float64]], condition: Condition) -> dict[str, NDArray[np.float64]]:
-    """Return the response to each event without the sensors' noise; noise is all that repeats of one condition have."""
+def responses(
+    files: dict[str, NDArray[np.float64]], conditions: Sequence[Condition]
+) -> list[dict[str, NDArray[np.float64]]]:
+    """Return the response to each event in each condition without the sensors' noise.
+
+    Noise is all that repeats of one condition have.
+    """
     noise = {name: NOISE_RMS[:, None] * noise_of(0, drive.shape[1]) for name, drive in files.items()}
-    return {name: play(RIG, drive, condition, seed=0) - noise[name] for name, drive in files.items()}
+    played = iter(
+        responses_of(
+            [RIG.playback(drive, seed=0, condition=condition) for condition in conditions for drive in files.values()]
+        )
+    )
+    return [{name: next(played) - noise[name] for name in files} for _ in conditions]
 
 
 def noise_of(seed: int, samples: int) -> NDArray[np.float64]:
@@ -95,10 +106,15 @@ def noise_of(seed: int, samples: int) -> NDArray[np.float64]:
 def cases(seconds: float) -> tuple[dict[str, NDArray[np.float64]], list[Case]]:
     """Play the axle as new and changed; return its responses as new, and the cases."""
     files = drives(seconds)
-    new = responses(files, RIG.changed())
-    soft = responses(files, RIG.changed({BUSHING: Lost(stiffness=0.1, damping=0.1)}))
-    drifted = responses(files, RIG.changed({BUSHING: Lost(stiffness=0.03, damping=0.03)}))
-    cracked = responses(files, RIG.changed({LINK: Lost(stiffness=0.8, damping=0.8)}))
+    new, soft, drifted, cracked = responses(
+        files,
+        [
+            RIG.changed(),
+            RIG.changed({BUSHING: Lost(stiffness=0.1, damping=0.1)}),
+            RIG.changed({BUSHING: Lost(stiffness=0.03, damping=0.03)}),
+            RIG.changed({LINK: Lost(stiffness=0.8, damping=0.8)}),
+        ],
+    )
     sensor = np.array([[name == _DRIFTING_SENSOR] for name in CHANNELS]) * _GAIN_DRIFT
     sudden, slow = AlarmKind.SUDDEN_CHANGE, AlarmKind.SLOW_DRIFT
 

@@ -91,9 +91,10 @@ def measure(cell: RigCell, panel: Panel, true: NDArray[np.complex128]) -> Errors
     errors: Errors = {}
     for case in panel.cases:
         by_seed = []
-        for seed in panel.seeds:
-            settings = cell.settings(case.kind, seconds=panel.seconds[-1], seed=seed, delay_blocks=case.delay_blocks)
-            record = cell.play(settings)
+        for record in cell.play_all(
+            cell.settings(case.kind, seconds=panel.seconds[-1], seed=seed, delay_blocks=case.delay_blocks)
+            for seed in panel.seeds
+        ):
             parts = [record.first(seconds) for seconds in panel.seconds]
             by_seed.append([error_of(cell, part, case.estimator, true) for part in parts])
         errors[case] = [median(values) for values in zip(*by_seed, strict=True)]

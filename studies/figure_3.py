@@ -63,9 +63,8 @@ def measure(cell: RigCell, reference: Reference, extent: Extent) -> Outcomes:
     """Play every kind with every seed, and estimate from the first part of each as well as from all of it."""
     found: Outcomes = {}
     for kind in KINDS:
-        for seed in extent.seeds:
-            longest = seconds_of(cell, max(extent.matrices))
-            record = cell.play(cell.settings(kind, seconds=longest, seed=seed))
+        longest = seconds_of(cell, max(extent.matrices))
+        for record in cell.play_all(cell.settings(kind, seconds=longest, seed=seed) for seed in extent.seeds):
             for matrices in extent.matrices:
                 part = record.first(seconds_of(cell, matrices))
                 assert part is not None

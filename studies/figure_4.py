@@ -66,7 +66,7 @@ def measure(cell: RigCell, reference: Reference, extent: Extent) -> tuple[float,
     """Play every case with every seed for the same time, in seconds."""
     seconds = extent.matrices * EXPERIMENT_BLOCKS * cell.block_seconds + cell.fade_seconds
     records = {
-        kind: [cell.play(cell.settings(kind, seconds=seconds, seed=seed)) for seed in extent.seeds]
+        kind: cell.play_all(cell.settings(kind, seconds=seconds, seed=seed) for seed in extent.seeds)
         for kind in dict.fromkeys(kind for kind, _ in CASES)
     }
     outcomes = []

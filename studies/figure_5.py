@@ -78,10 +78,11 @@ class Outcome:
 
 def measure(cell: RigCell, case: Case, extent: Extent) -> Outcome:
     """Play a case with every seed."""
-    estimates = []
-    for seed in extent.seeds:
-        settings = cell.settings(case.kind, seconds=extent.seconds, seed=seed, delay_blocks=case.delay_blocks)
-        estimates.append(cell.play(settings).estimate(case.estimator))
+    records = cell.play_all(
+        cell.settings(case.kind, seconds=extent.seconds, seed=seed, delay_blocks=case.delay_blocks)
+        for seed in extent.seeds
+    )
+    estimates = [record.estimate(case.estimator) for record in records]
     band = estimates[0].valid
     true = cell.true_frf(estimates[0].frequency[band])
     bias, scatter = bias_and_scatter([estimate.frf[band] for estimate in estimates], true, levels=cell.levels)

@@ -15,6 +15,7 @@ from low_level_campaigns import BAND, Trial, campaign, identified, limits_of, pl
 from low_level_comparison import ADAPTIVE, BASIC_TWR, SECANT, error_after
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from rig_cell import responses_of
 from studied_rigs import front_axle_compliant
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
@@ -109,7 +110,8 @@ def approach(target: NDArray[np.float64], extent: Extent, times: float = 1.0) ->
 
 def repeats(rig: PlayableRig, drive: NDArray[np.float64], extent: Extent) -> list[NDArray[np.float64]]:
     """Play a drive several times, with other noise each time."""
-    return [BAND.limit_response(play(rig, drive, seed=_REPEAT_NOISE + number)) for number in range(extent.repeats)]
+    playbacks = [rig.playback(drive, seed=_REPEAT_NOISE + number) for number in range(extent.repeats)]
+    return [BAND.limit_response(response) for response in responses_of(playbacks)]
 
 
 def own_target(drive: NDArray[np.float64], extent: Extent) -> NDArray[np.float64]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duralab_gateway import KnowsItsFrf
+from duralab_gateway.motion import DrivePlayback
 from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, PowerSpectrum
 from identifier import (
     Capture,
@@ -19,10 +21,24 @@ from identifier import (
     design_experiment,
     estimate_experiment,
 )
-from rig_sim import PlayableRig
+from rig_sim import PlayableRig, play_batch
 
 _NOISE_STREAM = 7919
 """Sets the sensors' noise apart from the drives, which count their seeds from 1."""
+
+
+def responses_of(playbacks: Sequence[DrivePlayback]) -> list[NDArray[np.float64]]:
+    """Play several playbacks together and return their responses.
+
+    Raises
+    ------
+    RigFaultError
+        Of the first that did not come to its end.
+    """
+    for fault in play_batch(playbacks):
+        if fault is not None:
+            raise fault
+    return [playback.response for playback in playbacks]
 
 
 @dataclass(frozen=True)
@@ -75,11 +91,18 @@ class RigCell:
 
     def play(self, settings: ExperimentSettings) -> Record:
         """Play an experiment with the sensors' noise, which depends on the excitation's seed."""
-        experiment = design_experiment(settings, drives=len(self.levels), sample_rate=self.sample_rate)
-        run = self.rig.playback(experiment.drive, seed=_NOISE_STREAM + settings.seed)
-        for _ in run.blocks():
-            pass
-        return Record(experiment, run.response)
+        return self.play_all([settings])[0]
+
+    def play_all(self, settings: Iterable[ExperimentSettings]) -> list[Record]:
+        """Play several experiments together."""
+        experiments = [
+            (design_experiment(each, drives=len(self.levels), sample_rate=self.sample_rate), each.seed)
+            for each in settings
+        ]
+        responses = responses_of(
+            [self.rig.playback(experiment.drive, seed=_NOISE_STREAM + seed) for experiment, seed in experiments]
+        )
+        return [Record(experiment, response) for (experiment, _), response in zip(experiments, responses, strict=True)]
 
     def true_frf(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRF (lines, responses, drives) that the rig knows in closed form.

@@ -11,9 +11,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from marked_numbers import write_numbers
+from rig_cell import responses_of
 from scipy.signal import welch
 
-from rig_sim import Condition, Lost, Rig, WearState, load_rig, shipped_specimens
+from rig_sim import Lost, Rig, WearState, load_rig, shipped_specimens
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -47,28 +48,18 @@ def rough_road(rig: Rig, *, seconds: float = SECONDS, seed: int = 5) -> np.ndarr
     return np.array(rows)
 
 
-def play(rig: Rig, drive: np.ndarray, condition: Condition, *, seed: int = 1) -> np.ndarray:
-    """Return the response (6, samples)."""
-    playback = rig.playback(drive, seed=seed, condition=condition)
-    for _ in playback.blocks():
-        pass
-    return playback.response
-
-
 def main() -> None:
     """Write table and picture again."""
     rig = load_rig(shipped_specimens()["front_axle_wearing"])
     drive, names = rough_road(rig), rig.model.response_names
     first = rig.playback(drive, seed=1)
-    for _ in first.blocks():
-        pass
-    as_new, scale = first.response, np.std(first.response, axis=1)
-    worn = {what: play(rig, drive, rig.changed(lost)) for what, lost in LOSSES.items()}
-    rows = {
-        "nothing, other noise": play(rig, drive, rig.changed(), seed=2),
-        **worn,
-        "gain of left_vertical: 2 %": play(rig, drive, rig.changed(gains={"left_vertical": 0.02})),
-    }
+    worn_ones = [rig.playback(drive, seed=1, condition=rig.changed(lost)) for lost in LOSSES.values()]
+    other_noise = rig.playback(drive, seed=2)
+    other_gain = rig.playback(drive, seed=1, condition=rig.changed(gains={"left_vertical": 0.02}))
+    as_new, noisy, drifted, *responses = responses_of([first, other_noise, other_gain, *worn_ones])
+    scale = np.std(as_new, axis=1)
+    worn = dict(zip(LOSSES, responses, strict=True))
+    rows = {"nothing, other noise": noisy, **worn, "gain of left_vertical: 2 %": drifted}
     lines = [
         f"| lost | {' | '.join(names)} |",
         f"| --- |{' --- |' * len(names)}",

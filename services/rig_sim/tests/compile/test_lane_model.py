@@ -189,6 +189,20 @@ def test_constants_that_happen_to_be_equal_in_one_variant_stay_apart():
     assert variants.traced.derivative[1].operation is Operation.MULTIPLY
 
 
+def test_operands_go_together_also_where_one_variant_made_them_in_another_order():
+    def model(k):
+        return lambda s, u: ([k * s[1], cos(s[0]) + 0.5 * s[1], s[2], s[3]], [])
+
+    models = [traced(model(k)) for k in (0.7, 0.5)]  # of the second, the last product is the first one
+    assert [each.derivative[1].operands[0].operation for each in models] == [Operation.COS, Operation.MULTIPLY]
+    variants = united(model(0.7), model(0.5))
+    for number, each in enumerate(models):
+        table = {leaf.name: value for leaf, value in zip(variants.constants, variants.values[:, number], strict=True)}
+        point = {leaf.name: 0.3 + 0.2 * place for place, leaf in enumerate((*each.state, *each.inputs))}
+        found = interpret(variants.traced.derivative, point | table)
+        np.testing.assert_allclose(found, interpret(each.derivative, point), rtol=1e-15)
+
+
 @pytest.mark.parametrize(
     "other",
     [
