@@ -9,7 +9,9 @@ import pytest
 from malformed_requests import REQUESTS, VALUES, WORDS, malformed, raw
 from page_lab import RIG, Client, campaign
 
+import duralab
 from duralab import RigMode
+from operator_page.files import PageFiles
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -83,7 +85,12 @@ def damaged(random_one: random.Random, sound: dict) -> dict:
     """Return a document with one value exchanged, left out or added, at any depth."""
     document = copy.deepcopy(sound)
     place = document
-    while inner := [one for one in place.values() if isinstance(one, dict) and one]:
+    while inner := [
+        one
+        for value in place.values()
+        for one in (value if isinstance(value, list) else [value])
+        if isinstance(one, dict) and one
+    ]:
         if random_one.random() < 0.4:
             break
         place = random_one.choice(inner)
@@ -134,6 +141,58 @@ def test_no_malformed_command_about_a_campaign_is_carried_out(nothing_moves, pag
         else:
             assert path in HARMLESS, (path, body, content)
     assert statuses & {400, 401, 409, 428}
+
+
+EDITED = {
+    "file": "target.rsp",
+    "edit": [{"filter": {"low_pass": 30.0}}, {"shorten_by_damage": {"keep": 0.9}}, {"taper": {"seconds": 0.5}}],
+}
+# Each preview that is made is a process of its own, which takes seconds.
+MOST_PREVIEWS = 40
+
+
+def is_previewed(page, body: bytes, rig) -> bool:
+    """Return whether the body still holds a campaign that can be checked: its target is made then."""
+    try:
+        document = json.loads(body)["document"]
+        assert document["rig"] == RIG
+        PageFiles(page.files, largest_bytes=0).checked(document, rig)
+    except (ValueError, KeyError, TypeError, AssertionError, AttributeError, RecursionError, duralab.LabError):
+        return False
+    return True
+
+
+def test_no_malformed_preview_of_the_target_of_a_campaign_fails(nothing_moves, page_lab, page):
+    random_one, sound = random.Random("preview"), {"document": campaign("held", target=EDITED)}
+    rig, files = page_lab.lab.describe(RIG), set(page.files.rglob("*"))
+    client, statuses, previews, number = fresh(page), [], 0, 0
+    while number < REQUESTS:
+        body = malformed(random_one, sound)
+        if random_one.random() < 0.7:
+            body = json.dumps(damaged(random_one, sound)).encode("utf-8", "surrogatepass")
+        if previewed := is_previewed(page, body, rig):
+            if previews == MOST_PREVIEWS:
+                continue
+            previews += 1
+        if number % 40 == 0:
+            client = fresh(page)
+        number += 1
+        headers = {
+            "Content-Type": "application/json",
+            "X-Duralab-Page": client.version,
+            "X-Duralab-Token": client.token,
+            "Cookie": f"duralab_session={client.cookie}",
+        }
+        status, content = raw(client, "POST", "/api/target_preview", body, headers)
+        statuses.append(status)
+        assert status < 500, (body[:300], content)
+        if status >= 400:
+            assert json.loads(content)["error"].endswith((".", "?", "!")), (body[:300], content)
+        else:
+            assert previewed, (body, content[:300])
+    assert previews == MOST_PREVIEWS
+    assert set(page.files.rglob("*")) == files
+    assert statuses.count(400) > REQUESTS // 2
 
 
 @pytest.mark.parametrize("path", READS)
