@@ -25,7 +25,7 @@ _ERRORS: Final = {
 _HEAD: Final = """# Error sentences
 
 What a command says about a mistake, with the cause, the remedy and the [exit code](exit_codes.md). Each sentence
-names the value that is wrong, what is allowed or what to do; on standard error `Error:` stands before it. Your names,
+names the value that is wrong, what is allowed or what to do; on standard error `Error:` is before it. Your names,
 numbers and paths stand where the examples have theirs.
 
 A test makes every mistake on this page and writes the page: `python -m tests.error_sentences.page`.

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,10 +14,6 @@ from urllib.parse import unquote
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "duralab/tests"))
-
-from browser import Browser, browser_program  # noqa: E402
-
 LOADED = {("script", "src"), ("link", "href"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("video", "src")}
 ELSEWHERE = re.compile(r"(https?:)?//")
 #: Part of the theme, said in a comment or for search engines; nothing is loaded from there.
@@ -98,41 +93,6 @@ def test_every_link_leads_to_a_page_and_a_place_that_are_there(site: Path, pages
             if not found.is_file() or (anchor and found in pages and anchor not in pages[found].anchors):
                 broken.append(f"{path.relative_to(site)}: {link}")
     assert broken == []
-
-
-_SEARCH = """new Promise(resolve => {
-  const field = document.querySelector("input[data-md-component=search-query]");
-  const ask = () => {
-    document.querySelector("#__search").checked = true;
-    field.focus();
-    field.value = "interlock";
-    field.dispatchEvent(new Event("input", {bubbles: true}));
-    field.dispatchEvent(new KeyboardEvent("keyup", {bubbles: true}));
-    const found = [...document.querySelectorAll(".md-search-result__item a")].map(link => link.href);
-    const loaded = performance.getEntriesByType("resource").map(entry => entry.name);
-    if (found.length) resolve({found, loaded, theme: getComputedStyle(document.body).fontFamily});
-    else setTimeout(ask, 200);
-  };
-  ask();
-})"""
-
-
-def test_search_finds_pages_in_a_browser_without_a_network(site: Path, tmp_path: Path):
-    program = browser_program()
-    if program is None:
-        pytest.skip("no Chromium here")
-    with Browser(program, tmp_path) as browser:
-        browser.call("Network.enable")
-        browser.call("Network.setBlockedURLs", urls=["http://*", "https://*", "ws://*", "wss://*"])
-        browser.call("Page.navigate", url=(site / "index.html").as_uri())
-        while browser.call("Runtime.evaluate", expression="document.readyState")["result"]["value"] != "complete":
-            time.sleep(0.1)
-        told = browser.call("Runtime.evaluate", expression=_SEARCH, awaitPromise=True, returnByValue=True)
-    answer = told["result"]["value"]
-    pages_found = [link.partition("?")[0].partition("#")[0] for link in answer["found"]]
-    assert any(link.endswith("interlocks.html") for link in pages_found)
-    assert all(link.startswith(site.as_uri()) for link in pages_found)
-    assert [name for name in answer["loaded"] if not name.startswith(("file:", "data:", "blob:"))] == []
 
 
 def test_equations_are_drawn_by_the_browser_itself(site: Path, pages: dict[Path, Page]):

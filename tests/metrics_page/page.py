@@ -24,7 +24,7 @@ _HEAD: Final = """# Metrics
 
 What every service counts and measures about itself: the same names at its page for Prometheus and in its answer to a
 [health](messages.md#Health) query, which `Lab.health` of the SDK asks. Counters begin at 0 with the process and end
-in `_total`; the unit stands at the end of the name. [Operate a secured lab](../guides/secured_lab.md#figures) says how
+in `_total`; the unit is the end of the name. [Operate a secured lab](../guides/secured_lab.md#figures) says how
 they are published, which alerts and dashboards come with it.
 
 `python -m tests.metrics_page.page` writes this page from a running lab, and a test holds it to one.

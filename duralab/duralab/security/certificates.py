@@ -108,7 +108,7 @@ def load_certificate(path: Path) -> x509.Certificate:
             "make it with `duralab certs`."
         ) from error
     except ValueError as error:
-        raise InputError(f"{path} is not a certificate in PEM; make it anew with `duralab certs renew`.") from error
+        raise InputError(f"{path} is not a certificate in PEM; make a new one with `duralab certs renew`.") from error
 
 
 def expect_free(folder: Path, name: str) -> None:

@@ -116,7 +116,7 @@ class Bus:
         for name, what, attribute in (
             ("received_messages_total", "Messages handed to their receivers", "received"),
             ("fetched_messages_total", "Messages that were lost on the way and fetched again", "fetched"),
-            ("lost_messages_total", "Messages that nobody has any more or that were refused", "lost"),
+            ("lost_messages_total", "Messages that no publisher has any more or that were refused", "lost"),
             ("missing_messages", "Messages published that are not here yet", "missing"),
         ):
             self.metrics.follow(

@@ -35,7 +35,7 @@ def residual(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
 
 
 CHANNEL_FIGURES: Final[Mapping[str, tuple[str, Callable[[sequencer_pb2.EnduranceStatus], Mapping[str, float]]]]] = {
-    "damage_ratio": ("Damage of a response over that planned of what was played", damage_ratio),
+    "damage_ratio": ("Damage of a response over the planned damage of the repeats played", damage_ratio),
     "residual": ("Residual of a response against its baseline in the last repeat, as a share of its RMS", residual),
 }
 """By the end of their names: what they are, and how they are read from a status."""

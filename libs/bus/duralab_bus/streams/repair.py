@@ -155,7 +155,7 @@ class StreamRepair(Generic[MessageT]):
 
     @property
     def lost(self) -> int:
-        """Messages that nobody has any more or that were refused, of all streams that were ever followed."""
+        """Messages that no publisher has any more or that were refused, of all streams that were ever followed."""
         with self._lock:
             return self._lost_by_forgotten + sum(followed.order.lost for followed in self._streams.values())
 
