@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from duralab.sweeps.report import write_report
     from duralab.sweeps.results import PLAYBACKS, RESULTS, SweepResults, read_results
     from duralab.sweeps.sweep_file import CellKind, Kept, Objective, Sweep, load_sweep, shipped_sweeps
-    from duralab.sweeps.sweeping import SweepProgress, default_folder, run_sweep
+    from duralab.sweeps.sweeping import SweepForecast, SweepProgress, default_folder, forecast_sweep, run_sweep
 
 __all__ = [
     "PLAYBACKS",
@@ -19,9 +19,11 @@ __all__ = [
     "Kept",
     "Objective",
     "Sweep",
+    "SweepForecast",
     "SweepProgress",
     "SweepResults",
     "default_folder",
+    "forecast_sweep",
     "load_sweep",
     "read_results",
     "run_sweep",

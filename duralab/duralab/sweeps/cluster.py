@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -140,18 +141,30 @@ RETRIES = 1
 class PointRunner:
     """Runs points on the workers of a client, which is opened when there is something to run, and not before."""
 
-    def __init__(self, open_client: Callable[[], Client], sweep: Sweep, *, folder: Path, retry_failed: bool) -> None:
+    def __init__(
+        self,
+        open_client: Callable[[], Client],
+        sweep: Sweep,
+        *,
+        folder: Path,
+        retry_failed: bool,
+        at_most: int | None = None,
+    ) -> None:
         self._open_client = open_client
         self._sweep = sweep
         self._points = folder.resolve() / POINTS
         self._retry_failed = retry_failed
+        self._at_most = at_most
 
     @cached_property
     def _client(self) -> Client:
         return self._open_client()
 
     def run(self, points: Sequence[Point]) -> Generator[tuple[Point, Outcome]]:
-        """Yield every point with what became of it: first those that have ended, the others as they end."""
+        """Yield every point with what became of it: first those that have ended, the others as they end.
+
+        Of the others, only the first `at_most` where that is given.
+        """
         waiting: deque[Point] = deque()
         twins: dict[str, list[Point]] = {}
         for point in points:
@@ -164,6 +177,8 @@ class PointRunner:
             else:
                 twins[point.id] = [point]
                 waiting.append(point)
+        if self._at_most is not None:
+            waiting = deque(islice(waiting, self._at_most))
         for point, outcome in self._outcomes(waiting) if waiting else ():
             for twin in twins[point.id]:
                 yield twin, outcome

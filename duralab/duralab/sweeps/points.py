@@ -13,11 +13,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-import yaml
-
 from duralab.campaign import Campaign, load_campaign, parse_campaign
 from duralab.errors import InputError
-from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText, change, look_up
+from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText, change, dump_yaml, look_up
 from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
 from duralab_settings import HoldPoint, new_key, open_regular, parse_yaml, with_new_keys
 
@@ -117,7 +115,7 @@ class PointMaker:
         described = ", ".join(f"{key}: {value}" for key, value in resolved.items())
         place = f"sweep {self._sweep.name}, point ({described})"
         document["name"] = self._sweep.name
-        plan = parse_campaign(yaml.safe_dump(document, sort_keys=False), name=place, folder=self._base.folder)
+        plan = parse_campaign(dump_yaml(document), name=place, folder=self._base.folder)
         if plan.hold is not None and plan.hold.when is not HoldPoint.NEVER:
             raise InputError(
                 f"{place}: hold is {plan.hold.model_dump()}, and a sweep has no person who decides; give never, or "
@@ -134,7 +132,7 @@ class PointMaker:
         for key in _PATHS:
             _make_absolute(document, key, folder=self._base.folder)
         document["name"] = f"{self._sweep.name}-{id}"
-        return Point(id, resolved, yaml.safe_dump(document, sort_keys=False), rigs, specimens)
+        return Point(id, resolved, dump_yaml(document), rigs, specimens)
 
     def _put(self, document: dict[str, Any], changes: dict[str, dict[str, Any]], key: str, value: Any) -> Any:
         """Change a campaign or note a change of a specimen, and return the value that it gets."""

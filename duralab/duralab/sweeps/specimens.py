@@ -116,12 +116,20 @@ class SpecimenText:
         return path
 
 
+def dump_yaml(document: Mapping[str, Any]) -> str:
+    """Return a document as YAML; by libyaml where it is there, for a sweep dumps three for each of its points."""
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return yaml.dump(document, Dumper=dumper, sort_keys=False)
+
+
 class Specimens:
     """The specimens of a sweep: its own files, and those that the simulator ships."""
 
     def __init__(self, sweep: Sweep) -> None:
         self._own = {rig: sweep.folder / path for rig, path in sweep.specimens.items()}
         self._documents: dict[str, dict[str, Any]] = {}
+        # Of points that differ by their campaign alone, the specimen is one.
+        self._texts: dict[tuple[str, str], SpecimenText] = {}
         for rig, path in self._own.items():
             if not path.is_file():
                 raise InputError(f"specimens.{rig} is {str(path)!r}, which is missing; give the rig's YAML.")
@@ -165,8 +173,14 @@ class Specimens:
         """Return which of some rigs are taken as they are shipped, and the texts of the others."""
         if idle := [rig for rig in changes if rig not in rigs]:
             raise InputError(f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}.")
-        made = tuple(self._text(rig, changes.get(rig, {})) for rig in rigs if rig in self._own or rig in changes)
+        made = tuple(self._text_once(rig, changes.get(rig, {})) for rig in rigs if rig in self._own or rig in changes)
         return tuple(rig for rig in rigs if rig not in self._own and rig not in changes), made
+
+    def _text_once(self, rig: str, changes: Mapping[str, Any]) -> SpecimenText:
+        key = (rig, repr(sorted(changes.items())))
+        if key not in self._texts:
+            self._texts[key] = self._text(rig, changes)
+        return self._texts[key]
 
     def _text(self, rig: str, changes: Mapping[str, Any]) -> SpecimenText:
         document = deepcopy(self.document(rig))
@@ -182,4 +196,4 @@ class Specimens:
             content = beside.read_text(encoding="utf-8") if bodies else ""
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"specimen {rig}: {bodies!r} belongs beside its YAML and cannot be read.") from error
-        return SpecimenText(rig, yaml.safe_dump(document, sort_keys=False), bodies, content)
+        return SpecimenText(rig, dump_yaml(document), bodies, content)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, closing
@@ -15,9 +16,9 @@ import numpy as np
 
 from duralab.arguments import progress_callback
 from duralab.errors import InputError
-from duralab.sweeps.cluster import PointRunner, check_address, open_workers
+from duralab.sweeps.cluster import POINTS, PointRunner, check_address, cores, open_workers
 from duralab.sweeps.points import Point, PointMaker, grid, grid_size
-from duralab.sweeps.results import Outcome, State, SweepResults, write_results
+from duralab.sweeps.results import Outcome, State, SweepResults, read_outcome, write_results
 from duralab.sweeps.sweep_file import Search, Searched, SearchedChoice, Settings, Sweep, load_sweep
 
 if TYPE_CHECKING:
@@ -154,17 +155,25 @@ def run_sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
+    at_most: int | None = None,
     on_progress: OnProgress | None = None,
 ) -> SweepResults:
     """Run a sweep, or continue one; points whose settings and versions have ended in `out` are not run again.
 
     `out`: Seen by every worker; out/sweeps/<name> where not given. `workers`: Processes on this machine; one for each
-    core where not given. `scheduler`: Address of a Dask scheduler whose workers are used instead. `on_progress`: Called
-    after every point, on this thread. A campaign that fails is a row with its sentence.
+    core where not given. `scheduler`: Address of a Dask scheduler whose workers are used instead. `at_most`: Campaigns
+    to run now, of those that have not ended; all of them where not given. `on_progress`: Called after every point, on
+    this thread. A campaign that fails is a row with its sentence.
     """
     check_address(scheduler, workers=workers)
     plan = sweep if isinstance(sweep, Sweep) else load_sweep(sweep)
     folder = Path(out) if out is not None else default_folder(plan)
+    if at_most is not None and plan.search is not None:
+        raise InputError(
+            f"at_most is {at_most}, and sweep {plan.name!r} is a search, whose number of campaigns is search.budget; "
+            "leave it out.",
+            field="at_most",
+        )
     total = plan.search.budget if plan.search is not None else grid_size(plan)
     maker = PointMaker(plan)
     # All are made before the first is run: a value that is not allowed is found now.
@@ -176,7 +185,7 @@ def run_sweep(
         raise InputError(f"The folder {folder} cannot be made: {error.strerror}; give another.") from error
     with ExitStack() as stack:
         open_client = lambda: stack.enter_context(open_workers(folder, workers=workers, scheduler=scheduler))  # noqa: E731
-        runner = PointRunner(open_client, plan, folder=folder, retry_failed=retry_failed)
+        runner = PointRunner(open_client, plan, folder=folder, retry_failed=retry_failed, at_most=at_most)
         ended = search(plan, maker, runner, folder=folder) if plan.search is not None else runner.run(points)
         return _Book(plan, folder, total=total, tell=progress_callback(on_progress)).keep(ended)
 
@@ -192,6 +201,8 @@ class _Book:
     def __init__(self, sweep: Sweep, folder: Path, *, total: int, tell: OnProgress) -> None:
         self._sweep, self._folder, self._total, self._tell = sweep, folder, total, tell
         self._rows: list[tuple[Mapping[str, Any], Outcome]] = []
+        self._failed = 0
+        self._best: tuple[float, Mapping[str, Any]] | None = None
         self._next_write = 0.0
 
     def keep(self, ended: Generator[tuple[Point, Outcome]]) -> SweepResults:
@@ -199,7 +210,7 @@ class _Book:
         try:
             with closing(ended):
                 for point, outcome in ended:
-                    self._rows.append((point.settings, outcome))
+                    self._take(point.settings, outcome)
                     self._progress()
                     if time.monotonic() >= self._next_write:
                         self._write()
@@ -217,9 +228,75 @@ class _Book:
         self._next_write = ended + max(_WRITE_SECONDS, (ended - begun) / _WRITE_SHARE)
         return results
 
+    def _take(self, settings: Mapping[str, Any], outcome: Outcome) -> None:
+        self._rows.append((settings, outcome))
+        self._failed += outcome.state is State.FAILED
+        figure = outcome.objective(self._sweep.compare_by)
+        if figure is not None and (self._best is None or figure < self._best[0]):
+            self._best = (figure, settings)
+
     def _progress(self) -> None:
-        figures = [(outcome.objective(self._sweep.compare_by), settings) for settings, outcome in self._rows]
-        found = [(figure, settings) for figure, settings in figures if figure is not None]
-        best, settings = min(found, key=lambda pair: pair[0], default=(None, {}))
-        failed = sum(outcome.state is State.FAILED for _, outcome in self._rows)
-        self._tell(SweepProgress(len(self._rows), self._total, failed, best, settings))
+        best, settings = self._best or (None, {})
+        self._tell(SweepProgress(len(self._rows), self._total, self._failed, best, settings))
+
+
+@dataclass(frozen=True)
+class SweepForecast:
+    """What a sweep will take, by those of its campaigns that have ended.
+
+    `total`, `ended`, `failed`: Campaigns. `seconds_each`: Of a campaign on a worker, with its share of opening cells.
+    `bytes_each`: That a campaign keeps. Both None where none has finished. `seconds_left`, `bytes_left`: Of all that
+    remain, on `workers`. `free_bytes`: On the disk of the sweep's folder.
+    """
+
+    total: int
+    ended: int
+    failed: int
+    workers: int
+    seconds_each: float | None
+    bytes_each: float | None
+    free_bytes: int
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time until the last campaign has ended, in s."""
+        return None if self.seconds_each is None else (self.total - self.ended) * self.seconds_each / self.workers
+
+    @property
+    def bytes_left(self) -> float | None:
+        """What the remaining campaigns will keep."""
+        return None if self.bytes_each is None else (self.total - self.ended) * self.bytes_each
+
+
+def forecast_sweep(
+    sweep: Sweep | str | Path, *, out: str | Path | None = None, workers: int | None = None
+) -> SweepForecast:
+    """Plan a sweep and say what it will take; nothing is run.
+
+    All its points are made, so a value that is not allowed is found. `out`, `workers`: As for `run_sweep`.
+    """
+    plan = sweep if isinstance(sweep, Sweep) else load_sweep(sweep)
+    folder = Path(out) if out is not None else default_folder(plan)
+    if plan.search is not None:
+        raise InputError(
+            f"Sweep {plan.name!r} is a search, which chooses its points as it runs; a forecast is made for a grid.",
+            field="search",
+        )
+    maker = PointMaker(plan)
+    ids = {point.id for point in map(maker.make, grid(plan))}
+    ended = [outcome for id in ids if (outcome := read_outcome(folder / POINTS / id)) is not None]
+    finished = [outcome for outcome in ended if outcome.state is State.FINISHED]
+    existing = next(place for place in (folder.resolve(), *folder.resolve().parents) if place.is_dir())
+    return SweepForecast(
+        total=len(ids),
+        ended=len(ended),
+        failed=len(ended) - len(finished),
+        workers=workers or cores(),
+        seconds_each=_mean([outcome.costs.cell + outcome.costs.campaign for outcome in finished]),
+        bytes_each=_mean([float(outcome.bytes) for outcome in finished]),
+        free_bytes=shutil.disk_usage(existing).free,
+    )
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -13,7 +14,7 @@ from duralab.cli.output import Output, open_hint
 from duralab.errors import InputError, LabError
 
 if TYPE_CHECKING:
-    from duralab.sweeps import SweepProgress, SweepResults
+    from duralab.sweeps import SweepForecast, SweepProgress, SweepResults
 
 REPORT: Final = "report.html"
 _LINES: Final = 20
@@ -48,19 +49,33 @@ def sweep(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the workers of a Dask scheduler, tcp://….")
     ] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run failed campaigns again.")] = False,
+    at_most: Annotated[
+        int | None,
+        typer.Option("--at-most", min=1, metavar="N", help="Run so many campaigns now; all that remain if left out."),
+    ] = None,
+    forecast: Annotated[
+        bool, typer.Option("--forecast", help="Run nothing; show the time and the disk space that remain.")
+    ] = False,
     report_of: Annotated[
         Path | None, typer.Option("--report", metavar="DIR", help="Only write the report of the sweep in this folder.")
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Run or continue many campaigns and compare them; needs duralab[sweeps]."""
-    from duralab.sweeps import default_folder, load_sweep, read_results, run_sweep
+    from duralab.sweeps import default_folder, forecast_sweep, load_sweep, read_results, run_sweep
 
     output = Output(as_json)
     if (source is None) == (report_of is None):
         raise InputError("Give either a sweep file to run, or --report with the folder of a sweep.")
     if report_of is not None:
-        others = {"--out": out, "--workers": workers, "--scheduler": scheduler, "--retry-failed": retry_failed or None}
+        others = {
+            "--out": out,
+            "--workers": workers,
+            "--scheduler": scheduler,
+            "--retry-failed": retry_failed or None,
+            "--at-most": at_most,
+            "--forecast": forecast or None,
+        }
         if idle := [name for name, value in others.items() if value is not None]:
             raise InputError(f"--report only reads, and {', '.join(idle)} belongs to a run; leave it out.")
         _conclude(output, read_results(report_of))
@@ -68,6 +83,11 @@ def sweep(
     plan = load_sweep(str(source))
     output.say(*plan.remarks)
     folder = out or default_folder(plan)
+    if forecast:
+        if at_most is not None or scheduler is not None:
+            raise InputError("--forecast runs nothing; leave out --at-most and --scheduler.", field="forecast")
+        _tell_forecast(output, forecast_sweep(plan, out=folder, workers=workers))
+        return
     output.say(f"Sweep {plan.name} of campaign {plan.campaign}, into {folder}.")
     try:
         with _Display(output) as display:
@@ -77,6 +97,7 @@ def sweep(
                 workers=workers,
                 scheduler=scheduler,
                 retry_failed=retry_failed,
+                at_most=at_most,
                 on_progress=display.show,
             )
     except KeyboardInterrupt:
@@ -89,6 +110,35 @@ def sweep(
             f"{len(results.failed)} of {results.total} campaigns failed, the first with: "
             f"{results.failed[0]['sentence']} --retry-failed runs them again."
         )
+
+
+def _tell_forecast(output: Output, found: SweepForecast) -> None:
+    remain = found.total - found.ended
+    output.say(f"{found.total:,} campaigns: {found.ended:,} have ended, {found.failed:,} of them failed.")
+    if found.seconds_each is None or found.seconds_left is None:
+        output.say("No campaign has finished yet, so time and space are not known; run some first: --at-most 8.")
+    else:
+        kept = found.bytes_each or 0.0
+        output.say(
+            f"A campaign takes {found.seconds_each:.1f} s on a worker and keeps {kept / 1e6:.1f} MB: the remaining "
+            f"{remain:,} take {timedelta(seconds=round(found.seconds_left))} on {found.workers} workers and "
+            f"{kept * remain / 1e9:.1f} GB; {found.free_bytes / 1e9:.1f} GB are free."
+        )
+        if kept * remain > found.free_bytes:
+            output.say("That is more than is free: `keep: figures` in the sweep file keeps no recordings.")
+    output.document(
+        {
+            "total": found.total,
+            "ended": found.ended,
+            "failed": found.failed,
+            "workers": found.workers,
+            "seconds_each": found.seconds_each,
+            "seconds_left": found.seconds_left,
+            "bytes_each": found.bytes_each,
+            "bytes_left": found.bytes_left,
+            "free_bytes": found.free_bytes,
+        }
+    )
 
 
 def _conclude(output: Output, results: SweepResults) -> None:
