@@ -34,7 +34,7 @@ FEWEST_IN_LANES: Final = 3
 """Of one structure; two are as fast one after the other, since each has its own two sides in lanes."""
 
 BLOCKS_AT_ONCE: Final = 10
-"""Nobody listens to a batch, so its blocks are longer: no bit depends on them, and each takes Python some time."""
+"""A batch has no listener, so its blocks are longer: no bit depends on them, and each takes Python some time."""
 
 
 def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]:
