@@ -60,6 +60,7 @@ def alone(playback):
 def assert_same(played, expected):
     assert played.samples_done == expected.samples_done
     assert played.samples_moved == expected.samples_moved
+    assert played.block_samples == expected.block_samples
     done = played.samples_done
     motion = expected.response[:, :done] - expected.response[:, :done].mean(axis=1, keepdims=True)
     error = np.sqrt(np.mean((played.response - expected.response)[:, :done] ** 2, axis=1))

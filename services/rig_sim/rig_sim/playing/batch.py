@@ -33,6 +33,9 @@ from rig_sim.playing.player import Playback
 FEWEST_IN_LANES: Final = 3
 """Of one structure; two are as fast one after the other, since each has its own two sides in lanes."""
 
+BLOCKS_AT_ONCE: Final = 10
+"""A batch has no listener, so its blocks are longer: no bit depends on them, and each takes Python some time."""
+
 
 def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]:
     """Play several playbacks to their ends, those of one structure together.
@@ -43,7 +46,7 @@ def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]
     Parameters
     ----------
     playbacks : sequence of DrivePlayback
-        As `Rig.playback` makes them, not begun; of any rigs, with drives, seeds and conditions of their own.
+        As `Rig.playback` makes them, not begun; of any rigs, each with its drive, seed and condition.
 
     Returns
     -------
@@ -107,12 +110,13 @@ def _play_alone(playback: DrivePlayback) -> RigFaultError | None:
 
 @dataclass(frozen=True)
 class _Seat:
-    """A playback in a lane."""
+    """A playback in a lane; `block_samples` are those of its blocks alone."""
 
     place: int
     playback: Playback
     variant: int
     blocks: Iterator[Block]
+    block_samples: int
 
 
 def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
@@ -127,13 +131,21 @@ def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
         while waiting and len(seats) < lanes.width:
             place, playback = waiting.popleft()
             blocks = chain(playback.approach(), playback.blocks())
-            seats.append(_Seat(place, playback, variants.index(playback.rig.model), blocks))
-        asked = [(seat, run) for seat in seats if (run := seat.playback.next_run()) is not None]
+            seats.append(_Seat(place, playback, variants.index(playback.rig.model), blocks, playback.block_samples))
+            playback.block_samples *= BLOCKS_AT_ONCE
+        runs = [seat.playback.next_run() for seat in seats]
+        for seat in (seat for seat, run in zip(seats, runs, strict=True) if run is None):
+            seat.playback.block_samples = seat.block_samples
+        asked = [(seat, run) for seat, run in zip(seats, runs, strict=True) if run is not None]
         seats = [seat for seat, _ in asked]
         if not seats:
             continue
         answers = lanes.play([seat.variant for seat in seats], [run for _, run in asked], **seats[0].playback.rig.steps)
         for seat, played in zip(list(seats), answers, strict=True):
+            if played.diverged_at is not None and seat.playback.block_samples > seat.block_samples:
+                # Again in its own blocks, so that it keeps all of them up to its end, as alone.
+                seat.playback.block_samples = seat.block_samples
+                continue
             seat.playback.give(played)
             try:
                 next(seat.blocks)

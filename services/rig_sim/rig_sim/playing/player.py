@@ -432,7 +432,7 @@ class Playback(SimulatedPlayback):
         return np.hstack([np.empty((len(self._load_rows), 0)), *self._loads])
 
     def next_run(self) -> Run | None:
-        """Return what its engine is asked for next, for whoever plays several at a time; None at the end."""
+        """Return what its engine is asked for next, for a batch of playbacks; None at the end."""
         commands = self._ahead()
         return self._run(commands) if commands.shape[1] > 1 else None
 
