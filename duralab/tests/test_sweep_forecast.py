@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from test_cli import invoke
 
-from cli_runner import invoke
 from duralab.errors import InputError
 from duralab.sweeps import forecast_sweep, load_sweep, run_sweep
 from duralab.sweeps.cluster import PointRunner
@@ -19,7 +19,10 @@ from duralab.sweeps.results import POINTS, Costs, Outcome, State, write_outcome
 @pytest.fixture
 def file(tmp_path) -> Path:
     path = tmp_path / "mine.yaml"
-    axes = {"seed": {"from": 1, "count": 10}, "specimen.front_axle.struts.left_strut.law.stiffness": {"scale": [0.9, 1.1]}}
+    axes = {
+        "seed": {"from": 1, "count": 10},
+        "specimen.front_axle.struts.left_strut.law.stiffness": {"scale": [0.9, 1.1]},
+    }
     path.write_text(yaml.safe_dump({"name": "mine", "campaign": "front_axle_demo", "axes": axes}))
     return path
 

@@ -358,7 +358,7 @@ def _not_judged(table: IterationTable, limits: Limits) -> str:
             parts.append(f"{limits.name(criterion)} (accept.{criterion} is null)")
         elif unknown:
             of = "" if len(unknown) == len(table.judged) else f" of {', '.join(map(_words, unknown))}"
-            parts.append(f"{limits.name(criterion)}{of} (the recording does not have it)")
+            parts.append(f"{limits.name(criterion)}{of} (the recording has no figure of it)")
     return f" Not judged: {'; '.join(parts)}." if parts else ""
 
 

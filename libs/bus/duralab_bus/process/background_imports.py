@@ -8,12 +8,12 @@ from threading import Thread
 
 
 def import_in_background(*modules: str) -> None:
-    """Import modules one after the other on a thread of its own, so that whoever needs them later finds them.
+    """Import modules one after the other on a separate thread, so that they are ready when they are needed.
 
     Parameters
     ----------
     *modules : str
-        Names of modules. One that cannot be imported is left: who needs it says so.
+        Names of modules. One that cannot be imported is skipped; the code that needs it reports that.
     """
 
     def work() -> None:
