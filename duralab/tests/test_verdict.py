@@ -106,8 +106,8 @@ def test_what_is_not_judged_is_said():
     old = judged(table_of([0.1], damages=[np.nan], outside=np.nan))
     assert old.judgement is Judgement.REACHED
     assert (
-        "Not judged: damage at k = 5 (the recording has no figure of it); energy outside the control band (the recording "
-        "has no figure of it)." in old.sentence
+        "Not judged: damage at k = 5 (the recording has no figure of it); energy outside the control band "
+        "(the recording has no figure of it)." in old.sentence
     )
 
 

@@ -23,6 +23,9 @@ from typing import Any, Final, NoReturn
 
 from setproctitle import setproctitle, setthreadtitle
 
+if sys.platform == "win32":
+    raise ImportError("Windows has no fork; services are started as new processes there.")
+
 LARGEST_PACKET: Final = 65_536
 
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
