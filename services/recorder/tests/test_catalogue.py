@@ -36,7 +36,7 @@ def test_ids_that_could_leave_the_folder_are_refused(folder, name):
 
 def test_links_out_of_the_folder_are_not_followed(folder):
     (folder / "link.mcap").symlink_to("/etc/passwd")
-    with pytest.raises(RefusedError, match=r"no file link\.mcap"):
+    with pytest.raises(RefusedError, match=r"There is no recording link\.mcap"):
         read_part(folder, "link", part())
 
 
