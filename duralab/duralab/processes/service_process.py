@@ -254,4 +254,6 @@ if sys.platform == "linux":
     def _close_server(own: socket.socket, process: subprocess.Popen[bytes], said: IO[bytes]) -> None:
         own.close()
         said.close()
+        # It may still import what nobody needs any more; services are told to end by their own standard input.
+        process.terminate()
         process.wait()
