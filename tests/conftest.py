@@ -16,7 +16,8 @@ import duralab
 RIGS = ("front_axle", "front_axle_compliant", "predecessor")
 
 # What tests of this folder share lies beside them.
-sys.path.insert(0, str(Path(__file__).parent))
+# The browser and its protocol are those of the report's tests.
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "duralab" / "tests")]
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -33,6 +33,10 @@ def figures(services: KillableServices) -> list[tuple[bytes, ...]]:
     found = []
     for step in recorded_steps(services, "same"):
         if isinstance(step, sequencer_pb2.EnduranceRepeat):
+            for alarm in step.alarms:
+                # The clock of the machine is no result.
+                assert alarm.found > 0
+                alarm.ClearField("found")
             alarms = b"".join(alarm.SerializeToString(deterministic=True) for alarm in step.alarms)
             found.append((step.run.encode(), step.statistics.data, step.measures.data, step.baseline, alarms))
         if isinstance(step, sequencer_pb2.EnduranceVolume):

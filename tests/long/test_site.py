@@ -6,18 +6,26 @@ import os
 import re
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
+from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from browser import Browser, browser_program
 
 ROOT = Path(__file__).resolve().parents[2]
 LOADED = {("script", "src"), ("link", "href"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("video", "src")}
 ELSEWHERE = re.compile(r"(https?:)?//")
 #: Part of the theme, said in a comment or for search engines; nothing is loaded from there.
 NOT_LOADED = {"canonical"}
+SEARCH_SECONDS = 120.0
 
 
 @dataclass
@@ -116,3 +124,47 @@ def test_equations_are_drawn_by_the_browser_itself(site: Path, pages: dict[Path,
 )
 def test_the_reference_is_made_from_the_code(site: Path, pages: dict[Path, Page], page: str, expected: list[str]):
     assert set(expected) <= pages[site / page].anchors
+
+
+@pytest.fixture
+def served(site: Path) -> Iterator[str]:
+    """The site, served on this machine alone."""
+    handler = partial(SimpleHTTPRequestHandler, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/index.html"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.skipif(browser_program() is None, reason="needs Chromium")
+@pytest.mark.timeout(300)
+def test_search_works_without_a_network(served: str, tmp_path: Path):
+    program = browser_program()
+    assert program is not None
+    with Browser(program, tmp_path) as browser:
+
+        def value(expression: str) -> Any:
+            answer = browser.call("Runtime.evaluate", expression=expression, returnByValue=True)
+            return answer["result"].get("value")
+
+        def wait_for(expression: str) -> Any:
+            until = time.monotonic() + SEARCH_SECONDS
+            while not (found := value(expression)):
+                assert time.monotonic() < until, expression
+                time.sleep(0.1)
+            return found
+
+        # Every name but this machine's leads nowhere, as without a network.
+        browser.call("Network.enable")
+        browser.call("Network.setBlockedURLs", urls=["https://*", "http://*.*.com/*", "*://*.org/*", "*://*.io/*"])
+        browser.call("Page.navigate", url=served)
+        wait_for("document.readyState == 'complete' && !!document.querySelector('[data-md-component=search-query]')")
+        value("document.querySelector('#__search').checked = true")
+        value("document.querySelector('[data-md-component=search-query]').focus()")
+        browser.call("Input.insertText", text="hold point")
+        links = (
+            "[...document.querySelectorAll('.md-search-result__link')].map(link => link.getAttribute('href')).join(' ')"
+        )
+        assert "iteration.html" in wait_for(links)
